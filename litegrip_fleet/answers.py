@@ -7,6 +7,7 @@ from typing import Any
 INVALID_PARAMS = -32602
 UNREACHABLE = -32060
 TOO_LATE = -32061
+TOO_MANY_CONNECTIONS = -32001
 BACKLOG_FULL = -32003
 LINE_TOO_LONG = -32000
 """Codes of the daemon's error table (docs/errors.md)."""
@@ -15,6 +16,7 @@ _REASONS = {
     INVALID_PARAMS: ("invalid_params", False),
     UNREACHABLE: ("unreachable", True),
     TOO_LATE: ("too_late", True),
+    TOO_MANY_CONNECTIONS: ("too_many_connections", True),
     BACKLOG_FULL: ("backlog_full", True),
     LINE_TOO_LONG: ("line_too_long", False),
 }

@@ -9,7 +9,7 @@ from litegrip_fleet.requests import (
     LONGEST_TTL_S,
     SHORTEST_TTL_S,
     RefusedError,
-    lease_ttl_s,
+    asked_lease,
     passed,
 )
 from litegrip_fleet.rows import Inbox, Outbox
@@ -20,10 +20,15 @@ PIECE_BYTES = 32_768
 ROOM_BYTES = 262_144
 """While more is unconfirmed, the daemon is not read: it drops samples then, as for any client."""
 
+MOST_UNCONFIRMED_BYTES = 1024 * 1024
+"""While more is, no line is taken: a refusal of each would be kept here, too."""
+
 AGAIN_BYTES = 65_536
 """At most this is sent again at once."""
 
 DEFAULT_TTL_S = 1.0
+MOST_ASKED_LEASES = 16
+"""So many requests for a lease wait for their answers at once, with effect on its renewal."""
 
 _GENERATION = re.compile(rb'"(?:stop_)?generation":(\d{1,15})')
 
@@ -51,16 +56,21 @@ class FarSession:
         opening: Ask,
         now_s: float,
         *,
+        session: str,
         voided: Collection[str],
         to_daemon: Callable[[bytes | None], None],
         push: Callable[[Push, bytes], None],
     ) -> None:
         self.generation: int | None = None
         self.renews = True
-        """False while the client has asked for a lease with a time to live of its own: then only
-        what it sends itself shows that it lives, and not its portal."""
+        """False while the client has a lease with a time to live of its own: then only what it
+        sends itself shows that it lives, and not its portal."""
 
         self.ttl_s = min(max(opening.ttl_s or DEFAULT_TTL_S, SHORTEST_TTL_S), LONGEST_TTL_S)
+        self._asked_leases: dict[bytes, bool] = {}
+        """By how the answer begins: whether a time to live was named."""
+
+        self._process = opening.process or session
         self._voided = voided
         self._to_daemon = to_daemon
         self._push = push
@@ -87,7 +97,8 @@ class FarSession:
         self._outbox.confirm(ask.got)
         if ask.again:
             self._push_again()
-        if ask.op == "line" and self._inbox.take(ask.number):
+        is_heard = self._outbox.size_bytes < MOST_UNCONFIRMED_BYTES
+        if ask.op == "line" and is_heard and self._inbox.take(ask.number):
             self._take(ask, line, now_s)
         if ask.op == "eof" and self._inbox.take(ask.number):
             self._to_daemon(None)
@@ -98,6 +109,10 @@ class FarSession:
 
     def said(self, line: bytes) -> None:
         """Send a line of the daemon's, with its newline, to the portal."""
+        for answer in [begin for begin in self._asked_leases if line.startswith(begin)]:
+            is_own = self._asked_leases.pop(answer)
+            if line.startswith(b'"result"', len(answer)):
+                self.renews = not is_own
         if is_sample(line) and len(line) <= PIECE_BYTES:
             self._push(Push(None, generation=self.generation), line)
             return
@@ -118,13 +133,14 @@ class FarSession:
                 generation=ask.generation,
                 ttl_s=self.ttl_s,
                 voided=self._voided,
+                process=self._process,
             )
         except RefusedError as refused:
             if refused.answer:
                 self.said(refused.answer)
             return
-        if (own_s := lease_ttl_s(line)) is not None:
-            self.renews = own_s == 0.0
+        if (lease := asked_lease(line)) is not None and len(self._asked_leases) < MOST_ASKED_LEASES:
+            self._asked_leases |= [lease]
         self._to_daemon(request)
 
     def _send(self, piece: bytes, *, more: bool = False, end: bool = False) -> None:

@@ -7,8 +7,10 @@ and `on_lost` stay where they are. A session that does not show life loses it.
 import asyncio
 import json
 import logging
+import secrets
 import socket
 import time
+from collections import deque
 from importlib.metadata import version
 from typing import Any
 
@@ -32,6 +34,12 @@ RETRY_EVERY_S = 0.5
 MOST_SESSIONS = 56
 """For each gripper; the daemon lets 64 connections of a user in."""
 
+MOST_OF_A_USER = 28
+"""Of them: one user's programs leave room for another's."""
+
+MOST_WAITING = 1024
+"""So many of a user's messages wait to be taken; more are dropped, and the portal asks again."""
+
 MOST_UNREAD_BYTES = 1024 * 1024
 """What a session has sent and its daemon has not read; beyond it, the session is ended."""
 
@@ -39,10 +47,13 @@ MOST_ASKED_ABOUT = 64
 """How many may wait for what a gripper says about itself."""
 
 _ID_CHARACTERS = 64
-"""Of a stop; one with a longer id is answered without it."""
+"""Of a stop; one whose id is longer, or cannot be printed, is answered without it."""
 
-_ALIVE = b'{"jsonrpc":"2.0","id":"gateway","method":"state.get"}\n'
-_ALIVE_ANSWER = b'{"jsonrpc":"2.0","id":"gateway",'
+_ALIVE_ID = secrets.token_hex(16).encode()
+"""No client can have it: what it is answered is not passed on."""
+
+_ALIVE = b'{"jsonrpc":"2.0","id":"%b","method":"state.get"}\n' % _ALIVE_ID
+_ALIVE_ANSWER = b'{"jsonrpc":"2.0","id":"%b",' % _ALIVE_ID
 
 
 class Gateway:
@@ -67,13 +78,15 @@ class Gateway:
         self._path: str | None = None
         self._asking: asyncio.Task[None] | None = None
         self._asked_by: list[zenoh.Query] = []
+        self._waiting: dict[str, deque[tuple[zenoh.Query, Caller]]] = {}
+        """By user, the next one first."""
 
     async def run(self) -> None:
         """Serve until cancelled: stops always, sessions while the daemon answers."""
         loop = asyncio.get_running_loop()
 
         def asked(query: zenoh.Query) -> None:
-            loop.call_soon_threadsafe(self._asked, query)
+            loop.call_soon_threadsafe(self._queue, query)
 
         def asked_about(query: zenoh.Query) -> None:
             loop.call_soon_threadsafe(self._asked_about, query)
@@ -118,9 +131,10 @@ class Gateway:
             return
         token = None
         try:
-            self._hello = await asked_of(reader, writer, "hello", {"client": "gateway"})
-            self._generation = self._hello["stop_generation"]
+            hello = await asked_of(reader, writer, "hello", {"client": "gateway"})
+            self._generation = hello["stop_generation"]
             self._voided = await _voided(reader, writer)
+            self._hello = hello  # from now on there are sessions, and each knows what is voided
             await asked_of(reader, writer, "events.subscribe", {"kinds": ["stop"]})
             token = self._session.liveliness().declare_token(self.place.alive)
             _log.info("%s: %s can be reached", self.place, self._channel)
@@ -190,22 +204,42 @@ class Gateway:
 
     # Sessions -------------------------------------------------------------------------------------
 
-    def _asked(self, query: zenoh.Query) -> None:
+    def _queue(self, query: zenoh.Query) -> None:
+        """Have a query of a portal's taken in its user's turn: a flood waits for everybody else."""
+        caller = caller_in(str(query.key_expr))
+        waiting = None if caller is None else self._waiting.get(caller.user)
+        if caller is None or (waiting is not None and len(waiting) >= MOST_WAITING):
+            query.drop()
+            return
+        if not self._waiting:
+            asyncio.get_running_loop().call_soon(self._take_turn)
+        self._waiting.setdefault(caller.user, deque()).append((query, caller))
+
+    def _take_turn(self) -> None:
+        """Take one query of the user whose turn it is."""
+        user, waiting = next(iter(self._waiting.items()))
+        query, caller = waiting.popleft()
+        del self._waiting[user]
+        if waiting:
+            self._waiting[user] = waiting  # behind the others
+        if self._waiting:
+            asyncio.get_running_loop().call_soon(self._take_turn)
+        self._asked(query, caller)
+
+    def _asked(self, query: zenoh.Query, caller: Caller) -> None:
         """Take a query of a portal's; never raises, whatever it holds."""
         key, attached = str(query.key_expr), query.attachment
-        caller = caller_in(key)
         try:
             ask = unpacked(Ask, None if attached is None else attached.to_bytes())
         except BadMessageError as error:
             _log.debug("%s: %s", key, error)
             query.drop()
             return
-        if caller is None:
-            query.drop()
-            return
         connection = self._connections.get(key)
         if connection is not None and not connection.ready:
             query.drop()  # it is being opened: the portal asks again
+        elif connection is None and ask.op == "open" and not self._hello:
+            query.drop()  # the daemon has not been asked yet: the portal asks again
         elif connection is None and ask.op == "open":
             connection = _Connection(self._session, self.place, caller, self._forget(key))
             self._connections[key] = connection
@@ -234,19 +268,17 @@ class Gateway:
         except Exception:
             connection.close()
             raise
-        reply = connection.far.reply(time.monotonic(), about)
-        _answer(query, reply)
+        connection.about = about
+        _answer(query, connection.far.reply(time.monotonic(), about))
         # What was said last may have to be said again: the portal ends it, or its time is up.
         await connection.pass_on(self._note_for(connection.far))
 
     async def _begin(self, connection: "_Connection", ask: Ask) -> dict[str, Any]:
         """Open a session's connection to the daemon, in its user's name; return what it is."""
-        if len(self._connections) > MOST_SESSIONS:
-            text = f"the gateway has {MOST_SESSIONS} sessions, no more are let in: close one"
-            raise unreachable(text)
+        caller = connection.caller
+        self._check_room(caller.user)
         if "error" in self._hello:
             raise unreachable(str(self._hello["error"]))
-        caller = connection.caller
         user = f"{caller.user}@{self.place.site}"
         reader, writer = await self._connected()
         connection.attach(reader, writer)
@@ -257,6 +289,7 @@ class Gateway:
         connection.far = FarSession(
             ask,
             time.monotonic(),
+            session=caller.session,
             voided=self._voided,
             to_daemon=connection.to_daemon,
             push=connection.push,
@@ -271,10 +304,26 @@ class Gateway:
             "gateway": self._version,
         }
 
+    def _check_room(self, user: str) -> None:
+        """Raise `LiteGripError` if there are too many sessions, the new one included."""
+        own = sum(one.caller.user == user for one in self._connections.values())
+        text = ""
+        if own > MOST_OF_A_USER:
+            text = f"{user} has {MOST_OF_A_USER} of the gateway's sessions"
+        elif len(self._connections) > MOST_SESSIONS:
+            text = f"the gateway has {MOST_SESSIONS} sessions"
+        if text:
+            raise unreachable(f"{text}, no more are let in: close one")
+
     def _note_for(self, far: FarSession) -> Any:
+        """Return what learns of stops by a session's lines, for that session alone.
+
+        What a slow portal has left unread may be of a daemon that has ended: the next one counts
+        from zero.
+        """
+
         def note(line: bytes) -> None:
-            self._note(line)
-            far.generation = self._generation
+            far.generation = max(self._generation or 0, generation_in(line) or 0)
 
         return note
 
@@ -289,7 +338,9 @@ class Gateway:
         if ask.op == "live" and far.renews:
             connection.show_life()
         connection.wake()
-        _answer(query, far.reply(time.monotonic()))
+        # A portal that asks for a session once more has not got the answer.
+        about = connection.about if ask.op == "open" else None
+        _answer(query, far.reply(time.monotonic(), about))
         if ask.op == "close":
             connection.close()
 
@@ -315,7 +366,8 @@ class Gateway:
             line = b"" if payload is None else payload.to_bytes()
             answer = self._stopped(in_the_name_of(f"{user}@{self.place.site}", line))
             loop.call_soon_threadsafe(self._note, answer)
-            _log.warning("%s: stopped by %s", self.place, user)
+            became = "stopped" if b'"result":' in answer else "NOT stopped for sure, though asked"
+            _log.warning("%s: %s by %s", self.place, became, user)
             # By our own key: a stop of a whole site was asked by one with a wildcard.
             query.reply(self.place.stop(user), answer)
 
@@ -345,6 +397,7 @@ class _Connection:
     ) -> None:
         self.caller = caller
         self.ready = False
+        self.about: dict[str, Any] | None = None
         self.task: asyncio.Task[None] | None = None
         self._on_closed = on_closed
         self._writer: asyncio.StreamWriter | None = None
@@ -464,12 +517,16 @@ def in_the_name_of(user: str, line: bytes) -> bytes:
     text = line.decode(errors="replace").strip()
     identity, level, why = _asked_stop(text)
     params = {"level": level, "on_behalf": user}
-    if isinstance(why, str):
+    if isinstance(why, str) and why.strip().isprintable():  # anything else is escaped, and long
         params["why"] = why.strip()[:WHY_CHARACTERS]
     request: dict[str, Any] = {"jsonrpc": "2.0", "method": "stop", "params": params}
-    if isinstance(identity, int | str) and len(str(identity)) <= _ID_CHARACTERS:
+    if isinstance(identity, int | str) and _is_short(str(identity)):
         request["id"] = identity
     return json.dumps(request, ensure_ascii=False).encode(errors="replace") + b"\n"
+
+
+def _is_short(identity: str) -> bool:
+    return identity.isprintable() and len(identity) <= _ID_CHARACTERS
 
 
 def _asked_stop(text: str) -> tuple[object, str, object]:

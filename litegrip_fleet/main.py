@@ -21,7 +21,7 @@ from typing import Any, NoReturn
 import zenoh
 
 from litegrip_client.ctl.commands.machine import findings_text
-from litegrip_client.discovery import STOP_LEVELS, WHY_CHARACTERS
+from litegrip_client.discovery import SOCKET_VARIABLE, STOP_LEVELS, WHY_CHARACTERS
 from litegrip_client.doctor.findings import as_data
 from litegrip_client.exchange import request_line
 from litegrip_fleet import by_portal
@@ -87,6 +87,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run a command; return its exit code."""
     arguments = make_parser().parse_args(argv)
     logging.basicConfig(format="%(message)s", level=logging.INFO, stream=sys.stderr)
+    # It is one gripper of the shell: all of a gateway's would be that one.
+    os.environ.pop(SOCKET_VARIABLE, None)
     try:
         if arguments.command == "check":
             return _check(arguments)

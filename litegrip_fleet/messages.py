@@ -4,7 +4,6 @@ What arrives may be anything: it is checked down to each member, and anything el
 """
 
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from types import NoneType
@@ -28,7 +27,8 @@ class Ask:
     `number` is the line's, or their end's, from 1; `got` the last push that arrived in order;
     `again` asks for what follows it once more. `at_s` is when the line or the sign of life was
     sent, by the portal's reckoning of the gateway's CLOCK_MONOTONIC, `generation` the count of
-    stops that the portal knew of then. `ttl_s` and `program` come with `open`.
+    stops that the portal knew of then. `ttl_s`, `program` and `process` come with `open`: the
+    client's name, and a word that no other process of any machine has.
     """
 
     op: Op
@@ -39,6 +39,7 @@ class Ask:
     generation: int | None = None
     ttl_s: float | None = None
     program: str | None = None
+    process: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +123,7 @@ def _fits(value: object, kind: Any) -> bool:
         return value is None or any(_fits(value, one) for one in options if one is not NoneType)
     if kind is float:
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
-        return is_number and math.isfinite(value) and abs(value) < _MOST  # type: ignore[arg-type]
+        return is_number and abs(value) < _MOST  # type: ignore[arg-type] # NaN is not
     if kind is int:
         return type(value) is int and 0 <= value < _MOST
     if kind is str:

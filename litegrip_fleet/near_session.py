@@ -90,6 +90,10 @@ class NearSession:
             Ask("line", self._outbox.last + 1, at_s=at_s, generation=self.generation), line, now_s
         )
 
+    def stops_left(self) -> list[bytes]:
+        """Return the stops of the client's that the gateway is not known to have taken."""
+        return [line for _number, (_ask, line, _s) in self._outbox.unconfirmed() if _is_stop(line)]
+
     def half_closed(self, now_s: float) -> None:
         """Send that the client sends nothing more, and waits for answers."""
         self._send_once(Ask("eof", self._outbox.last + 1), b"", now_s)
@@ -192,15 +196,15 @@ class NearSession:
 
     def _note_introduction(self, line: bytes) -> None:
         """Remember a request whose answer says where the gripper is."""
-        if not any(method.encode() in line for method in INTRODUCTIONS):
+        if b"\\" not in line and not any(method.encode() in line for method in INTRODUCTIONS):
             return
         try:
-            request = strict_json.decode(line.decode())
+            request = strict_json.decode(line.lstrip().decode())
         except (ValueError, RecursionError):
             return
         if isinstance(request, dict) and request.get("method") in INTRODUCTIONS:
             identity = request.get("id")
-            if isinstance(identity, str | int):
+            if isinstance(identity, str | int) and not isinstance(identity, bool):
                 self._introductions[identity] = request["method"]
 
     def _amended(self, line: bytes) -> bytes:
@@ -220,3 +224,13 @@ class NearSession:
                 "remote": remote,
             }
         return json.dumps(answer, separators=(",", ":")).encode() + b"\n"
+
+
+def _is_stop(line: bytes) -> bool:
+    if b'"stop"' not in line and b"\\" not in line:
+        return False
+    try:
+        request = json.loads(line)
+    except (ValueError, RecursionError):
+        return False
+    return isinstance(request, dict) and request.get("method") == "stop"

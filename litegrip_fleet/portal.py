@@ -15,6 +15,7 @@ import socket
 import stat
 import time
 from collections.abc import Callable, Coroutine, Sequence
+from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ from litegrip_client.connection import peer_pid
 from litegrip_client.discovery import stop_path
 from litegrip_fleet.answers import (
     BACKLOG_FULL,
+    TOO_MANY_CONNECTIONS,
     UNREACHABLE,
     error_line,
     error_object,
@@ -33,10 +35,10 @@ from litegrip_fleet.far_session import generation_in, is_sample
 from litegrip_fleet.keys import Place
 from litegrip_fleet.lateness import RemoteClock
 from litegrip_fleet.messages import Ask, BadMessageError, Push, Reply, packed, unpacked
-from litegrip_fleet.near_session import NearSession
+from litegrip_fleet.near_session import AGAIN_AFTER_S, NearSession
 from litegrip_fleet.network import Answered, ask, hand_over, the_newest
 from litegrip_fleet.requests import MAX_LINE_BYTES, TOO_LONG
-from litegrip_fleet.site import TWO_GATEWAYS
+from litegrip_fleet.site import TWO_GATEWAYS, problem_in
 
 _log = logging.getLogger(__name__)
 
@@ -49,13 +51,17 @@ STOP_WITHIN_S = 2.0
 _ASK_AGAIN_S = 0.4
 _CONGESTED_BYTES = 65_536
 MOST_UNREAD_BYTES = 4 * 1024 * 1024
-_MAX_STOP_BYTES = 1024
+_BACKLOG = 100
+MOST_CLIENTS = MOST_STOP_CLIENTS = 64
+"""At the sockets of each gripper: nobody uses up the portal's descriptors."""
+
 _READ_BYTES = 65_536
 _MODE = 0o660
 _STAT_BYTES = 1024
-_STOPPED_STATES, _ENDED_STATES = "Tt", "ZX"
+_BEGUN = 19
+"""Behind the program's name in /proc/PID/stat: when the process began."""
 
-_Serve = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Coroutine[Any, Any, None]]
+_STOPPED_STATES, _ENDED_STATES = "Tt", "ZX"
 
 
 class Portal:
@@ -93,6 +99,7 @@ class Portal:
         self._beat_s = time.monotonic()
         self._subscriber: Any = None
         self._serving: set[asyncio.Task[None]] = set()
+        self._idle: dict[socket.socket, None] = {}  # at the socket for stops; the longest first
 
     @property
     def stop_path(self) -> str:
@@ -101,44 +108,34 @@ class Portal:
 
     async def run(self) -> None:
         """Serve until cancelled."""
-        requests = await self._listening(str(self.path), self._serve)
-        stops = await self._listening(self.stop_path, self._serve_stops)
+        listener = _listener(str(self.path))
+        requests = await asyncio.start_unix_server(self._accepted, sock=listener, limit=_READ_BYTES)
+        stops = _listener(self.stop_path)
+        self._begin(self._accept_stops(stops))
         try:
             while True:
                 await asyncio.sleep(TICK_S)
                 self._tick()
         finally:
             requests.close()
-            stops.close()
             for task in list(self._serving):
                 task.cancel()
             await asyncio.gather(*self._serving, return_exceptions=True)
+            stops.close()
             for path in (str(self.path), self.stop_path):
                 Path(path).unlink(missing_ok=True)
 
-    async def _listening(self, path: str, serve: _Serve) -> asyncio.Server:
-        """Serve at a path that no living process has; raises `OSError`."""
+    def _begin(self, serving: Coroutine[Any, Any, None]) -> None:
+        task = asyncio.create_task(serving)
+        self._serving.add(task)
+        task.add_done_callback(self._serving.discard)
 
-        def accepted(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-            task = asyncio.create_task(self._served(serve, reader, writer))
-            self._serving.add(task)
-            task.add_done_callback(self._serving.discard)
+    def _accepted(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._begin(self._served(reader, writer))
 
-        listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    async def _served(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         try:
-            _make_way(path)
-            listener.bind(path)
-            Path(path).chmod(_MODE)
-        except OSError as error:
-            listener.close()
-            raise OSError(f"the socket {path} cannot be made: {error.strerror or error}") from error
-        return await asyncio.start_unix_server(accepted, sock=listener, limit=_READ_BYTES)
-
-    async def _served(
-        self, serve: _Serve, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
-    ) -> None:
-        try:
-            await serve(reader, writer)
+            await self._serve(reader, writer)
         except (ConnectionError, asyncio.CancelledError) as error:
             _log.debug("%s: a client has gone: %s", self.place, error)
         finally:
@@ -159,6 +156,12 @@ class Portal:
     # Requests -------------------------------------------------------------------------------------
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        if len(self._clients) >= MOST_CLIENTS:
+            text = f"{MOST_CLIENTS} programs use {self.place} here, no more are let in: end one"
+            full = error_object(TOO_MANY_CONNECTIONS, text, limit=MOST_CLIENTS)
+            writer.write(error_line(None, full))
+            await writer.drain()
+            return
         self._count += 1
         session = f"{self._identity}-{self._count}"
         key = self.place.rpc(self.user, session, self.role)
@@ -171,14 +174,26 @@ class Portal:
                 await writer.drain()
                 return
             await client.read(reader)
+            left = await self._left_by(client)
         finally:
             del self._clients[session]
             client.send(Ask("close"), b"")
+        for line in left:
+            await self._stopped(line)
+
+    async def _left_by(self, client: "_Client") -> list[bytes]:
+        """Return the stops of a client that has gone which the network has lost, it seems."""
+        ends_s = time.monotonic() + AGAIN_AFTER_S
+        while client.stops_left() and time.monotonic() < ends_s:
+            await asyncio.sleep(TICK_S)
+        return client.stops_left()
 
     async def _open(self, client: "_Client") -> dict[str, Any] | None:
         """Begin a session at the gateway; return why that is not possible, or None."""
         loop, ends_s = asyncio.get_running_loop(), time.monotonic() + OPEN_WITHIN_S
-        opening = packed(Ask("open", ttl_s=self.ttl_s, program=client.program))
+        opening = packed(
+            Ask("open", ttl_s=self.ttl_s, program=client.program, process=client.process)
+        )
         while (sent_s := time.monotonic()) < ends_s:
             session = self._session()
             if session is None or self._subscriber is None:
@@ -266,23 +281,49 @@ class Portal:
 
     # Stops ----------------------------------------------------------------------------------------
 
-    async def _serve_stops(
-        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
-    ) -> None:
-        while line := await _stop_line(reader):
-            writer.write(await self._stopped(line))
-            await writer.drain()
-            if writer.is_closing():  # nobody reads answers: each kind of stop once is enough
-                await self._stop_last(reader)
-                return
+    async def _accept_stops(self, listener: socket.socket) -> None:
+        while True:
+            try:
+                connected, _address = await asyncio.get_running_loop().sock_accept(listener)
+            except OSError as error:  # noqa: PERF203 - gone already, or no descriptors left
+                _log.error("%s: a client that stops could not be let in: %s", self.place, error)
+                await asyncio.sleep(TICK_S)
+            else:
+                if len(self._idle) >= MOST_STOP_CLIENTS:  # the new one may have come to stop
+                    self._make_room()
+                self._begin(self._serve_stops(connected))
 
-    async def _stop_last(self, reader: asyncio.StreamReader) -> None:
-        """Give the stops that a client has left behind."""
-        left: dict[bytes, None] = {}
-        while line := await _stop_line(reader):
-            left[line] = None
-        for line in left:
-            await self._stopped(line)
+    def _make_room(self) -> None:
+        """Let the client that has been idle the longest give its last line, and end."""
+        longest_idle = next(iter(self._idle))
+        del self._idle[longest_idle]
+        with contextlib.suppress(OSError):  # it has gone by itself
+            longest_idle.shutdown(socket.SHUT_RD)
+
+    async def _serve_stops(self, connected: socket.socket) -> None:
+        """Give each stop that a client has sent, also once it is gone; no answer is waited for."""
+        with connected:
+            lines, is_gone, left = _StopLines(connected), False, set[bytes]()
+            while line := await self._next(lines, connected):
+                if line in left:  # nobody reads answers: each kind of stop once is enough
+                    continue
+                answer = await self._stopped(line)
+                if is_gone:
+                    left.add(line)
+                    continue
+                try:
+                    connected.send(answer)
+                except OSError as error:
+                    _log.debug("%s: a client takes no answer to its stop: %s", self.place, error)
+                    is_gone = not isinstance(error, BlockingIOError)
+
+    async def _next(self, lines: "_StopLines", connected: socket.socket) -> bytes:
+        """Return a client's next stop; until it comes, the client may have to give way."""
+        self._idle[connected] = None
+        try:
+            return await lines.next()
+        finally:
+            self._idle.pop(connected, None)
 
     async def _stopped(self, line: bytes) -> bytes:
         """Stop; return the daemon's answer, or that the stop is not confirmed."""
@@ -311,9 +352,9 @@ async def stop_one(
             within_s = min(left_s, _ASK_AGAIN_S * 2)
             key = place.stop(user)
             answers = await ask(session, key, line, None, loop, within_s=within_s, is_stop=True)
-            for answer in answers:
-                if answer.payload:
-                    return answer.payload
+            said = [answer.payload for answer in answers if answer.payload]
+            if said:  # of two gateways, both have to confirm it
+                return next((payload for payload in said if problem_in(payload)), said[0])
         await asyncio.sleep(min(0.05, max(0.0, ends_s - loop.time())))
     return None
 
@@ -329,6 +370,7 @@ class _Client:
         self._socket: socket.socket = writer.get_extra_info("socket")
         self._pid = peer_pid(self._socket)
         self.program = _program(self._pid)
+        self.process = _process(self._pid)
         self._half_closed = False
         self._gone = asyncio.Event()
 
@@ -361,6 +403,10 @@ class _Client:
         """Store a count of stops from another source."""
         if self.near is not None:
             self.near.note_stops(generation)
+
+    def stops_left(self) -> list[bytes]:
+        """Return the stops that the gateway is not known to have taken."""
+        return [] if self.near is None else self.near.stops_left()
 
     async def read(self, reader: asyncio.StreamReader) -> None:
         """Send what the client says until it, or the session, goes."""
@@ -446,14 +492,46 @@ class _Client:
         return any(mask & (select.POLLHUP | select.POLLERR) for _fd, mask in poll.poll(0))
 
 
-async def _stop_line(reader: asyncio.StreamReader) -> bytes:
-    """Return a line that stops, whole or not; empty at the end."""
+class _StopLines:
+    """What a client sends to the socket for stops, line by line.
+
+    Not by asyncio's streams: they give nothing more of a client that is gone.
+    """
+
+    def __init__(self, connected: socket.socket) -> None:
+        self._socket = connected
+        self._received = b""
+        self._is_over = False
+
+    async def next(self) -> bytes:
+        """Return a line, whole or not, or as much of one as may be sent on; empty at the end."""
+        while not self._is_over and len(self._received) < MAX_LINE_BYTES:
+            if b"\n" in self._received:
+                break
+            try:
+                received = await asyncio.get_running_loop().sock_recv(self._socket, _READ_BYTES)
+            except OSError:  # reset: gone, and all that it has sent is here
+                received = b""
+            self._is_over = not received
+            self._received += received
+        end = self._received.find(b"\n", 0, MAX_LINE_BYTES) + 1 or MAX_LINE_BYTES
+        line, self._received = self._received[:end], self._received[end:]
+        return line
+
+
+def _listener(path: str) -> socket.socket:
+    """Return a socket at a path that no living process has; raises `OSError`."""
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
-        return await reader.readuntil(b"\n")
-    except asyncio.IncompleteReadError as ended:
-        return ended.partial
-    except asyncio.LimitOverrunError:
-        return await reader.read(_MAX_STOP_BYTES)
+        _make_way(path)
+        listener.bind(path)
+        Path(path).chmod(_MODE)
+        listener.listen(_BACKLOG)
+    except OSError as error:
+        listener.close()
+        raise OSError(f"the socket {path} cannot be made: {error.strerror or error}") from error
+    listener.setblocking(False)
+    return listener
 
 
 def _identity_in(line: bytes) -> object:
@@ -487,10 +565,29 @@ def _program(pid: int) -> str | None:
     return name[:64] if name.isprintable() and name else None
 
 
+def _process(pid: int) -> str:
+    """Return a word for a process that is the same for each of its connections, and no other's."""
+    try:
+        begun = Path(f"/proc/{pid}/stat").read_text("utf-8", "replace").rpartition(")")[2].split()
+        text = f"{socket.gethostname()} {_machine()} {pid} {begun[_BEGUN]}"
+        return sha256(text.encode()).hexdigest()[:16]
+    except OSError:  # of another namespace, or gone: it is known by its connection alone
+        return secrets.token_hex(8)
+
+
+def _machine() -> str:
+    """Return the machine's own number; empty where it has none."""
+    try:
+        return Path("/etc/machine-id").read_text("ascii")
+    except OSError:
+        return ""
+
+
 def _state_of(pid: int) -> str | None:
     """Return a process's state, as /proc has it (T: stopped, by SIGSTOP); None once it has ended.
 
-    One of another namespace, which has no number here (0), is said to run.
+    One of another namespace, which has no number here (0), is said to run; of one that cannot be
+    looked at, nothing shows that it does.
     """
     if pid == 0:
         return "R"
@@ -499,6 +596,9 @@ def _state_of(pid: int) -> str | None:
         stat_file = os.open(f"/proc/{pid}/stat", os.O_RDONLY)
     except (FileNotFoundError, ProcessLookupError):
         return None
+    except OSError as error:  # no descriptors left
+        _log.debug("whether process %d lives cannot be seen: %s", pid, error)
+        return "T"
     try:
         content = os.read(stat_file, _STAT_BYTES)
     except ProcessLookupError:

@@ -21,6 +21,10 @@ SHORTEST_TTL_S, LONGEST_TTL_S = 0.3, 5.0
 MAX_LINE_BYTES = 16_384
 """As the daemon's; without the newline."""
 
+MAX_ID_CHARACTERS = 128
+MAX_CONTAINERS = 512
+"""As the daemon's."""
+
 TOO_LONG = error_object(
     LINE_TOO_LONG,
     f"a line is longer than {MAX_LINE_BYTES} bytes: send large contents in pieces",
@@ -47,17 +51,20 @@ def passed(
     generation: int | None,
     ttl_s: float,
     voided: Collection[str],
+    process: str,
 ) -> bytes:
     """Return a line as the daemon is to get it; raises `RefusedError`.
 
     `at_s` is when it was sent by the clock of this machine, `generation` the count of stops that
     the sender knew of. `voided` are the methods that a stop makes void: they are refused when they
-    are late. A lease without a time to live, or with one that no network should have, does not
-    pass. What is no request is the daemon's to refuse: it reads lines as this does. One that is too
-    long, or would become too long here, is refused alone; at the daemon it would end the session.
+    are late. A motion's `key` is made one of its `process`: for the daemon, all clients are one
+    process, the gateway. A lease without a time to live, or with one that no network should have,
+    does not pass. What is no request is the daemon's to refuse: it reads lines as this does. One
+    that is too long, or would become too long here, is refused alone; at the daemon it would end
+    the session. A message is one line: of two, none would be looked at, and so it would be with
+    halves.
     """
-    if _is_too_long(line):
-        raise RefusedError(error_line(None, TOO_LONG))
+    line = _one_line(line)
     request = _parsed(line)
     if request is None:
         return line
@@ -68,6 +75,8 @@ def passed(
             params["sent_s"] = min(at_s, now_s)
         if generation is not None:
             params.setdefault("stop_generation", generation)
+        if isinstance(params.get("key"), str):
+            params["key"] = f"{process} {params['key']}"
     if method in _LEASES:
         params["ttl_s"] = _checked_ttl(request, params.get("ttl_s", ttl_s))
     if params == request.get("params", {}):
@@ -83,16 +92,29 @@ def passed(
     return longer
 
 
-def lease_ttl_s(line: bytes) -> float | None:
-    """Return the time to live that a request for a lease names itself, 0 where it names none.
+def asked_lease(line: bytes) -> tuple[bytes, bool] | None:
+    """Return how the answer to a request for a lease begins, and if it names its time to live.
 
     None for any other line.
     """
-    request = _parsed(line) if b'"lease.' in line else None
+    may_be_one = b'"lease.' in line or b"\\" in line
+    request = _parsed(line) if may_be_one else None
     if request is None or request["method"] not in _LEASES:
         return None
-    ttl_s = request.get("params", {}).get("ttl_s", 0.0)
-    return float(ttl_s) if isinstance(ttl_s, int | float) else None
+    identity = json.dumps(request.get("id")).encode()
+    answer = b'{"jsonrpc":"2.0","id":%b,' % identity  # as a daemon writes it
+    return answer, "ttl_s" in request.get("params", {})
+
+
+def _one_line(line: bytes) -> bytes:
+    """Return the line of a message, with its newline; raises `RefusedError`."""
+    if _is_too_long(line):
+        raise RefusedError(error_line(None, TOO_LONG))
+    line = line.removesuffix(b"\n")
+    if b"\n" in line:
+        error = error_object(INVALID_PARAMS, "a message of a portal is one line, this one is more")
+        raise RefusedError(error_line(None, error))
+    return line + b"\n"
 
 
 def _is_too_long(line: bytes) -> bool:
@@ -100,9 +122,14 @@ def _is_too_long(line: bytes) -> bool:
 
 
 def _parsed(line: bytes) -> Mapping[str, Any] | None:
-    """Return a line's request; None for what is none."""
+    """Return a line's request; None for what is none, or takes long to read.
+
+    The daemon refuses that, too. For it, blanks before a request are none.
+    """
+    if line.count(b"{") + line.count(b"[") > MAX_CONTAINERS:
+        return None
     try:
-        value = strict_json.decode(line.decode())
+        value = strict_json.decode(line.lstrip().decode())
     except (ValueError, RecursionError):
         return None
     if not isinstance(value, dict) or not isinstance(value.get("method"), str):
@@ -133,14 +160,20 @@ def _checked_ttl(request: Mapping[str, Any], ttl_s: object) -> object:
     if not isinstance(ttl_s, int | float) or SHORTEST_TTL_S <= ttl_s <= LONGEST_TTL_S:
         return ttl_s
     text = (
-        f"{request['method']}: ttl_s is {ttl_s:g}, over the network it must be {SHORTEST_TTL_S:g}"
-        f" to {LONGEST_TTL_S:g}"
+        f"{request['method']}: ttl_s is {ttl_s!r:.20}, over the network it must be"
+        f" {SHORTEST_TTL_S:g} to {LONGEST_TTL_S:g}"
     )
     raise RefusedError(_answer(request, error_object(INVALID_PARAMS, text, parameter="ttl_s")))
 
 
 def _answer(request: Mapping[str, Any], error: Mapping[str, Any]) -> bytes:
-    """Return the line that reports a refusal: an answer, or a set-point's notification."""
+    """Return the line that reports a refusal: an answer, or a set-point's notification.
+
+    What the daemon would not take as an id is not answered with.
+    """
     if "id" in request:
-        return error_line(request["id"], error)
+        identity = request["id"]
+        is_one = isinstance(identity, str | int) and not isinstance(identity, bool)
+        is_short = is_one and len(str(identity)) <= MAX_ID_CHARACTERS
+        return error_line(identity if is_short else None, error)
     return refused_line(error) if request["method"] == _SET_POINT else b""

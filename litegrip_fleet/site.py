@@ -10,7 +10,7 @@ from typing import Any
 import zenoh
 
 from litegrip_fleet.keys import PREFIX, Place, place_in
-from litegrip_fleet.network import ask
+from litegrip_fleet.network import Answered, ask
 
 TWO_GATEWAYS = "two gateways offer it: each would carry out what is asked; end one of them"
 LOOK_WITHIN_S = 1.0
@@ -92,11 +92,10 @@ async def stop_all(
             break
         is_first = False
         within_s = min(_ASK_AGAIN_S * 2, left_s)
-        for answer in await ask(session, key, line, None, loop, within_s=within_s, is_stop=True):
-            place = place_in(answer.key)
-            if place is None or place in confirmed:
+        answers = await ask(session, key, line, None, loop, within_s=within_s, is_stop=True)
+        for place, problem in _problems_in(answers).items():
+            if place in confirmed:
                 continue
-            problem = _problem_in(answer.payload)
             if problem is None:
                 confirmed[place] = time.monotonic() - begun_s
                 failed.pop(place, None)
@@ -107,7 +106,17 @@ async def stop_all(
     return Stopped(confirmed, failed, silent)
 
 
-def _problem_in(payload: bytes) -> str | None:
+def _problems_in(answers: Iterable[Answered]) -> dict[Place, str | None]:
+    """Return for each gripper why it did not stop, None if it did; of two gateways, both must."""
+    problems: dict[Place, str | None] = {}
+    for answer in answers:
+        place = place_in(answer.key)
+        if place is not None:
+            problems[place] = problems.get(place) or problem_in(answer.payload)
+    return problems
+
+
+def problem_in(payload: bytes) -> str | None:
     """Return why a gripper did not stop; None if it did."""
     try:
         answer = json.loads(payload)

@@ -61,6 +61,7 @@ def test_what_a_newer_minor_version_says_besides_is_passed_over() -> None:
         b'{"v":1,"op":"line","at_s":"now"}',
         b'{"v":1,"op":"line","at_s":NaN}',
         b'{"v":1,"op":"line","at_s":1e300}',
+        b'{"v":1,"op":"line","at_s":1' + b"0" * 400 + b"}",
         b'{"v":1,"op":"open","program":"a\\nb"}',
         b'{"v":1,"op":"open","program":"' + b"x" * 65 + b'"}',
         b'{"v":1,"op":"live","again":1}',

@@ -6,8 +6,16 @@ from typing import Any
 import pytest
 
 from litegrip_fleet.answers import error_object
-from litegrip_fleet.requests import MAX_LINE_BYTES, RefusedError, passed
+from litegrip_fleet.requests import (
+    MAX_CONTAINERS,
+    MAX_ID_CHARACTERS,
+    MAX_LINE_BYTES,
+    RefusedError,
+    asked_lease,
+    passed,
+)
 from litegripd.model.errors import ERRORS
+from litegripd.rpc import jsonrpc
 from litegripd.rpc.jsonrpc import MAX_LINE_BYTES as DAEMONS_MAX_LINE_BYTES
 from litegripd.rpc.jsonrpc import BadRequest, is_set_point, parse
 
@@ -16,10 +24,22 @@ VOIDED = frozenset({"motion.open", "stream.set"})
 
 
 def through(
-    line: bytes, age_s: float | None = 0.01, generation: int | None = 3, ttl_s: float = 1.0
+    line: bytes,
+    age_s: float | None = 0.01,
+    generation: int | None = 3,
+    ttl_s: float = 1.0,
+    process: str = "p1",
 ) -> bytes:
     at_s = None if age_s is None else NOW_S - age_s
-    return passed(line, NOW_S, at_s=at_s, generation=generation, ttl_s=ttl_s, voided=VOIDED)
+    return passed(
+        line,
+        NOW_S,
+        at_s=at_s,
+        generation=generation,
+        ttl_s=ttl_s,
+        voided=VOIDED,
+        process=process,
+    )
 
 
 def request(method: str, identity: int | None = 1, **params: Any) -> bytes:
@@ -53,6 +73,14 @@ def test_the_clients_own_count_of_stops_stays_and_its_clock_does_not() -> None:
 def test_a_portal_that_knows_of_no_stops_says_nothing_about_them() -> None:
     params = params_of(through(request("motion.open"), generation=None))
     assert params == {"sent_s": NOW_S - 0.01}
+
+
+def test_the_name_of_a_motion_is_that_of_a_process_as_on_one_machine() -> None:
+    line = request("motion.open", key="grip")
+    first, second = params_of(through(line, process="p1")), params_of(through(line, process="p2"))
+    assert first["key"] != second["key"]
+    assert first == params_of(through(line, process="p1"))
+    assert params_of(through(request("motion.open", key=7)))["key"] == 7  # the daemon's to refuse
 
 
 def test_what_moves_nothing_passes_as_it_is() -> None:
@@ -123,6 +151,7 @@ def test_a_lease_has_a_time_to_live(method: str) -> None:
         b'{"jsonrpc":"2.0","id":1,"method":"motion.open"} x\n',
         b'{"jsonrpc":"2.0","id":1,"method":"motion.open","params":{"speed_mm_s":NaN}}\n',
         b'\xff{"method":"motion.open"}\n',
+        b'{"jsonrpc":"2.0","id":1,"method":"motion.open","params":{"x":[%s{}]}}\n' % (b"{}," * 600),
     ],
 )
 def test_what_passes_unread_is_no_request_for_the_daemon_either(line: bytes) -> None:
@@ -130,15 +159,19 @@ def test_what_passes_unread_is_no_request_for_the_daemon_either(line: bytes) -> 
     assert isinstance(parse(line.rstrip(b"\n")), BadRequest)
 
 
-@pytest.mark.parametrize("code", [-32602, -32060, -32061, -32003, -32000])
+@pytest.mark.parametrize("code", [-32602, -32060, -32061, -32003, -32001, -32000])
 def test_errors_are_those_of_the_daemons_table(code: int) -> None:
     error = error_object(code, "x")
     kind = ERRORS[error["data"]["reason"]]
     assert (kind.code, kind.retryable) == (code, error["data"]["retryable"])
 
 
-def test_lines_may_be_as_long_as_the_daemons() -> None:
+def test_lines_may_be_as_long_as_the_daemons_and_hold_as_much() -> None:
     assert MAX_LINE_BYTES == DAEMONS_MAX_LINE_BYTES
+    assert (MAX_CONTAINERS, MAX_ID_CHARACTERS) == (
+        jsonrpc.MAX_CONTAINERS,
+        jsonrpc.MAX_ID_CHARACTERS,
+    )
 
 
 def test_a_line_of_the_longest_length_passes_and_none_becomes_longer() -> None:
@@ -150,3 +183,54 @@ def test_a_line_of_the_longest_length_passes_and_none_becomes_longer() -> None:
     frame = len(request("motion.open", text=""))
     grown = json.loads(refused(request("motion.open", text="x" * (MAX_LINE_BYTES + 1 - frame))))
     assert (grown["id"], grown["error"]["data"]["reason"]) == (1, "line_too_long")
+
+
+@pytest.mark.parametrize("blank", [b" ", b"\t", b"\r", b"\x0b", b"\x0c", b" \x0c\x0b"])
+def test_blanks_that_a_daemon_skips_hide_no_motion(blank: bytes) -> None:
+    answer = json.loads(refused(blank + request("motion.open"), age_s=60.0))
+    assert (answer["id"], answer["error"]["data"]["reason"]) == (1, "too_late")
+    assert params_of(through(blank + request("lease.acquire")))["ttl_s"] == 1.0
+
+
+def test_a_message_of_two_lines_is_refused_and_a_half_one_is_not_completed_by_the_next() -> None:
+    late = request("motion.open")
+    for lines in (late + late, b"\n" + late, b"x\n" + late, late + b"\n"):
+        answer = json.loads(refused(lines))
+        assert (answer["id"], answer["error"]["data"]["reason"]) == (None, "invalid_params")
+    half = late[: len(late) // 2]
+    assert through(half, age_s=60.0) == half + b"\n"
+
+
+def test_an_escaped_method_is_that_method() -> None:
+    line = request("lease.acquire", ttl_s=2.0).replace(b"lease.", b"\\u006cease.")
+    assert params_of(through(line))["ttl_s"] == 2.0
+    assert asked_lease(line) == (b'{"jsonrpc":"2.0","id":1,', True)
+
+
+def test_a_time_to_live_that_no_float_can_hold_is_refused() -> None:
+    line = request("lease.acquire", ttl_s=10**400)
+    assert json.loads(refused(line))["error"]["data"]["reason"] == "invalid_params"
+
+
+@pytest.mark.parametrize(
+    ("identity", "answered"),
+    [
+        ("7", 7),
+        ('"a"', "a"),
+        ('"%s"' % ("x" * 128), "x" * 128),
+        ('"%s"' % ("x" * 129), None),
+        ("1e999", None),
+        ("1.5", None),
+        ("true", None),
+        ("null", None),
+        ("9" * 200, None),
+        ('{"stop_generation":9}', None),
+    ],
+)
+def test_a_refusal_has_the_id_that_the_daemon_would_answer_with(
+    identity: str, answered: object
+) -> None:
+    line = b'{"jsonrpc":"2.0","id":%b,"method":"motion.open"}\n' % identity.encode()
+    asked = parse(line.rstrip(b"\n"))
+    assert asked.identity == answered
+    assert json.loads(refused(line, age_s=60.0), parse_constant=pytest.fail)["id"] == answered

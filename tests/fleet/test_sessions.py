@@ -11,7 +11,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegrip_fleet.far_session import AGAIN_BYTES, PIECE_BYTES, ROOM_BYTES, FarSession
+from litegrip_fleet.far_session import (
+    AGAIN_BYTES,
+    MOST_UNCONFIRMED_BYTES,
+    PIECE_BYTES,
+    ROOM_BYTES,
+    FarSession,
+)
 from litegrip_fleet.lateness import MOTION_COUNTS_S, RemoteClock
 from litegrip_fleet.messages import Ask, Push, Reply, packed, unpacked
 from litegrip_fleet.near_session import AGAIN_AFTER_S, BEHIND_S, NearSession
@@ -71,6 +77,7 @@ class Scene:
         self.far: FarSession | None = FarSession(
             Ask("open", ttl_s=self.ttl_s),
             self.far_now_s,
+            session="s1",
             voided=VOIDED,
             to_daemon=self._arrived,
             push=self._push,
@@ -522,6 +529,7 @@ def test_no_portal_lets_a_session_live_as_long_as_it_likes(
     far = FarSession(
         Ask("open", ttl_s=asked_s),
         100.0,
+        session="s1",
         voided=VOIDED,
         to_daemon=lambda _line: None,
         push=lambda _push, _piece: None,
@@ -574,24 +582,58 @@ def test_the_end_of_the_clients_lines_comes_behind_them() -> None:
     assert scene.to_daemon[-1] is None
 
 
+def test_a_portal_that_confirms_nothing_fills_no_memory_with_refusals() -> None:
+    scene = Scene()
+    scene.weather.cut = True
+    late = b'{"jsonrpc":"2.0","id":"%b","method":"motion.open"}\n' % (b"x" * 128)
+    kept_bytes = []
+    assert scene.far is not None
+    for number in range(1, 10_001):
+        scene.far.asked(Ask("line", number, at_s=0.0), late, scene.far_now_s)
+        kept_bytes.append(scene.far._outbox.size_bytes)
+    assert max(kept_bytes) < MOST_UNCONFIRMED_BYTES + 1000
+    scene.far.asked(Ask("live", got=10_000), b"", scene.far_now_s)
+    took = scene.far.reply(scene.far_now_s).took
+    assert took < 10_000
+    scene.far.asked(Ask("line", took + 1), b'{"id":1}\n', scene.far_now_s)
+    assert scene.to_daemon == [b'{"id":1}\n']
+
+
 def test_only_a_client_itself_renews_a_lease_with_a_time_to_live_of_its_own() -> None:
     scene = Scene()
     assert scene.far is not None
     renews = [scene.far.renews]
-    for method, params in (
-        ("lease.acquire", {"ttl_s": 3.0}),
-        ("state.get", {}),
-        ("lease.release", {}),
-        ("lease.acquire", {"ttl_s": 0.01}),  # refused: nothing has changed
-        ("lease.acquire", {"ttl_s": "long"}),  # the daemon refuses it
-        ("lease.acquire", {"purpose": "x"}),
-        ("lease.take", {"why": "x", "ttl_s": 1}),
-        ("lease.take", {"why": "x"}),
+    granted, refused = {"result": {"number": 1}}, {"error": {"code": 1, "message": "no"}}
+    for method, params, answer in (
+        ("lease.acquire", {"ttl_s": 3.0}, granted),
+        ("state.get", {}, granted),
+        ("lease.release", {}, granted),
+        ("lease.acquire", {"ttl_s": 0.01}, {}),  # refused by the gateway: nothing has changed
+        ("lease.acquire", {"purpose": 5}, refused),  # by the daemon: nor has it here
+        ("lease.acquire", {"purpose": "x"}, granted),
+        ("lease.acquire", {"ttl_s": True}, refused),
+        ("lease.take", {"why": "x", "ttl_s": 1}, granted),
+        ("lease.take", {"why": "x"}, granted),
     ):
         scene.say(method, 1, **params)
         scene.run(0.1)
+        if answer:
+            scene.daemon_says(id=1, **answer)
         renews.append(scene.far.renews)
-    assert renews == [True, False, False, False, False, False, True, False, True]
+    assert renews == [True, False, False, False, False, False, True, True, False, True]
+
+
+def test_a_lease_that_is_waited_for_is_renewed_as_its_own_request_says() -> None:
+    scene = Scene()
+    assert scene.far is not None
+    scene.say("lease.acquire", 1, wait_s=60.0, ttl_s=0.5)
+    scene.say("lease.acquire", 2)
+    scene.run(0.1)
+    scene.daemon_says(id=2, error={"code": 1, "message": "held"})
+    scene.daemon_says(id=3, result={})
+    assert scene.far.renews
+    scene.daemon_says(id=1, result={"number": 7})
+    assert not scene.far.renews
 
 
 def test_hello_says_by_which_way_it_came() -> None:
@@ -636,6 +678,46 @@ def test_an_answer_to_anything_else_arrives_as_it_is(line: bytes) -> None:
     scene.run(0.1)
     assert scene.to_daemon[0] == line
     assert scene.to_client == [*answers, event]
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        b'{"jsonrpc":"2.0","id":3,"method":"\\u0068ello"}\n',
+        b'\x0c{"jsonrpc":"2.0","id":3,"method":"hello"}\n',
+    ],
+)
+def test_hello_in_any_spelling_names_the_sockets_of_this_machine(line: bytes) -> None:
+    scene = Scene()
+    scene.near.asked(line, scene.now_s, scene.now_s)
+    scene.run(0.1)
+    scene.daemon_says(id=3, result={"channel": "can0", "stop_socket": "/run/can0.stop.sock"})
+    scene.run(0.1)
+    assert scene.told[0]["result"]["channel"] == "lab.left"
+    assert scene.told[0]["result"]["stop_socket"] == "/run/lab.left.stop.sock"
+
+
+def test_what_is_refused_for_its_id_changes_no_later_answer() -> None:
+    scene = Scene()
+    scene.near.asked(b'{"jsonrpc":"2.0","id":true,"method":"hello"}\n', scene.now_s, scene.now_s)
+    scene.say("state.get", 1)
+    scene.run(0.1)
+    scene.daemon_says(id=None, error={"code": -32600, "message": "no"})
+    state = scene.daemon_says(id=1, result={"mode": "idle"})
+    scene.run(0.1)
+    assert scene.to_client[-1] == state
+
+
+def test_a_stop_is_left_until_the_gateway_has_taken_it() -> None:
+    scene = Scene()
+    scene.weather.cut = True
+    scene.say("motion.open", 1)
+    scene.say("stop", 2, level="disable")
+    scene.say("state.get", 3, why="stop")
+    assert [json.loads(line)["id"] for line in scene.near.stops_left()] == [2]
+    scene.weather.cut = False
+    scene.run(0.9)
+    assert scene.near.stops_left() == []
 
 
 def test_health_says_how_the_way_is_protected() -> None:

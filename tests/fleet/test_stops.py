@@ -12,7 +12,7 @@ from litegripd.io.stop_socket import MAX_STOP_LINE_BYTES
 from litegripd.rpc.jsonrpc import stop_in
 
 OP1 = "op1@lab"
-LONGEST_NAME = "u" * 64
+LONGEST_NAME = f"{'u' * 32}@{'s' * 32}"
 
 
 def request(**params: Any) -> dict[str, Any]:
@@ -78,6 +78,20 @@ def test_a_long_reason_makes_no_stop_weaker(why: str) -> None:
     stop = stop_in(written)
     assert (stop.level, stop.identity, stop.on_behalf) == ("disable", 2**31, LONGEST_NAME)
     assert stop.why == (why[:80] if why.isprintable() else None)
+
+
+@pytest.mark.parametrize(
+    "character", ["x", '"', "\\", "\x01", "\u2028", "\ud800", "手", "\U0001f6d1"]
+)
+def test_no_reason_and_id_together_make_a_stop_weaker(character: str) -> None:
+    asked = {**request(level="disable", why=character * 80), "id": character * 64}
+    written = in_the_name_of(LONGEST_NAME, line_of(asked))
+    assert len(written) <= MAX_STOP_LINE_BYTES
+    stop = stop_in(written)
+    assert (stop.level, stop.on_behalf) == ("disable", LONGEST_NAME)
+    is_shown = character.isprintable()
+    assert stop.identity == (character * 64 if is_shown else None)
+    assert stop.why == (character * 80 if is_shown else None)
 
 
 @pytest.mark.parametrize("identity", ["i" * 2000, 10**2000, ["i" * 2000], {"i": 2000 * "d"}, 1.5])

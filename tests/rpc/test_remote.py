@@ -41,6 +41,11 @@ def test_a_remote_user_has_a_name_and_a_role_of_his_own(world: World) -> None:
     assert (mine["program"], mine["role"]) == ("grasp.py of op1@lab via gateway", "operator")
 
 
+def test_a_remote_users_name_may_be_as_long_as_a_gateways_site_and_user(world: World) -> None:
+    longest = f"{'u' * 32}@{'s' * 32}"  # a longer one is no part of a key
+    assert of(world, longest).session.remote == longest
+
+
 def test_an_observer_behind_a_gateway_moves_nothing(world: World) -> None:
     client = of(world, OP1, "observer")
     error = client.call("motor.enable")["error"]
@@ -56,7 +61,7 @@ def test_an_observer_behind_a_gateway_moves_nothing(world: World) -> None:
         (True, {"on_behalf": OP1}, "invalid_params"),
         (True, {"role": "observer"}, "invalid_params"),
         (True, {"on_behalf": OP1, "role": "root"}, "invalid_params"),
-        (True, {"on_behalf": "x" * 65, "role": "observer"}, "invalid_params"),
+        (True, {"on_behalf": "x" * 66, "role": "observer"}, "invalid_params"),
         (True, {"on_behalf": "a\nb", "role": "observer"}, "invalid_params"),
     ],
 )

@@ -139,7 +139,7 @@ class ReadingMethods:
                 "string",
                 "The user of another machine for whom this connection asks from now on; only from"
                 " those that the configuration names as gateways, and once.",
-                longest=64,
+                longest=65,
             ),
             Param(
                 "role",

@@ -28,6 +28,29 @@ def test_a_gripper_of_another_machine_is_used_as_one_of_this(lab: Fleet) -> None
             break
 
 
+AGAIN = """
+import sys
+from tests.process.daemon_process import Client
+with Client(sys.argv[1]) as client:
+    print(client.result("motion.open", key="grip", wait=False)["job"])
+"""
+"""Another program, which calls its motion by the same name."""
+
+
+def test_two_programs_of_one_user_may_give_their_motions_the_same_name(lab: Fleet) -> None:
+    path = lab.socket_path()
+    with Client(path) as client, Client(path) as again:
+        client.enabled()
+        first = client.result("motion.open", key="grip")["job"]
+        assert again.result("motion.open", key="grip")["job"] == first
+        command = [sys.executable, "-c", AGAIN, str(path)]
+        root = Path(__file__).parents[3]
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=DEADLINE_S, cwd=root, check=True
+        )
+        assert int(done.stdout) > first
+
+
 def test_who_has_said_all_gets_the_answers_that_take_longer_than_a_session_lives(
     tmp_path: Path, certificates: Path, gripper: DaemonProcess
 ) -> None:

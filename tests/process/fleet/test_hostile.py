@@ -9,6 +9,8 @@ import json
 import os
 import random
 import signal
+import subprocess
+import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -28,7 +30,7 @@ from litegrip_fleet.messages import LONGEST_BYTES, VERSION, Ask, Reply, packed, 
 from litegrip_fleet.network import Answered, ask, the_newest
 from litegripd.app.build import METHODS
 from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess
-from tests.process.fleet.fleet_process import Fleet, Part
+from tests.process.fleet.fleet_process import Fleet, Part, fleet
 from tests.process.fleet.on_network import LEFT, answers, connected
 
 MESSAGES = int(os.environ.get("LITEGRIPD_FLEET_MESSAGES", "3000"))
@@ -283,3 +285,55 @@ def test_a_flood_of_questions_how_it_is_costs_one_connection(
         assert 1 <= len(given) <= MOST_ASKED_ABOUT
         assert all({"version", "error"} & json.loads(one.payload).keys() for one in given)
         assert len(answers(session, LEFT.about)) == 1
+
+
+# A flood ------------------------------------------------------------------------------------------
+
+READS = """
+import sys
+from tests.process.daemon_process import Client
+with Client(sys.argv[1]) as client:
+    for _ in range(1000):
+        client.result("state.get")
+"""
+"""A program that behaves well; its session lives one second without its portal's signs of life."""
+
+
+@pytest.mark.alone
+def test_one_users_flood_ends_no_session_of_anothers(
+    tmp_path: Path, certificates: Path, gripper: DaemonProcess
+) -> None:
+    line = b'{"jsonrpc":"2.0","id":1,"method":"motion.open","params":{"x":[%b1]}}\n' % (
+        b"1," * 4000
+    )
+    key, over = LEFT.rpc("op2", "s-1", "operator"), threading.Event()
+    nothing = zenoh.handlers.Callback(lambda _reply: None, lambda: None)
+    sockets, users = {"left": gripper.socket_path}, {"op1": "operator", "op2": "operator"}
+    with (
+        fleet(tmp_path / "crowded", certificates, sockets, users=users, ttl_s=1.0) as lab,
+        connected(lab, "op2") as session,
+        ThreadPoolExecutor(1) as aside,
+    ):
+        while not answers(session, key, b"", packed(Ask("open", ttl_s=5.0))):
+            pass
+
+        def flood() -> int:
+            number = 0
+            while not over.is_set():
+                number += 1
+                late = packed(Ask("line", number, got=2**40, at_s=0.0))
+                session.get(key, handler=nothing, payload=line, attachment=late, timeout=1.0)
+                if number % 50 == 0:
+                    live = packed(Ask("live"))
+                    session.get(key, handler=nothing, attachment=live, timeout=1.0)
+            return number
+
+        flooding = aside.submit(flood)
+        try:
+            command = [sys.executable, "-c", READS, str(lab.socket_path())]
+            root = Path(__file__).parents[3]
+            done = subprocess.run(command, capture_output=True, text=True, cwd=root, check=False)
+        finally:
+            over.set()
+        print(f"{flooding.result(DEADLINE_S)} lines beside")
+        assert done.returncode == 0, done.stderr

@@ -72,6 +72,25 @@ def test_all_grippers_are_listed_with_how_they_are(lab: Fleet, gripper: DaemonPr
     assert run(lab, "list", "elsewhere").stdout == "no gripper was found\n"
 
 
+def test_the_one_gripper_of_a_shell_is_not_that_of_all_names(
+    tmp_path: Path,
+    certificates: Path,
+    gripper: DaemonProcess,
+    right: DaemonProcess,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("LITEGRIPD_SOCKET", str(gripper.socket_path))
+    sockets = {"left": gripper.socket_path, "right": right.socket_path}
+    with fleet(tmp_path / "fleet", certificates, sockets) as lab:
+        with Client(lab.socket_path("right")) as client:
+            assert client.result("hello")["remote"]["channel"] == f"right-{os.getpid()}"
+            client.result("stop", level="disable")
+        with right.connect() as client:
+            assert client.result("state.get")["stop"] is not None
+        with gripper.connect() as client:
+            assert client.result("state.get")["stop"] is None
+
+
 def test_a_gripper_whose_daemon_is_gone_says_so(lab: Fleet, right: DaemonProcess) -> None:
     right.process.kill()
     right.process.wait()

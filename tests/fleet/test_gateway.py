@@ -1,0 +1,156 @@
+"""What a gateway does with messages and lines, without a network and a daemon."""
+
+import asyncio
+import time
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+import zenoh
+
+from litegrip_client.errors import LiteGripError
+from litegrip_fleet.far_session import FarSession
+from litegrip_fleet.gateway import (
+    MOST_OF_A_USER,
+    MOST_SESSIONS,
+    MOST_WAITING,
+    Gateway,
+    _Connection,
+)
+from litegrip_fleet.keys import Caller, Place
+from litegrip_fleet.messages import Ask, Reply, packed, unpacked
+
+LEFT = Place("lab", "left")
+CALLER = Caller("op1", "s-1", "operator")
+KEY = LEFT.rpc(CALLER.user, CALLER.session, CALLER.role)
+NOTHING: Any = SimpleNamespace()
+
+
+class Query:
+    """A query that a portal has sent, and what has become of it."""
+
+    def __init__(self, ask: Ask, line: bytes = b"") -> None:
+        self.key_expr = KEY
+        self.attachment = zenoh.ZBytes(packed(ask))
+        self.payload = zenoh.ZBytes(line)
+        self.dropped = False
+        self.replies: list[Reply] = []
+
+    def __enter__(self) -> "Query":
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        self.drop()
+
+    def drop(self) -> None:
+        self.dropped = True
+
+    def reply(self, _key: str, _payload: bytes, *, attachment: bytes) -> None:
+        self.replies.append(unpacked(Reply, attachment))
+
+
+def made() -> Gateway:
+    return Gateway(NOTHING, LEFT, "can0")
+
+
+def take(gateway: Gateway, query: Any) -> None:
+    gateway._asked(query, CALLER)
+
+
+def opened(gateway: Gateway, about: dict[str, Any]) -> _Connection:
+    """Return a session that a gateway has begun."""
+    connection = _Connection(gateway._session, LEFT, CALLER, gateway._forget(KEY))
+    connection.far = FarSession(
+        Ask("open"),
+        time.monotonic(),
+        session=CALLER.session,
+        voided=(),
+        to_daemon=connection.to_daemon,
+        push=lambda _push, _piece: None,
+    )
+    connection.ready, connection.about = True, about
+    gateway._connections[KEY] = connection
+    return connection
+
+
+def test_no_session_begins_before_the_gateway_knows_what_a_stop_makes_void() -> None:
+    gateway, query = made(), Query(Ask("open", ttl_s=1.0))
+    take(gateway, query)
+    assert (query.dropped, query.replies) == (True, [])  # the portal asks again
+    assert gateway._connections == {}
+
+
+def test_who_asks_again_for_a_session_hears_again_what_it_is() -> None:
+    gateway, about = made(), {"user": "op1@lab"}
+    opened(gateway, about)
+    again, line = Query(Ask("open", ttl_s=1.0)), Query(Ask("live"))
+    take(gateway, again)
+    take(gateway, line)
+    assert [reply.about for reply in (*again.replies, *line.replies)] == [about, None]
+
+
+def test_a_line_of_a_daemon_that_has_ended_is_no_count_of_the_next_ones_stops() -> None:
+    gateway = made()
+    connection = opened(gateway, {})
+    gateway._generation = 0  # the next daemon's, by its hello
+    gateway._note_for(connection.far)(b'{"jsonrpc":"2.0","id":1,"result":{"generation":40}}\n')
+    assert (gateway._generation, connection.far.generation) == (0, 40)
+
+
+def test_one_users_sessions_leave_room_for_anothers() -> None:
+    gateway = made()
+
+    def begin(user: str, count: int) -> None:
+        for number in range(count):
+            caller = Caller(user, f"s-{number}", "observer")
+            key = LEFT.rpc(user, caller.session, caller.role)
+            gateway._connections[key] = _Connection(NOTHING, LEFT, caller, gateway._forget(key))
+            gateway._check_room(user)
+
+    with pytest.raises(LiteGripError, match=f"op1 has {MOST_OF_A_USER} of"):
+        begin("op1", MOST_OF_A_USER + 1)
+    begin("op2", 1)
+    with pytest.raises(LiteGripError, match=f"the gateway has {MOST_SESSIONS} sessions"):
+        begin("op3", MOST_OF_A_USER)
+
+
+def test_a_flood_of_one_user_waits_for_everybody_else() -> None:
+    gateway, taken = made(), list[str]()
+    asked: Any = lambda _query, caller: taken.append(caller.user)  # noqa: E731
+    gateway._asked = asked  # type: ignore[method-assign]
+
+    async def flooded() -> list[Query]:
+        queries = [Query(Ask("live")) for _ in range(MOST_WAITING + 10)]
+        loop, queue = asyncio.get_running_loop(), cast(Any, gateway._queue)
+        for query in queries:
+            loop.call_soon(queue, query)
+        other: Any = Query(Ask("live"))
+        other.key_expr = LEFT.rpc("op2", "s-1", "observer")
+        loop.call_soon(queue, other)
+        while len(taken) <= MOST_WAITING:
+            await asyncio.sleep(0)
+        return queries
+
+    queries = asyncio.run(flooded())
+    assert taken.index("op2") <= 2
+    assert sum(query.dropped for query in queries) == 10
+    assert gateway._waiting == {}
+
+
+def test_an_answer_reaches_its_client_whatever_its_id_is() -> None:
+    lines = [
+        b'{"jsonrpc":"2.0","id":%b,"result":{}}\n' % identity
+        for identity in (b'"gateway"', b"0", b'"0"', b'"live"', b"-1")
+    ]
+
+    async def passed_on() -> list[bytes]:
+        connection, said = opened(made(), {}), list[bytes]()
+        connection.far.said = said.append  # type: ignore[method-assign, assignment]
+        reader = asyncio.StreamReader()
+        reader.feed_data(b"".join(lines))
+        reader.feed_eof()
+        connection.attach(reader, NOTHING)
+        await connection.pass_on(lambda _line: None)
+        return said
+
+    assert asyncio.run(passed_on()) == lines

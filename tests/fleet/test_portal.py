@@ -1,0 +1,196 @@
+"""What a portal does with the stops of a client: each is given, once it is gone, too."""
+
+import asyncio
+import contextlib
+import errno
+import json
+import os
+import select
+import socket
+import time
+from pathlib import Path
+
+import pytest
+
+from litegrip_fleet.keys import Place
+from litegrip_fleet.messages import Reply
+from litegrip_fleet.portal import (
+    MOST_CLIENTS,
+    MOST_STOP_CLIENTS,
+    Portal,
+    _Client,
+    _process,
+    _state_of,
+)
+from litegrip_fleet.requests import MAX_LINE_BYTES
+
+ANSWER = b'{"jsonrpc":"2.0","id":null,"result":{"level":"hold","generation":1}}\n'
+
+
+class Stopping(Portal):
+    """A portal whose gripper is stopped by every line; `given` has them."""
+
+    def __init__(self) -> None:
+        place, path = Place("lab", "left"), Path("/nowhere/lab.left.sock")
+        super().__init__(lambda: None, place, path, user="op1", role="operator", ttl_s=1.0)
+        self.given: list[bytes] = []
+
+    async def _stopped(self, line: bytes) -> bytes:
+        self.given.append(line)
+        return ANSWER
+
+
+def pair() -> tuple[socket.socket, socket.socket]:
+    """Return a client's socket, and the portal's end of it."""
+    client, connected = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
+    connected.setblocking(False)
+    return client, connected
+
+
+def given(*pieces: bytes) -> list[bytes]:
+    """Return what is given for a client that sends this and goes at once."""
+    client, connected = pair()
+    for piece in pieces:
+        client.sendall(piece)
+    client.close()
+    portal = Stopping()
+    asyncio.run(portal._serve_stops(connected))
+    return portal.given
+
+
+def test_the_stops_of_a_client_that_goes_at_once_are_given() -> None:
+    assert given(b"hold\nrelax\ndisable\n") == [b"hold\n", b"relax\n", b"disable\n"]
+    assert given(b"hold\n", b"dis", b"able") == [b"hold\n", b"disable"]
+
+
+def test_the_stops_of_a_client_that_has_left_its_answers_unread_are_given() -> None:
+    client, connected = pair()
+    portal = Stopping()
+
+    async def go() -> None:
+        client.sendall(b"hold\n")
+        await asyncio.to_thread(select.select, (client,), (), ())
+        client.sendall(b"relax\ndisable\n")
+        client.close()
+
+    async def both() -> None:
+        await asyncio.gather(portal._serve_stops(connected), go())
+
+    asyncio.run(both())
+    assert portal.given == [b"hold\n", b"relax\n", b"disable\n"]
+
+
+def test_who_is_gone_gives_each_kind_of_stop_once() -> None:
+    given_now = given(b"hold\n" * 5000 + b"disable\n")
+    assert given_now[-1] == b"disable\n"
+    assert len(given_now) < 10
+
+
+def test_who_reads_no_answers_is_stopped_for_all_the_same() -> None:
+    client, connected = pair()
+    client.setblocking(False)
+    portal, lines = Stopping(), [b"hold\n"] * 20_000
+
+    async def flood() -> None:
+        loop = asyncio.get_running_loop()
+        await loop.sock_sendall(client, b"".join(lines))
+        client.shutdown(socket.SHUT_WR)
+
+    async def both() -> None:
+        await asyncio.gather(portal._serve_stops(connected), flood())
+
+    asyncio.run(both())
+    assert portal.given == lines
+    client.close()
+
+
+@pytest.mark.parametrize("count", [MAX_LINE_BYTES - 1, MAX_LINE_BYTES, 3 * MAX_LINE_BYTES])
+def test_no_line_is_longer_than_a_message_can_be(count: int) -> None:
+    lines = given(b"x" * count + b"\n")
+    assert lines[0] == (b"x" * count + b"\n")[:MAX_LINE_BYTES]
+    assert max(map(len, lines)) <= MAX_LINE_BYTES
+
+
+def test_who_holds_connections_for_stops_gives_way_to_who_stops(tmp_path: Path) -> None:
+    portal, path = Stopping(), str(tmp_path / "stop.sock")
+
+    async def stop() -> bytes:
+        """Fill it, send the begin of a line by the first, and stop by one more."""
+        loop = asyncio.get_running_loop()
+        with contextlib.ExitStack() as stack:
+            listener = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
+            listener.bind(path)
+            listener.listen(MOST_STOP_CLIENTS + 1)
+            listener.setblocking(False)
+            clients = []
+            accepting = asyncio.create_task(portal._accept_stops(listener))
+            for number in range(MOST_STOP_CLIENTS + 1):
+                client = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
+                client.setblocking(False)
+                await loop.sock_connect(client, path)
+                clients.append(client)
+                await loop.sock_sendall(client, b"rel" if number == 0 else b"hold\n")
+                if number > 0:
+                    assert await asyncio.wait_for(loop.sock_recv(client, 4096), 10.0) == ANSWER
+            assert await asyncio.wait_for(loop.sock_recv(clients[0], 4096), 10.0) == ANSWER
+            ended = await asyncio.wait_for(loop.sock_recv(clients[0], 4096), 10.0)
+            accepting.cancel()
+            for task in list(portal._serving):
+                task.cancel()
+            await asyncio.gather(accepting, *portal._serving, return_exceptions=True)
+            return ended
+
+    assert asyncio.run(stop()) == b""
+    assert portal.given.count(b"hold\n") == MOST_STOP_CLIENTS
+    assert portal.given[-1] == b"rel"
+
+
+def test_a_stop_by_a_request_that_the_network_has_lost_is_given_once_more() -> None:
+    portal, (client, connected) = Stopping(), pair()
+    stop = b'{"jsonrpc":"2.0","id":1,"method":"stop","params":{"level":"disable"}}\n'
+    motion = stop.replace(b"stop", b"motion.open").replace(b'"level":"disable"', b"")
+
+    async def begin(one: _Client) -> None:  # there is no network: what is sent is lost
+        one.begin(Reply(0, 0, time.monotonic()), time.monotonic(), time.monotonic())
+
+    async def serve() -> None:
+        reader, writer = await asyncio.open_unix_connection(sock=connected)
+        with client:
+            client.sendall(motion + stop)
+        await portal._serve(reader, writer)
+        writer.close()
+
+    portal._open = begin  # type: ignore[method-assign, assignment]
+    asyncio.run(serve())
+    assert portal.given == [stop]
+
+
+def test_no_more_programs_are_let_in_than_the_portal_has_descriptors_for() -> None:
+    async def told() -> bytes:
+        portal, (client, connected) = Stopping(), pair()
+        portal._clients.update(dict.fromkeys(map(str, range(MOST_CLIENTS))))  # type: ignore[arg-type]
+        reader, writer = await asyncio.open_unix_connection(sock=connected)
+        with client:
+            await portal._serve(reader, writer)
+            writer.close()
+            return client.recv(4096)
+
+    assert json.loads(asyncio.run(told()))["error"]["data"]["reason"] == "too_many_connections"
+
+
+def test_a_process_is_the_same_by_each_of_its_connections_and_no_other() -> None:
+    own, parents = _process(os.getpid()), _process(os.getppid())
+    assert own == _process(os.getpid()) != parents
+    assert _process(0) != _process(0)
+
+
+def test_a_portal_without_descriptors_goes_on_and_says_of_nobody_that_he_lives(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert _state_of(os.getpid()) in ("R", "S")
+
+    def none_left(*_arguments: object) -> int:
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    monkeypatch.setattr(os, "open", none_left)
+    assert _state_of(os.getpid()) == "T"
