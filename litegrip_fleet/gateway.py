@@ -25,6 +25,7 @@ from litegrip_fleet.far_session import FarSession, generation_in
 from litegrip_fleet.keys import Caller, Place, caller_in, stopper_in
 from litegrip_fleet.messages import Ask, BadMessageError, Push, Reply, packed, unpacked
 from litegrip_fleet.network import all_in_order, hand_over, the_newest
+from litegrip_fleet.requests import is_id
 from litegrip_fleet.site import LOOK_WITHIN_S, TWO_GATEWAYS
 
 _log = logging.getLogger(__name__)
@@ -520,7 +521,7 @@ def in_the_name_of(user: str, line: bytes) -> bytes:
     if isinstance(why, str) and why.strip().isprintable():  # anything else is escaped, and long
         params["why"] = why.strip()[:WHY_CHARACTERS]
     request: dict[str, Any] = {"jsonrpc": "2.0", "method": "stop", "params": params}
-    if isinstance(identity, int | str) and _is_short(str(identity)):
+    if is_id(identity) and _is_short(str(identity)):
         request["id"] = identity
     return json.dumps(request, ensure_ascii=False).encode(errors="replace") + b"\n"
 

@@ -13,6 +13,7 @@ from litegrip_client.protocol import strict_json
 from litegrip_fleet.answers import UNREACHABLE, error_line, error_object
 from litegrip_fleet.lateness import RemoteClock
 from litegrip_fleet.messages import Ask, Push, Reply
+from litegrip_fleet.requests import is_id
 from litegrip_fleet.rows import Inbox, Outbox
 
 LIVE_SHARE = 4
@@ -204,7 +205,7 @@ class NearSession:
             return
         if isinstance(request, dict) and request.get("method") in INTRODUCTIONS:
             identity = request.get("id")
-            if isinstance(identity, str | int) and not isinstance(identity, bool):
+            if is_id(identity):
                 self._introductions[identity] = request["method"]
 
     def _amended(self, line: bytes) -> bytes:

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Collection, Mapping
-from typing import Any
+from typing import Any, TypeGuard
 
 from litegrip_client.protocol import strict_json
 from litegrip_fleet.answers import (
@@ -166,6 +166,12 @@ def _checked_ttl(request: Mapping[str, Any], ttl_s: object) -> object:
     raise RefusedError(_answer(request, error_object(INVALID_PARAMS, text, parameter="ttl_s")))
 
 
+def is_id(value: object) -> TypeGuard[str | int]:
+    """Return True for what a daemon takes as a request's id."""
+    is_one = isinstance(value, str | int) and not isinstance(value, bool)
+    return is_one and len(str(value)) <= MAX_ID_CHARACTERS
+
+
 def _answer(request: Mapping[str, Any], error: Mapping[str, Any]) -> bytes:
     """Return the line that reports a refusal: an answer, or a set-point's notification.
 
@@ -173,7 +179,5 @@ def _answer(request: Mapping[str, Any], error: Mapping[str, Any]) -> bytes:
     """
     if "id" in request:
         identity = request["id"]
-        is_one = isinstance(identity, str | int) and not isinstance(identity, bool)
-        is_short = is_one and len(str(identity)) <= MAX_ID_CHARACTERS
-        return error_line(identity if is_short else None, error)
+        return error_line(identity if is_id(identity) else None, error)
     return refused_line(error) if request["method"] == _SET_POINT else b""

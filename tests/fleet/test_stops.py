@@ -1,4 +1,4 @@
-"""A gateway's stop for a remote user: what was asked, whoever writes it and however."""
+"""A gateway's stop for a remote user: what was asked, in any form."""
 
 import json
 from typing import Any

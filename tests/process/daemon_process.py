@@ -43,6 +43,9 @@ than the usual 0.1 s, and the motor then faults, as it must.
 MODULE = ("-m", "litegripd.app.main")
 """The daemon as a module of this interpreter's."""
 
+CTL = (sys.executable, "-m", "litegrip_client.ctl.main")
+"""`litegripctl`, by this interpreter."""
+
 DEADLINE_S = 30.0
 
 TICK_S = 0.005

@@ -12,20 +12,14 @@ from prometheus_client.openmetrics.parser import text_string_to_metric_families
 
 from litegrip_client import metrics
 from litegrip_client.doctor import gather
-from tests.process.daemon_process import DEADLINE_S, DaemonProcess
+from tests.process.daemon_process import CTL, DEADLINE_S, DaemonProcess
 
 NO_METRICS = {"control.cpus", "helper.pid", "spawner.pid", "bus.error", "teleop.pid", "teleop.link"}
 """Figures of health that are no quantities."""
 
 
 def litegripctl(running: DaemonProcess, *arguments: str) -> tuple[int, str]:
-    command = [
-        sys.executable,
-        "-m",
-        "litegrip_client.ctl.main",
-        "--socket",
-        str(running.socket_path),
-    ]
+    command = [*CTL, "--socket", str(running.socket_path)]
     done = subprocess.run(
         [*command, *arguments], capture_output=True, text=True, timeout=DEADLINE_S, check=False
     )

@@ -10,15 +10,14 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
-from tests.process.daemon_process import DEADLINE_S, DaemonProcess, daemon
+from tests.process.daemon_process import CTL, DEADLINE_S, DaemonProcess, daemon
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
 
 def ctl(*arguments: str) -> "subprocess.CompletedProcess[str]":
-    command = [sys.executable, "-m", "litegrip_client.ctl.main", *arguments]
     return subprocess.run(
-        command, check=False, capture_output=True, text=True, timeout=2 * DEADLINE_S
+        [*CTL, *arguments], check=False, capture_output=True, text=True, timeout=2 * DEADLINE_S
     )
 
 

@@ -5,7 +5,6 @@ import os
 import select
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,7 +14,7 @@ import numpy as np
 import pytest
 
 from litegrip_client.ctl.plot.drawing import draw, read
-from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess, daemon
+from tests.process.daemon_process import CTL, DEADLINE_S, Client, DaemonProcess, daemon
 
 STOOD_STILL_S = 0.4
 
@@ -40,13 +39,7 @@ def stand_still(running: DaemonProcess) -> None:
 
 
 def ctl(running: DaemonProcess, *arguments: str) -> Any:
-    command = [
-        sys.executable,
-        "-m",
-        "litegrip_client.ctl.main",
-        "--socket",
-        str(running.socket_path),
-    ]
+    command = [*CTL, "--socket", str(running.socket_path)]
     done = subprocess.run(
         [*command, "--json", *arguments], capture_output=True, timeout=DEADLINE_S, check=False
     )

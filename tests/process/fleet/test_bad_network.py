@@ -5,7 +5,6 @@ the limits that the documentation names.
 """
 
 import contextlib
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,7 +14,7 @@ import pytest
 
 from litegrip_fleet.gateway import LOOK_EVERY_S
 from litegrip_fleet.portal import STOP_WITHIN_S
-from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess
+from tests.process.daemon_process import CTL, DEADLINE_S, Client, DaemonProcess
 from tests.process.fleet.cable import Fault
 from tests.process.fleet.lab import ROUTER, Lab, lab
 from tests.process.fleet.machines import missing
@@ -285,9 +284,7 @@ def test_the_command_line_reports_a_stop_that_is_not_confirmed_in_the_portals_wo
     bad: Lab,
 ) -> None:
     bad.machines.fault("op1", CUT)
-    done = bad.run(
-        "op1", sys.executable, "-m", "litegrip_client.ctl.main", "-c", "lab.left", "stop"
-    )
+    done = bad.run("op1", *CTL, "-c", "lab.left", "stop")
     assert done.returncode != 0
     assert "lab.left is not confirmed within 2 s" in done.stderr
     assert "use the switch that cuts the power" in done.stderr

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.process.daemon_process import Client
+from tests.process.daemon_process import CTL, Client
 from tests.process.fleet.lab import OPERATORS, ROBOTS, ROUTER, Lab, lab
 from tests.process.fleet.machines import missing
 
@@ -63,16 +63,7 @@ def test_a_program_finds_a_gripper_by_its_name_and_moves_it(two: Lab, operator: 
 
 @pytest.mark.parametrize("operator", OPERATORS)
 def test_the_command_line_finds_a_gripper_by_its_name(two: Lab, operator: str) -> None:
-    command = (
-        sys.executable,
-        "-m",
-        "litegrip_client.ctl.main",
-        "-c",
-        "lab.left",
-        "state",
-        "--json",
-    )
-    done = two.run(operator, *command)
+    done = two.run(operator, *CTL, "-c", "lab.left", "state", "--json")
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["mode"] == "disabled"
 
