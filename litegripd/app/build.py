@@ -351,7 +351,13 @@ def _use_calibration(controller: Controller, result: TaskResult) -> None:
         _log.warning("no calibration for channel %s: motions are refused", channel)
         controller.use_calibration(None)
         return
-    controller.use_calibration(from_plain(found), file=result.value["path"])
+    calibration, path = from_plain(found), result.value["path"]
+    unfitting = controller.why_unfitting(calibration, path)
+    if unfitting is not None:
+        _log.error("%s", unfitting.message)
+        controller.use_calibration(None, unfitting)
+        return
+    controller.use_calibration(calibration, file=path)
 
 
 def _use_config(controller: Controller, result: TaskResult) -> None:

@@ -19,7 +19,13 @@ from typing import Any, TypeAlias
 
 from litegripd.io.can.bus import SIMULATOR, BusSettings
 from litegripd.io.helper.files import TEMPLATES
-from litegripd.model.gripper import DM4310, MOTOR_TYPES
+from litegripd.model.gripper import (
+    DM4310,
+    MOTOR_TYPES,
+    STROKE_MM,
+    STROKE_RANGE_MM,
+    SUPERSEDED_STROKE_MM,
+)
 from litegripd.model.plain import plain_of
 from litegripd.rpc.reports import Configuration
 from litegripd.rpc.sessions import ROLES, Peer, Role
@@ -142,10 +148,12 @@ KEYS = (
         "gripper",
         "stroke_mm",
         float,
-        "120.0",
-        "How far the jaws go from stop to stop; a measured travel counts as so many millimetres.",
-        1.0,
-        1000.0,
+        f"{STROKE_MM}",
+        "How far the jaws open, as a caliper measures it: this and 1 mm, by which a probe presses"
+        " into the open stop, are the millimetres of a measured travel. A calibration that differs"
+        " by more than 15 % is refused. 120.0, the default of earlier versions, counts as 85.0, and"
+        " is warned of.",
+        *STROKE_RANGE_MM,
     ),
     Key("control", "rate_hz", int, "200", "Ticks a second.", 100, 1000),
     Key(
@@ -344,7 +352,12 @@ class GripperConfig:
     """The gripper; `mount` is a template's name or the path of a calibration file."""
 
     mount: str | None = None
-    stroke_mm: float = 120.0
+    stroke_mm: float = STROKE_MM
+
+    @property
+    def is_superseded(self) -> bool:
+        """True if the stroke is the placeholder that earlier versions wrote into the file."""
+        return self.stroke_mm == SUPERSEDED_STROKE_MM
 
 
 @dataclass(frozen=True, slots=True)
@@ -406,6 +419,7 @@ class Config:
             "file": None if self.source is None else str(self.source),
             "bus": {"interface": bus.interface, "channel": bus.channel, "bitrate": bus.bitrate},
             "control": dataclasses.asdict(self.control),
+            "gripper": {"stroke_mm": self.gripper.stroke_mm},
             "rpc": {"group": self.rpc.group},
             "trajectories": {
                 "most_per_user": self.trajectories.most_per_user,

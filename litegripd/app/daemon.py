@@ -31,6 +31,7 @@ from litegripd.app.status import (
     daemon_version,
     log_event,
     make_log_handler,
+    warn_of_superseded,
     warn_of_untried,
 )
 from litegripd.app.systemd import Supervision
@@ -45,7 +46,7 @@ from litegripd.io.realtime import acquire, give_up_priority
 from litegripd.io.server import MAX_CONNECTIONS, Server
 from litegripd.io.sockets import take_over
 from litegripd.io.stop_socket import StopListener, clients_within_limit
-from litegripd.model.gripper import MOTOR_TYPES, GripperId
+from litegripd.model.gripper import MOTOR_TYPES, STROKE_MM, GripperId
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.plain import PlainError, value_of
 from litegripd.model.state import Owner, Stop, StopLevel
@@ -80,7 +81,7 @@ class Daemon:
             config.channel,
             config.bus.channel,
             config.motor.can_id,
-            config.gripper.stroke_mm,
+            STROKE_MM if config.gripper.is_superseded else config.gripper.stroke_mm,
             config.gripper.mount,
             MOTOR_TYPES[config.motor.type],
         )
@@ -167,6 +168,7 @@ class Daemon:
         load_at_start(self._machine.controller, self._note_calibration)
         self._begin()
         warn_of_untried(self._machine.controller.gripper_id.motor_type)
+        warn_of_superseded(self._config)
         self._began_s = time.monotonic()
         return self._loop()
 

@@ -17,7 +17,8 @@ from litegripd.control.calibration import CalibrationInUse
 from litegripd.io.can.bus import SIMULATOR
 from litegripd.io.log import FIELDS, JournalSink, LogHandler, goes_to_journal
 from litegripd.io.server import MAX_CONNECTIONS, MAX_CONNECTIONS_PER_UID
-from litegripd.model.gripper import MotorType
+from litegripd.model.calibration import scale_warning
+from litegripd.model.gripper import STROKE_MM, MotorType
 from litegripd.model.motor import MotorIdentity, MotorPhase
 from litegripd.model.state import Event
 from litegripd.motor.identity import warnings
@@ -61,7 +62,7 @@ def make_log_handler(channel: str, post: Callable[[str], bool]) -> LogHandler:
 
 def log_event(event: Event) -> None:
     """Log one event."""
-    is_bad = event.kind in _WARNINGS or bool(event.data.get("error"))
+    is_bad = event.kind in _WARNINGS or any(event.data.get(key) for key in ("error", "warning"))
     level = logging.WARNING if is_bad else logging.INFO
     fields = {name: event.data[key] for key, name in _FIELDS.items() if event.data.get(key)}
     _log.log(level, "%s", event.message, extra={FIELDS: {"LITEGRIP_EVENT": event.kind, **fields}})
@@ -74,6 +75,18 @@ def warn_of_untried(motor_type: MotorType) -> None:
             "[motor] type %s has NEVER BEEN TRIED ON HARDWARE: its figures are the maker's data and"
             " estimates; keep hands and valuables away until you have tried it",
             motor_type.name,
+        )
+
+
+def warn_of_superseded(config: Config) -> None:
+    """Warn once, at the start, if the configured stroke is the default of earlier versions."""
+    if config.gripper.is_superseded:
+        _log.warning(
+            "[gripper] stroke_mm = %g in %s is the default of earlier versions, a placeholder: the"
+            " gripper that ships opens %g mm, and that counts; correct the file",
+            config.gripper.stroke_mm,
+            config.source,
+            STROKE_MM,
         )
 
 
@@ -236,6 +249,10 @@ class DaemonFacts:
         elif is_usable:
             misplaced = position_refusal(self._machine.motor.view(), geometry)
             found += [] if misplaced is None else [misplaced.message]
+        calibration = controller.calibrated.calibration
+        if geometry is not None and calibration is not None:
+            doubt = scale_warning(calibration, controller.gripper_id.stroke_mm)
+            found += [] if doubt is None else [doubt]
         allowed_nm = controller.output.heat.allowance_nm
         if math.isfinite(allowed_nm):
             found.append(f"the coil is hot: holds are limited to {allowed_nm:.2f} N·m")
@@ -270,7 +287,9 @@ class DaemonFacts:
             "closed_rad": None if geometry is None else geometry.closed_rad,
             "open_rad": None if geometry is None else geometry.open_rad,
             "rad_to_mm": None if geometry is None else geometry.rad_to_mm,
-            "stroke_mm": self._config.gripper.stroke_mm,
+            "nm_to_n": None if geometry is None else geometry.nm_to_n,
+            "stroke_mm": controller.gripper_id.stroke_mm,
+            "work_stroke_mm": controller.calibrated.work_opening_mm,
             "kp": controller.gains.kp_nm_rad,
             "kd": controller.gains.kd_nm_s_rad,
         }

@@ -4,8 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+from litegripd.model.calibration import SCALE_TOLERANCE
 from litegripd.model.errors import Refusal
-from litegripd.model.gripper import Geometry
+from litegripd.model.gripper import SPAN_INSET_MM, Geometry, GripperId, MotorType
 from litegripd.model.motion_config import Conflict
 from litegripd.model.motor import MotorPhase, MotorView
 from litegripd.model.state import Job, JobKind, JobState
@@ -151,6 +152,35 @@ def duration_refusal(duration_s: float, shortest_s: float, distance_mm: float) -
         f"duration_s is {duration_s:g}, for {distance_mm:.1f} mm it must be at least"
         f" {shortest_s:.3g}",
         {"field": "duration_s", "requested": duration_s, "limit": shortest_s},
+    )
+
+
+def stroke_refusal(stroke_mm: float | None, gripper_id: GripperId) -> Refusal | None:
+    """Return a refusal if a measured stroke is too far from the configured one, or None."""
+    if stroke_mm is None:
+        return None
+    configured_mm = gripper_id.stroke_mm
+    if abs((stroke_mm + SPAN_INSET_MM) / gripper_id.span_mm - 1.0) <= SCALE_TOLERANCE:
+        return None
+    return Refusal(
+        "out_of_limits",
+        f"stroke_mm is {stroke_mm:g}, and the configured stroke is {configured_mm:g} mm: they may"
+        f" differ by {SCALE_TOLERANCE:.0%}; measure how far the jaws open (caliper), and if it is"
+        f" {stroke_mm:g} mm, set stroke_mm = {stroke_mm:g} in [gripper]",
+        {"field": "stroke_mm", "requested": stroke_mm, "limit": configured_mm},
+    )
+
+
+def force_refusal(force_n: float, geometry: Geometry, motor_type: MotorType) -> Refusal | None:
+    """Return a refusal if a force takes more torque than a grip may have."""
+    most_n = motor_type.holding_nm * geometry.nm_to_n
+    if force_n <= most_n:
+        return None
+    return Refusal(
+        "out_of_limits",
+        f"force_n is {force_n:g}, with the calibration's {geometry.nm_to_n:g} N per N·m it must be"
+        f" at most {most_n:.3g}: a grip may have {motor_type.holding_nm:g} N·m",
+        {"field": "force_n", "requested": force_n, "limit": most_n},
     )
 
 

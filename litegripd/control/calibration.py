@@ -7,7 +7,13 @@ from typing import Any
 from litegripd.control.admission import CALIBRATION_COMING, NOT_CALIBRATED, ZERO_MOVED
 from litegripd.control.limiter import DEFAULT_GAINS, Gains, gains_of
 from litegripd.control.motions.base import Adopted, Step
-from litegripd.model.calibration import NOMINAL, Calibration, CalibrationError, measured
+from litegripd.model.calibration import (
+    NOMINAL,
+    Calibration,
+    CalibrationError,
+    measured,
+    plausible_travel_rad,
+)
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import Geometry, GripperId
 from litegripd.model.motion_config import damping_conflict
@@ -36,6 +42,12 @@ class CalibrationInUse:
         """The calibrated travel, None while uncalibrated."""
         calibration = self.calibration
         return calibration.geometry if calibration and calibration.calibrated else None
+
+    @property
+    def work_opening_mm(self) -> float | None:
+        """The opening to which `open` goes, None for the open stop and while uncalibrated."""
+        calibration = self.calibration
+        return calibration.work_opening_mm if calibration and calibration.calibrated else None
 
     @property
     def is_coming(self) -> bool:
@@ -91,10 +103,6 @@ class CalibrationInUse:
         return useless
 
 
-PLAUSIBLE_TRAVEL = (0.8, 1.25)
-"""The range of a new travel as a share of the known one. Outside it something was between the
-jaws, or a stop was not one."""
-
 SAVE_WITHIN_S = 10.0
 
 
@@ -110,10 +118,13 @@ class Saving:
         gripper_id: GripperId,
         gains: Gains,
         *,
+        stroke_mm: float | None,
         keep: bool,
     ) -> None:
+        """`stroke_mm` is how far the jaws open, None for what is configured."""
         self._before = before
         self._gripper_id = gripper_id
+        self._stroke_mm = gripper_id.stroke_mm if stroke_mm is None else stroke_mm
         self._gains = gains
         self._keep = keep
         self._calibration: Calibration | None = None
@@ -127,11 +138,6 @@ class Saving:
         known = NOMINAL[0] if self._before is None else self._before.geometry
         return known.rad_to_mm
 
-    @property
-    def kp_nm_rad(self) -> float:
-        """The stiffness of motions."""
-        return self._gains.kp_nm_rad
-
     def begin(self, closed_rad: float, open_rad: float, *, plausible: bool) -> ZeroResult | None:
         """Take the stops; return a failure if they cannot be right.
 
@@ -142,19 +148,20 @@ class Saving:
                 self._before,
                 closed_rad=closed_rad,
                 open_rad=open_rad,
-                stroke_mm=self._gripper_id.stroke_mm,
+                stroke_mm=self._stroke_mm,
             )
         except CalibrationError as error:
             return failed("implausible_travel", str(error))
-        known_rad = None if self._before is None else self._before.geometry.travel_rad
-        travel_rad = found.geometry.travel_rad
-        low, high = PLAUSIBLE_TRAVEL
-        if plausible and known_rad and not low <= travel_rad / known_rad <= high:
-            return failed(
-                "implausible_travel",
-                f"the stops are {travel_rad:.3f} rad apart, by the calibration before it was"
-                f" {known_rad:.3f}: clear the jaws' way and try again, or calibrate by hand",
-            )
+        before, travel_rad = self._before, found.geometry.travel_rad
+        if plausible and before is not None:
+            low_rad, high_rad = plausible_travel_rad(before)
+            if not low_rad <= travel_rad <= high_rad:
+                return failed(
+                    "implausible_travel",
+                    f"the stops are {travel_rad:.3f} rad apart, by the calibration before it was"
+                    f" {before.geometry.travel_rad:.3f}: clear the jaws' way and try again, or"
+                    " calibrate by hand",
+                )
         self._calibration = found
         return None
 

@@ -33,9 +33,9 @@ from litegripd.control.authority import (
 from litegripd.control.calibration import CalibrationInUse, content_of, save_task
 from litegripd.control.events import JobBook, RegisterReads, Start
 from litegripd.control.holds import Grip, Hold, Idle, Slack
-from litegripd.control.limiter import Gains, Output, bounds_of
+from litegripd.control.limiter import CATCHING_GAINS, Gains, Output, bounds_of
 from litegripd.control.motions.base import Action
-from litegripd.model.calibration import Calibration
+from litegripd.model.calibration import Calibration, ScaleDoubt, scale_doubt, unfitting
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import Geometry, GripperId
 from litegripd.model.motion_config import MotionConfig
@@ -211,7 +211,28 @@ class Controller:
         """
         self.calibrated.use(calibration, problem, file, by)
         if calibration is not None:
-            self.events.append(events.calibrated(calibration, file, self.gripper_id.can_id))
+            self.events.append(events.calibrated(calibration, file, self.gripper_id))
+
+    @property
+    def scale_doubt(self) -> ScaleDoubt | None:
+        """Why the scale in use is probably wrong, or None."""
+        calibration = self.calibrated.calibration
+        if calibration is None or not calibration.calibrated:
+            return None
+        return scale_doubt(calibration, self.gripper_id.stroke_mm)
+
+    def why_unfitting(self, calibration: Calibration, file: str | None) -> Refusal | None:
+        """Return a refusal if a calibration cannot be this gripper's, or None.
+
+        `file` is where it comes from, None for what a client gives.
+        """
+        identity = self.motor.identity
+        ranges = self.gripper_id.motor_type.ranges if identity is None else identity.ranges
+        why = unfitting(calibration, self.gripper_id.stroke_mm, ranges.position_rad)
+        if why is None:
+            return None
+        text = f"the calibration {file or 'that was given'} cannot be this gripper's: {why}"
+        return Refusal("calibration_unreadable", text, {"file": file})
 
     def note_bus(self, bus: BusCondition) -> None:
         """Take the state of the bus; report each change of it once, whatever its errors say.
@@ -611,9 +632,8 @@ class Controller:
         if isinstance(idle, Grip) and idle.is_lost:
             if idle.watched:
                 self.events.append(events.object_lost(None))
-            # On some motors the damping of a position hold would shake running jaws.
             caught_rad = idle.caught_rad(feedback.position_rad, self.period_s)
-            self.idle = Hold(caught_rad, self.gains.calmed())
+            self.idle = Hold(caught_rad, CATCHING_GAINS)
             return self.idle.command(now_s, feedback)
         return command
 
@@ -630,10 +650,11 @@ class Controller:
         ranges = self.gripper_id.motor_type.ranges if identity is None else identity.ranges
         own_bounds = None if action is None else action.bounds
         bounds = own_bounds or bounds_of(self.geometry, self.config)
-        change = self.output.send(now_s, command, feedback, bounds, ranges)
+        grip = self.grip
+        change = self.output.send(now_s, command, feedback, bounds, ranges, grips=grip is not None)
         if change is not None:
             self.events.append(events.heat_changed(change))
-        grip, sent = self.grip, self.output.command
+        sent = self.output.command
         if grip is not None and sent is not None:
             grip.note_sent(sent.torque_nm)
         return sent
@@ -648,9 +669,7 @@ class Controller:
         if useless is not None:
             content = content_of(useless, self.gripper_id, self.gains, self.motor)
             self.tasks.append(save_task(self.gripper_id, content, self._saved))
-            self.events.append(
-                events.calibrated(useless, self.calibrated.file, self.gripper_id.can_id)
-            )
+            self.events.append(events.calibrated(useless, self.calibrated.file, self.gripper_id))
             if self.action is not None and self.action.needs_power:
                 self.end(ZERO_MOVED)  # its travel is no longer known
 

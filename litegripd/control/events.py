@@ -12,8 +12,9 @@ from typing import TypeAlias
 
 from litegripd.control.authority import Grant, Loss, LossCause
 from litegripd.control.heat import HeatChange
-from litegripd.model.calibration import Calibration
+from litegripd.model.calibration import Calibration, scale_warning
 from litegripd.model.errors import Refusal
+from litegripd.model.gripper import GripperId
 from litegripd.model.motor import (
     BusCondition,
     MotorIdentity,
@@ -231,20 +232,27 @@ def heat_changed(change: HeatChange) -> Event:
     return Event("heat", change.why, {**data, "coil_c": change.coil_c})
 
 
-def calibrated(calibration: Calibration, file: str | None, can_id: int) -> Event:
-    """Report the calibration in use, which way closing runs by it, and if it is another motor's."""
+def calibrated(calibration: Calibration, file: str | None, gripper_id: GripperId) -> Event:
+    """Report the calibration in use, which way closing runs by it, and if it is another motor's.
+
+    A suspicious scale is a warning.
+    """
     geometry = calibration.geometry
     turning = "increasing" if geometry.close_sign > 0 else "decreasing"
     usable = "" if calibration.calibrated else "; NOT calibrated: motions are refused"
     measured_id = calibration.content.get("can_id")
-    other = ""
+    other, can_id = "", gripper_id.can_id
     if isinstance(measured_id, int) and measured_id != can_id:
         other = f"; it was measured with motor {measured_id:#04x}, and this one is {can_id:#04x}"
     text = (
         f"calibration {file or 'given by a client'}: mount {geometry.mount}, closing by {turning}"
         f" radians, {geometry.travel_mm:.1f} mm of travel{usable}{other}"
     )
-    return Event("calibration", text, {"mount": geometry.mount, "file": file})
+    doubt = scale_warning(calibration, gripper_id.stroke_mm)
+    data: dict[str, object] = {"mount": geometry.mount, "file": file}
+    if doubt is not None:
+        text, data = f"{text}; {doubt}", {**data, "warning": True}
+    return Event("calibration", text, data)
 
 
 def not_saved(error: str) -> Event:

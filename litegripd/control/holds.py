@@ -19,7 +19,7 @@ from typing import Literal, TypeAlias
 
 from litegripd.control.detectors import STILL_RAD_S, GripWatch, Lasting, WatchLimits
 from litegripd.control.limiter import CALM_KD_NM_S_RAD, Gains
-from litegripd.model.gripper import DM4310, FORCE_PER_TORQUE_N_NM, Geometry, MotorType
+from litegripd.model.gripper import DM4310, Geometry, MotorType
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand
 from litegripd.model.plain import Carried
@@ -83,17 +83,17 @@ FAST_SHARE = 0.55
 """A little above `FREE_SPEED_SHARE`: jaws that are faster, and meet no resistance, are free."""
 
 SEARCH_SHARE = 1.8
-LEAST_SEARCH_MM_S = 85.0
-LEAST_DAMPED_MM_S = 50.0
+LEAST_SEARCH_RAD_S = 1.14
+LEAST_DAMPED_RAD_S = 0.67
 MOST_FREE_SHARE = 1.75
-"""A search travels at `SEARCH_SHARE` of the grasp speed, but at least at `LEAST_SEARCH_MM_S`, so
-that a loss is known within 50 ms. It exceeds neither `MOST_FREE_SHARE` nor what the damping of
-the hold lets free jaws reach in any case."""
+"""A search travels at `SEARCH_SHARE` of the grasp speed, but at least at `LEAST_SEARCH_RAD_S`, so
+that a loss is known within 50 ms. It exceeds neither `MOST_FREE_SHARE`, nor what the damping of
+the hold lets free jaws reach in any case, nor the bound of every motion."""
 FAR_S = 0.028
-FAR_MM = (1.15, 4.0)
+FAR_RAD = (0.0154, 0.0535)
 """Too far for an object that gave way: the distance that a search travels in this time, less the
 time in which free jaws accelerate; within these bounds."""
-MOVED_MM = 0.3
+MOVED_RAD = 0.004
 BELOW_WITHIN_S = 0.1
 """The longest time for the jaws to stand again when a force is lowered."""
 RETURN_NM_S = 10.0
@@ -111,7 +111,7 @@ tenth beyond 1.5 covers an error of the estimated friction."""
 NOTICED_SHARE = 2.0
 NOTICED_NM = 0.05
 """From this multiple of the friction, plus this amount, free jaws are certain to run."""
-STICK_NM, STICK_MM = 1.1, 10.0
+STICK_NM, STICK_RAD = 1.1, 0.134
 """Near the closed stop standing jaws are held by up to 0.95 N·m (field use of the gripper)."""
 
 
@@ -144,7 +144,7 @@ class GripSettings:
         return cls(
             geometry=geometry,
             grasp_speed_rad_s=geometry.to_rad(speed_mm_s),
-            rate_nm_s=config.force_rate_n_s / FORCE_PER_TORQUE_N_NM,
+            rate_nm_s=geometry.torque_nm(config.force_rate_n_s),
             lost_at_rad=geometry.close_sign * geometry.closed_rad - config.stop_tol,
             by=by,
             interval_s=config.hold_interval,
@@ -163,7 +163,7 @@ class GripSettings:
 
     def damping(self, applied_nm: float) -> float:
         """Return the damping (N·m·s/rad) of a hold with this torque."""
-        free_rad_s = max(self.grasp_speed_rad_s, self.geometry.to_rad(LEAST_DAMPED_MM_S))
+        free_rad_s = max(self.grasp_speed_rad_s, LEAST_DAMPED_RAD_S)
         free_rad_s = min(free_rad_s, MOST_FREE_SHARE * self.grasp_speed_rad_s)
         damping = applied_nm / free_rad_s
         return min(max(damping, SOFTEST_DAMPING_NM_S_RAD), CALM_KD_NM_S_RAD)
@@ -173,13 +173,14 @@ class GripSettings:
 
         Standing jaws press with that torque; free ones travel at that speed, if it suffices.
         """
-        applied_nm = force_n / FORCE_PER_TORQUE_N_NM
+        applied_nm = self.geometry.torque_nm(force_n)
         friction_nm = self.least_friction_nm(motor_type)
         most_rad_s = max(
             MOST_FREE_SHARE * self.grasp_speed_rad_s, applied_nm / self.damping(applied_nm)
         )
-        least_rad_s = min(self.geometry.to_rad(LEAST_SEARCH_MM_S), most_rad_s)
+        least_rad_s = min(LEAST_SEARCH_RAD_S, most_rad_s)
         speed_rad_s = max(SEARCH_SHARE * self.grasp_speed_rad_s, least_rad_s)
+        speed_rad_s = min(speed_rad_s, motor_type.fastest_rad_s)
         torque_nm = min(applied_nm, friction_nm + CALM_KD_NM_S_RAD * speed_rad_s)
         damping = max((torque_nm - friction_nm) / speed_rad_s, SOFTEST_SEARCH_DAMPING_NM_S_RAD)
         return torque_nm, damping, speed_rad_s
@@ -188,20 +189,20 @@ class GripSettings:
         """Return the limits for the watch of a grip by `force_n`."""
         torque_nm, damping, speed_rad_s = self.search(force_n, motor_type)
         friction_nm = self.least_friction_nm(motor_type)
-        driving_nm = force_n / FORCE_PER_TORQUE_N_NM - friction_nm
+        driving_nm = self.geometry.torque_nm(force_n) - friction_nm
         far_rad = 0.0
         if driving_nm > 0.0:
             reached_rad_s = min((torque_nm - friction_nm) / damping, speed_rad_s)
             gathering_s = motor_type.inertia_kg_m2 * reached_rad_s / driving_nm
             far_rad = reached_rad_s * max(FAR_S - gathering_s, 0.0)
-        nearest_rad, farthest_rad = map(self.geometry.to_rad, FAR_MM)
+        nearest_rad, farthest_rad = FAR_RAD
         return WatchLimits(
             fast_rad_s=FAST_SHARE * self.grasp_speed_rad_s,
             search_rad_s=speed_rad_s,
             far_rad=min(max(far_rad, nearest_rad), farthest_rad),
             lost_at_rad=self.lost_at_rad,
             friction_nm=self.likely_friction_nm(motor_type),
-            moved_rad=self.geometry.to_rad(MOVED_MM),
+            moved_rad=MOVED_RAD,
         )
 
 
@@ -258,9 +259,13 @@ class Grip:
         self._aim(force_n)
 
     @property
+    def _geometry(self) -> Geometry:
+        return self._settings.geometry
+
+    @property
     def applied_n(self) -> float:
         """The commanded force, on its way to `force_n`."""
-        return self._applied_nm * FORCE_PER_TORQUE_N_NM
+        return self._applied_nm * self._geometry.nm_to_n
 
     @property
     def is_lost(self) -> bool:
@@ -278,7 +283,7 @@ class Grip:
         A hold where they were measured would throw them back.
         """
         closing_rad_s = self._watch.speed_rad_s or 0.0
-        return position_rad + self._settings.geometry.close_sign * closing_rad_s * period_s
+        return position_rad + self._geometry.close_sign * closing_rad_s * period_s
 
     @property
     def _effective_nm(self) -> float:
@@ -298,8 +303,8 @@ class Grip:
         "gains") around a position at which the object may no longer be.
         """
         friction_nm = self._settings.likely_friction_nm(self._motor_type)
-        hidden_n = BREAKAWAY_SHARE * friction_nm * FORCE_PER_TORQUE_N_NM
-        commanded_n = self._effective_nm * FORCE_PER_TORQUE_N_NM
+        hidden_n = BREAKAWAY_SHARE * friction_nm * self._geometry.nm_to_n
+        commanded_n = self._effective_nm * self._geometry.nm_to_n
         may_be_none = self._watch.is_searching or self._settings.by == "gains"
         low_n = 0.0 if may_be_none else max(commanded_n - hidden_n, 0.0)
         return low_n, commanded_n + hidden_n
@@ -316,14 +321,14 @@ class Grip:
         if friction_nm is None:
             friction_nm = round(LARGE * self._motor_type.coulomb_nm, 3)
         needed_nm = NOTICED_SHARE * friction_nm + NOTICED_NM
-        if opening_mm < STICK_MM:
+        if opening_mm < STICK_RAD * self._geometry.rad_to_mm:
             needed_nm = max(needed_nm, STICK_NM)
-        return needed_nm * FORCE_PER_TORQUE_N_NM
+        return needed_nm * self._geometry.nm_to_n
 
     def take_moved_mm(self) -> float | None:
         """Return how far the object has given way, once for each time that it did."""
         moved_rad, self._watch.moved_rad = self._watch.moved_rad, None
-        return None if moved_rad is None else moved_rad * self._settings.geometry.rad_to_mm
+        return None if moved_rad is None else moved_rad * self._geometry.rad_to_mm
 
     def squeeze(self, force_n: float) -> None:
         """Change to another force; an unwatched grip closes further for it."""
@@ -351,7 +356,7 @@ class Grip:
         The torque from before a search counts as in flight, and comes back.
         """
         had_nm = max(self._return_nm, self._applied_nm)
-        self.force_n = min(self.force_n, had_nm * FORCE_PER_TORQUE_N_NM)
+        self.force_n = min(self.force_n, had_nm * self._geometry.nm_to_n)
 
     def resume(self) -> None:
         """Continue from the present state after a silence; the motor kept its last command."""
@@ -378,7 +383,7 @@ class Grip:
 
     def _judge(self, feedback: Feedback) -> None:
         was_searching = self._watch.is_searching
-        wanted_nm = self.force_n / FORCE_PER_TORQUE_N_NM
+        wanted_nm = self._geometry.torque_nm(self.force_n)
         is_full = math.isclose(self._applied_nm, wanted_nm)
         effective_nm = self._effective_nm
         is_new = self._watch.see(feedback, self._sign, effective_nm, is_full=is_full)
@@ -419,7 +424,7 @@ class Grip:
         self.force_n = force_n
         if self._watch.state == "held":
             self._return_nm = self._applied_nm
-        wanted_nm = force_n / FORCE_PER_TORQUE_N_NM
+        wanted_nm = self._geometry.torque_nm(force_n)
         lowers = self._settings.by == "torque" and wanted_nm < self._applied_nm
         friction_nm = self._settings.likely_friction_nm(self._motor_type)
         below_nm = max(wanted_nm - friction_nm, 0.0)
@@ -430,7 +435,7 @@ class Grip:
 
     def _ramp(self, elapsed_s: float) -> None:
         """Move the torque towards the one that is wanted now."""
-        wanted_nm = self.force_n / FORCE_PER_TORQUE_N_NM
+        wanted_nm = self._geometry.torque_nm(self.force_n)
         rate_nm_s = self._settings.rate_nm_s
         if self._watch.is_searching and self._settings.by == "torque":
             search_nm, _, _ = self._settings.search(self.force_n, self._motor_type)

@@ -12,7 +12,13 @@ from typing import NamedTuple
 from litegripd.control.heat import HeatChange, HeatGuard
 from litegripd.model.calibration import Calibration
 from litegripd.model.gripper import DM4310, Geometry, MotorType
-from litegripd.model.motion_config import MotionConfig
+from litegripd.model.motion_config import (
+    LEAST_DAMPING_S,
+    MOVING_KD_NM_S_RAD,
+    MOVING_KP_NM_RAD,
+    REACHING_KP_NM_RAD,
+    MotionConfig,
+)
 from litegripd.model.motor import Feedback, MitCommand, Ranges
 from litegripd.model.plain import Carried
 
@@ -33,12 +39,19 @@ class Gains:
         """Return the command for a position, without a torque of its own."""
         return MitCommand(position_rad, velocity_rad_s, self.kp_nm_rad, self.kd_nm_s_rad, 0.0)
 
-    def calmed(self) -> "Gains":
-        """Return these gains with no more damping than free jaws allow on every motor."""
-        return Gains(self.kp_nm_rad, min(self.kd_nm_s_rad, CALM_KD_NM_S_RAD))
+    def reaching(self) -> "Gains":
+        """Return these gains, stiff enough to reach a target against friction, and damped for it.
+
+        What they press with is bounded by a torque, so they press no harder for that.
+        """
+        kp = max(self.kp_nm_rad, REACHING_KP_NM_RAD)
+        return Gains(kp, max(self.kd_nm_s_rad, LEAST_DAMPING_S * kp))
 
 
-DEFAULT_GAINS = Gains(kp_nm_rad=100.0, kd_nm_s_rad=2.0)
+DEFAULT_GAINS = Gains(MOVING_KP_NM_RAD, MOVING_KD_NM_S_RAD)
+"""Those of motions whose caller names none, and of holds without a calibration's."""
+CATCHING_GAINS = Gains(MOVING_KP_NM_RAD, CALM_KD_NM_S_RAD)
+"""They stop running jaws; free jaws allow no more damping on every motor."""
 
 
 def gains_of(calibration: Calibration, before: Gains) -> Gains:
@@ -55,10 +68,29 @@ def is_in_press_zone(short_rad: float, geometry: Geometry, config: MotionConfig)
     return short_rad <= geometry.to_rad(config.press_zone_mm)
 
 
-def max_lead_rad(short_rad: float, geometry: Geometry, config: MotionConfig) -> float:
-    """Return the largest lead (rad) for jaws that are `short_rad` short of the stop ahead."""
-    pressing = is_in_press_zone(short_rad, geometry, config)
-    return geometry.to_rad(config.stop_lead_mm if pressing else config.max_lead_mm)
+LEAST_TRAVEL_NM = 2.0
+"""Friction takes up to 1.4 N·m: what is on the way must get more."""
+
+
+def travel_push_nm(config: MotionConfig, kp_nm_rad: float) -> float:
+    """Return the largest torque of a lead on the way, for a caller or a file with this stiffness.
+
+    Who asks for less than the usual stiffness is pressed with less, as far as friction allows.
+    """
+    share = min(kp_nm_rad / MOVING_KP_NM_RAD, 1.0)
+    return max(share * config.travel_nm, min(LEAST_TRAVEL_NM, config.travel_nm))
+
+
+def lead_within(
+    push_nm: float, gains: Gains, speed_rad_s: float, period_s: float
+) -> tuple[Gains, float]:
+    """Return gains and the largest lead (rad), with which stopped jaws are pushed by `push_nm`.
+
+    The lead covers what the jaws travel while a measurement is on its way: a fast command is as
+    much softer as its lead is longer.
+    """
+    lead_rad = max(push_nm / gains.kp_nm_rad, LEAD_PERIODS * speed_rad_s * period_s)
+    return Gains(push_nm / lead_rad, gains.kd_nm_s_rad), lead_rad
 
 
 def clamp_lead(wanted_rad: float, position_rad: float, lead_rad: float) -> float:
@@ -128,7 +160,7 @@ def probe_bounds(config: MotionConfig) -> Bounds:
 
 
 class CommandLimiter:
-    """Keeps commands finite, inside the travel and within the torque that the motor can bear.
+    """Keeps commands finite, inside the travel, and within speed and torque of the motor.
 
     The torque of a command is bounded by the sum of those of kp·lead, kd·dv and torque that pull
     one way. If the sum is too large, these terms are lowered by the same share.
@@ -139,10 +171,11 @@ class CommandLimiter:
     _last_s: Carried[float | None] = None
     _last_nm: Carried[float] = 0.0
     _damping: Carried[float] = 1.0
-    NOT_CARRIED = ("_motor_type",)
+    NOT_CARRIED = ("_motor_type", "_lasting_nm")
 
     def __init__(self, motor_type: MotorType = DM4310) -> None:
         self._motor_type = motor_type
+        self._lasting_nm = motor_type.rated_nm
 
     def apply(
         self,
@@ -153,10 +186,12 @@ class CommandLimiter:
         ranges: Ranges,
         *,
         allowance_nm: float = math.inf,
+        grips: bool = False,
     ) -> tuple[MitCommand, tuple[str, ...]]:
         """Return the command that may be sent, and the names of the limits that changed it.
 
-        `allowance_nm` is the largest torque that the coil's heat allows.
+        `allowance_nm` is the largest torque that the coil's heat allows. A hold by force, `grips`,
+        may ask for more than the rating as long as the heat allows it.
         """
         limited: list[str] = []
         if not all(map(math.isfinite, _fields(command))):
@@ -165,12 +200,18 @@ class CommandLimiter:
         packable = _within_ranges(command, ranges)
         if packable is not command:
             limited.append("range")
+        most_rad_s = self._motor_type.fastest_rad_s
+        if abs(packable.velocity_rad_s) > most_rad_s:
+            velocity_rad_s = _clamp(packable.velocity_rad_s, most_rad_s)
+            packable = replace(packable, velocity_rad_s=velocity_rad_s)
+            limited.append("speed")
         inside = _inside(packable, feedback, bounds)
         if inside is not packable:
             limited.append("travel")
-        elapsed_s = self._charge(now_s)
         motor = self._motor_type
-        budget_nm = min(motor.rated_nm if self._rated_only else motor.peak_nm, bounds.torque_nm)
+        self._lasting_nm = motor.holding_nm if grips else motor.rated_nm
+        elapsed_s = self._charge(now_s)
+        budget_nm = min(self._lasting_nm if self._rated_only else motor.peak_nm, bounds.torque_nm)
         within, self._damping = _within_torque(
             inside, feedback, min(budget_nm, allowance_nm), self._most_damping(elapsed_s)
         )
@@ -202,7 +243,7 @@ class CommandLimiter:
         """
         elapsed_s = 0.0 if self._last_s is None else max(now_s - self._last_s, 0.0)
         self._last_s = now_s
-        self._impulse_nm_s += (self._last_nm - self._motor_type.rated_nm) * elapsed_s
+        self._impulse_nm_s += (self._last_nm - self._lasting_nm) * elapsed_s
         self._impulse_nm_s = max(self._impulse_nm_s, 0.0)
         if self._impulse_nm_s >= self._motor_type.peak_impulse_nm_s:
             self._rated_only = True
@@ -354,12 +395,28 @@ class Output:
         self._limiter = CommandLimiter(motor_type)
 
     def send(
-        self, now_s: float, command: MitCommand, feedback: Feedback, bounds: Bounds, ranges: Ranges
+        self,
+        now_s: float,
+        command: MitCommand,
+        feedback: Feedback,
+        bounds: Bounds,
+        ranges: Ranges,
+        *,
+        grips: bool,
     ) -> HeatChange | None:
-        """Limit `command` to what may be sent; return a change of what the heat allows."""
+        """Limit `command` to what may be sent; return a change of what the heat allows.
+
+        `grips` is true for a hold by force.
+        """
         self.requested = command
         self.command, self.limited = self._limiter.apply(
-            now_s, command, feedback, bounds, ranges, allowance_nm=self.heat.allowance_nm
+            now_s,
+            command,
+            feedback,
+            bounds,
+            ranges,
+            allowance_nm=self.heat.allowance_nm,
+            grips=grips,
         )
         return self.heat.update(now_s, feedback, self._limiter.last_nm)
 

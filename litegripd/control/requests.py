@@ -17,22 +17,24 @@ from litegripd.control.admission import (
     busy_with,
     conflict_refusal,
     duration_refusal,
+    force_refusal,
     heat_refusal,
     motor_refusal,
     position_refusal,
+    stroke_refusal,
     target_refusal,
 )
 from litegripd.control.calibration import Saving, content_of, save_task
 from litegripd.control.controller import Controller
 from litegripd.control.holds import Grip, GripSettings, Hold, Slack
-from litegripd.control.limiter import Gains
+from litegripd.control.limiter import DEFAULT_GAINS, Gains, travel_push_nm
 from litegripd.control.motions.base import ClearFault, Disable, Enable, SetZero
 from litegripd.control.motions.calibrate import Calibrate, CalibrateByHand, Side
 from litegripd.control.motions.grasp import BUDGET_NM, Grasp, GraspRequest
 from litegripd.control.motions.move import Direction, MoveTo, MoveToStop, SetPoint, Stream
 from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
-from litegripd.model.gripper import FORCE_PER_TORQUE_N_NM, Geometry, Mount
+from litegripd.model.gripper import Geometry, MotorType, Mount
 from litegripd.model.motion_config import (
     MotionConfig,
     damping_conflict,
@@ -63,14 +65,14 @@ class Pace:
     at_least_s: float | None = None
 
     def speed_over(
-        self, distance_mm: float, geometry: Geometry, config: MotionConfig, period_s: float
+        self, distance_mm: float, geometry: Geometry, config: MotionConfig, motor_type: MotorType
     ) -> float | Refusal:
-        """Return the speed (mm/s) for a way, or a refusal if it does not fit the configuration."""
+        """Return the speed (mm/s) for a way, or a refusal if that is too fast."""
         speed = config.speed_mm_s if self.speed_mm_s is None else self.speed_mm_s
         duration_s = self.duration_s if self.at_least_s is None else self.at_least_s
         if duration_s is not None and distance_mm > geometry.rad_to_mm * SMALLEST_MOVE_RAD:
             speed = distance_mm / duration_s if duration_s > 0.0 else math.inf
-        conflict = fast_conflict(config, speed, period_s)
+        conflict = fast_conflict(speed, geometry, motor_type)
         if conflict is None:
             return speed
         if self.at_least_s is not None:
@@ -123,20 +125,36 @@ class MotionRequests:
         speed_mm_s: float | None,
         detached: bool,
     ) -> Job | Refusal:
-        """Begin to open or close at `speed_mm_s` (the configured speed by default)."""
+        """Begin to open or close at `speed_mm_s` (the configured speed by default).
+
+        With a work stroke, opening is a plain move to that opening, and never meets the stop.
+        """
         controller, geometry = self._controller, self._ready()
         if isinstance(geometry, Refusal):
             return geometry
         speed = config.speed_mm_s if speed_mm_s is None else speed_mm_s
-        refusal = conflict_refusal(move_conflict(config, speed, geometry, controller.period_s))
+        motor_type = controller.gripper_id.motor_type
+        refusal = conflict_refusal(move_conflict(config, speed, geometry, motor_type))
         if refusal is not None:
             return refusal
+        work_mm = controller.calibrated.work_opening_mm
+        if direction == "open" and work_mm is not None:
+            opening = MoveTo(
+                Target("opening_mm", work_mm).position_rad(geometry),
+                geometry.to_rad(speed),
+                geometry=geometry,
+                config=config,
+                gains=DEFAULT_GAINS,
+                travel_nm=travel_push_nm(config, controller.gains.kp_nm_rad),
+                period_s=controller.period_s,
+            )
+            return controller.begin(direction, opening, owner, detached)
         action = MoveToStop(
             direction,
             speed,
             geometry=geometry,
             config=config,
-            gains=controller.gains,
+            travel_nm=travel_push_nm(config, controller.gains.kp_nm_rad),
             period_s=controller.period_s,
         )
         held = self._held()
@@ -153,21 +171,24 @@ class MotionRequests:
             return geometry
         is_default = request.speed_mm_s == config.grasp_speed_mm_s
         field = "grasp_speed_mm_s" if is_default else "speed_mm_s"
-        conflict = slow_conflict(config, request.speed_mm_s, geometry, field)
+        motor_type = controller.gripper_id.motor_type
+        conflict = fast_conflict(request.speed_mm_s, geometry, motor_type, field) or slow_conflict(
+            config, request.speed_mm_s, geometry, field
+        )
         if conflict is None and request.hold_by == "gains":
             conflict = damping_conflict(config.hold_kp, config.hold_kd, "hold_")
         held = self._held()
         hot = None if held else heat_refusal(controller.output.heat.allowance_nm, BUDGET_NM)
         refusal = conflict_refusal(conflict) or hot
+        refusal = refusal or force_refusal(request.force_n, geometry, motor_type)
         if refusal is not None:
             return refusal
         action = Grasp(
             request,
             geometry=geometry,
             config=config,
-            gains=controller.gains,
             period_s=controller.period_s,
-            motor_type=controller.gripper_id.motor_type,
+            motor_type=motor_type,
             held=held,
         )
         return controller.begin("grasp", action, owner, detached)
@@ -182,7 +203,7 @@ class MotionRequests:
         gains: Gains,
         detached: bool,
     ) -> Job | Refusal:
-        """Begin to move to a position; stiffer gains do not press harder."""
+        """Begin to move to a position; stiffer gains than the calibration's press no harder."""
         controller, geometry = self._controller, self._ready()
         feedback = controller.motor.feedback
         if isinstance(geometry, Refusal) or feedback is None:
@@ -192,7 +213,7 @@ class MotionRequests:
             return refusal
         target_rad = target.position_rad(geometry)
         distance_mm = abs(target_rad - feedback.position_rad) * geometry.rad_to_mm
-        speed = pace.speed_over(distance_mm, geometry, config, controller.period_s)
+        speed = pace.speed_over(distance_mm, geometry, config, controller.gripper_id.motor_type)
         if isinstance(speed, Refusal):
             return speed
         held = self._held()
@@ -205,7 +226,7 @@ class MotionRequests:
             geometry=geometry,
             config=config,
             gains=gains,
-            lead_share=min(1.0, controller.gains.kp_nm_rad / gains.kp_nm_rad),
+            travel_nm=travel_push_nm(config, min(controller.gains.kp_nm_rad, gains.kp_nm_rad)),
             period_s=controller.period_s,
         )
         return controller.begin("move", action, owner, detached)
@@ -248,10 +269,13 @@ class MotionRequests:
         feedback = controller.motor.feedback
         if isinstance(geometry, Refusal) or feedback is None:
             return geometry if isinstance(geometry, Refusal) else NO_FEEDBACK
+        refusal = force_refusal(force_n, geometry, controller.gripper_id.motor_type)
+        if refusal is not None:
+            return refusal
         if grip is None:
             settings = GripSettings.of(geometry, config, config.grasp_speed_mm_s, "torque")
             in_flight_nm = min(
-                geometry.close_sign * feedback.torque_nm, force_n / FORCE_PER_TORQUE_N_NM
+                geometry.close_sign * feedback.torque_nm, geometry.torque_nm(force_n)
             )
             motor_type = controller.gripper_id.motor_type
             grip = Grip(settings, force_n, in_flight_nm, motor_type, watched=False)
@@ -283,7 +307,7 @@ class MotionRequests:
             return geometry
         speed = controller.config.speed_mm_s if speed_mm_s is None else speed_mm_s
         refusal = target_refusal(target, geometry) or conflict_refusal(
-            fast_conflict(controller.config, speed, controller.period_s)
+            fast_conflict(speed, geometry, controller.gripper_id.motor_type)
         )
         if refusal is not None:
             return refusal
@@ -350,12 +374,19 @@ class CalibrationRequests:
         config: MotionConfig,
         *,
         mount: Mount | None,
+        stroke_mm: float | None,
         keep: bool,
         detached: bool,
     ) -> Job | Refusal:
-        """Begin to probe both stops; `mount` sets the direction, otherwise the calibration does."""
+        """Begin to probe both stops; `mount` sets the direction, otherwise the calibration does.
+
+        `stroke_mm` is how far the jaws open, None for what is configured.
+        """
         controller = self._controller
         refusal = self._unready()
+        if refusal is not None:
+            return refusal
+        refusal = stroke_refusal(stroke_mm, controller.gripper_id)
         if refusal is not None:
             return refusal
         before = controller.calibrated.calibration
@@ -366,7 +397,9 @@ class CalibrationRequests:
             close_sign = 1 if mount == "normal" else -1
         else:
             close_sign = 1 if geometry is None else geometry.close_sign
-        saving = Saving(before, controller.gripper_id, controller.gains, keep=keep)
+        saving = Saving(
+            before, controller.gripper_id, controller.gains, stroke_mm=stroke_mm, keep=keep
+        )
         return controller.begin("zero", Calibrate(close_sign, config, saving), owner, detached)
 
     def by_hand(self, owner: Owner, config: MotionConfig) -> Job | Refusal:
@@ -383,14 +416,21 @@ class CalibrationRequests:
             return action
         return action.mark(side) or dict(action.marks)
 
-    def finish(self, owner: Owner, *, keep: bool) -> Job | Refusal:
+    def finish(self, owner: Owner, *, stroke_mm: float | None, keep: bool) -> Job | Refusal:
         """Make a calibration of the marks; the job ends when it is in use."""
         controller = self._controller
         action, running = self._by_hand_of(owner), controller.jobs.running
         if isinstance(action, Refusal):
             return action
+        refusal = stroke_refusal(stroke_mm, controller.gripper_id)
+        if refusal is not None:
+            return refusal
         saving = Saving(
-            controller.calibrated.calibration, controller.gripper_id, controller.gains, keep=keep
+            controller.calibrated.calibration,
+            controller.gripper_id,
+            controller.gains,
+            stroke_mm=stroke_mm,
+            keep=keep,
         )
         return action.finish(saving) or running or _NOT_BY_HAND
 
@@ -415,11 +455,27 @@ class CalibrationRequests:
         return busy_refusal(self._controller.jobs.running)
 
     def load(self, calibration: Calibration, file: str | None, owner: Owner) -> Refusal | None:
-        """Use another calibration, which `owner` has loaded."""
-        refusal = self.refusal_to_load()
+        """Use another calibration, which `owner` has loaded; one that cannot fit is refused."""
+        refusal = self.refusal_to_load() or self._controller.why_unfitting(calibration, file)
         if refusal is None:
             self._controller.use_calibration(calibration, file=file, by=owner.client)
         return refusal
+
+    def rescale(self, stroke_mm: float | None, owner: Owner) -> Refusal | None:
+        """Give the calibration in use the scale of jaws that open `stroke_mm` (configured: None).
+
+        The limits stay: nothing is measured again, and nothing moves.
+        """
+        controller = self._controller
+        calibration = controller.calibrated.calibration
+        if calibration is None or not calibration.calibrated:
+            return controller.calibrated.problem
+        stroke_mm = controller.gripper_id.stroke_mm if stroke_mm is None else stroke_mm
+        try:
+            rescaled = calibration.rescaled(stroke_mm)
+        except ValueError as error:
+            return Refusal("out_of_limits", f"stroke_mm is {stroke_mm:g}: {error}")
+        return self.load(rescaled, controller.calibrated.file, owner)
 
     def save(self, on_saved: OnSaved, uid: int | None = None) -> Refusal | None:
         """Let the helper write the calibration in use to the daemon's own file."""

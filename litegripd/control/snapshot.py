@@ -5,6 +5,7 @@ from typing import Literal, TypeAlias
 
 from litegripd.control.controller import Controller
 from litegripd.control.holds import Grip, Slack
+from litegripd.model.calibration import ScaleDoubt
 from litegripd.model.gripper import Geometry, Mount
 from litegripd.model.motor import BusState, Feedback, MotorPhase, MotorView, Status, status_name
 from litegripd.model.state import Job
@@ -54,7 +55,10 @@ class GripperState:
     such a hold has something between the jaws. Then `clamp_n` is the interval of the force on the
     object (friction hides the exact value; the lower end is 0 while the jaws follow an object that
     gave way), `loss_detection` is true if the loss of the object would be noticed, and
-    `loss_detection_from_n` is the smallest set force with which it would.
+    `loss_detection_from_n` is the smallest set force with which it would. `work_stroke_mm` is the
+    opening to which `motion.open` goes, None for the open stop. `scale_doubt` says why the
+    calibration's millimetres are probably wrong: "superseded" for the scale of an earlier version,
+    "unusual" for one that no gripper was seen to have.
     """
 
     seq: int
@@ -88,6 +92,8 @@ class GripperState:
     loss_detection_from_n: float | None
     calibrated: bool
     mount: Mount | None
+    work_stroke_mm: float | None
+    scale_doubt: ScaleDoubt | None
     job: JobSummary | None
     stop: StopSummary | None
     stop_generation: int
@@ -158,6 +164,8 @@ def snapshot(controller: Controller, now_s: float, period_s: float) -> GripperSt
         loss_detection_from_n=detected_from_n,
         calibrated=geometry is not None,
         mount=None if geometry is None else geometry.mount,
+        work_stroke_mm=controller.calibrated.work_opening_mm,
+        scale_doubt=controller.scale_doubt,
         job=_job(controller, controller.jobs.running),
         stop=_stop(controller),
         stop_generation=controller.stop_latch.generation,

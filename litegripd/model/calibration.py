@@ -7,10 +7,17 @@ import json
 import math
 import reprlib
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any, TypedDict
+from dataclasses import asdict, dataclass, field, fields, replace
+from typing import Any, Literal, TypeAlias, TypedDict
 
-from litegripd.model.gripper import MOTOR_TYPES, NOMINAL_RAD_TO_MM, Geometry
+from litegripd.model.gripper import (
+    FORCE_PER_TORQUE_N_NM,
+    MOTOR_TYPES,
+    SPAN_INSET_MM,
+    STROKE_MM,
+    SUPERSEDED_STROKE_MM,
+    Geometry,
+)
 from litegripd.model.motion_config import damping_conflict
 
 
@@ -57,12 +64,27 @@ GRASP_TORQUE_THRESHOLD_NM = 0.5
 
 
 NOMINAL = (
-    Geometry(0.114, -1.491, NOMINAL_RAD_TO_MM),
-    Geometry(-1.491, 0.114, NOMINAL_RAD_TO_MM),
+    Geometry(0.0, -1.651026, 52.69),
+    Geometry(-1.651026, 0.0, 52.69),
 )
-"""The figures of the templates for the two mounts (and of the factory's file, for the first). No
-measurement gives exactly these, so a gripper with these figures was never measured, whatever its
-file says."""
+"""The figures of the templates for the two mounts (and of the factory's file, for the first)."""
+SUPERSEDED = (
+    Geometry(0.114, -1.491, 74.8),
+    Geometry(-1.491, 0.114, 74.8),
+)
+"""Those of earlier versions, on 120 mm; files on users' disks have them."""
+NOMINAL_TRAVEL = (0.7, 1.3)
+"""The range of a travel as a share of the nominal one. Grippers of 1.31 to 1.84 rad were seen."""
+PLAUSIBLE_TRAVEL = (0.8, 1.25)
+"""The same for a travel that was measured before. Outside it something was between the jaws, or a
+stop was not one."""
+
+SCALE_TOLERANCE = 0.15
+"""By how much the travel in mm may differ from the configured stroke."""
+SUPERSEDED_TOLERANCE = 0.02
+"""By how much a travel may differ from 120 mm to count as one of an earlier version."""
+USUAL_RAD_TO_MM = (45.0, 80.0)
+"""Scales of grippers that were seen: 46.7 to 74.8 mm/rad."""
 
 
 class CalibrationError(ValueError):
@@ -74,8 +96,9 @@ class Calibration:
     """The content of a file: the geometry, and other values where they are given.
 
     `kp` (N·m/rad) and `kd` (N·m·s/rad) are the gains of the hold, None if the file has none;
-    `content` is the whole file, unknown keys included. `saved_s` is when the file was written (Unix
-    time); None for what is in no file, and for a template.
+    `work_stroke_mm` is how far `open` goes, 0 for the open stop; `content` is the whole file,
+    unknown keys included. `saved_s` is when the file was written (Unix time); None for what is in
+    no file, and for a template.
     """
 
     geometry: Geometry
@@ -83,17 +106,37 @@ class Calibration:
     channel: str | None = None
     kp_nm_rad: float | None = None
     kd_nm_s_rad: float | None = None
+    work_stroke_mm: float = 0.0
     content: Mapping[str, Any] = field(default_factory=dict)
     saved_s: float | None = None
 
     @property
     def nominal(self) -> bool:
         """True if its figures are a template's, which were measured on no gripper."""
-        return self.geometry in NOMINAL
+        return self.geometry in NOMINAL + SUPERSEDED
+
+    @property
+    def work_opening_mm(self) -> float | None:
+        """The opening to which `open` goes, None if that is the open stop."""
+        work_mm = self.work_stroke_mm
+        return work_mm if 0.0 < work_mm < self.geometry.travel_mm else None
+
+    @property
+    def is_superseded(self) -> bool:
+        """True if its scale is that of an earlier version, which took the travel for 120 mm."""
+        share = self.geometry.travel_mm / SUPERSEDED_STROKE_MM
+        return abs(share - 1.0) <= SUPERSEDED_TOLERANCE
 
     def direction_only(self) -> "Calibration":
-        """Return what a template may set: limits and scale, but no ids and no gains."""
-        return Calibration(self.geometry)
+        """Return what a template may set: limits, scale and work stroke, but no ids and gains."""
+        return Calibration(self.geometry, work_stroke_mm=self.work_stroke_mm)
+
+    def rescaled(self, stroke_mm: float) -> "Calibration":
+        """Return this calibration for jaws that open `stroke_mm`; the limits stay."""
+        geometry = replace(
+            self.geometry, rad_to_mm=(stroke_mm + SPAN_INSET_MM) / self.geometry.travel_rad
+        )
+        return replace(self, geometry=geometry, saved_s=None)
 
     def file_content(
         self,
@@ -123,6 +166,7 @@ class Calibration:
             "max_position_rad": geometry.open_rad,
             "travel_range_rad": geometry.travel_rad,
             "rad_to_mm": geometry.rad_to_mm,
+            "work_stroke_mm": self.work_stroke_mm,
             "motor_type": motor_type,
             "kp": kp_nm_rad if self.kp_nm_rad is None else self.kp_nm_rad,
             "kd": kd_nm_s_rad if self.kd_nm_s_rad is None else self.kd_nm_s_rad,
@@ -140,26 +184,93 @@ class Calibration:
         content = ours | kept
         if not content["mst_id"]:
             del content["mst_id"]
+        if not content["work_stroke_mm"]:
+            del content["work_stroke_mm"]
         return content
 
 
 def measured(
     before: Calibration | None, *, closed_rad: float, open_rad: float, stroke_mm: float
 ) -> Calibration:
-    """Return the calibration for two measured stops, between which the jaws travel `stroke_mm`.
+    """Return the calibration for two measured stops of jaws that open `stroke_mm`.
 
-    `rad_to_mm = stroke_mm / |closed - open|`, as the SDK's `zero()` derives it. Gains and content
-    of the calibration `before` are kept; the mount follows from the stops, whatever it was before.
+    `rad_to_mm = (stroke_mm + 1.0) / |closed - open|`, as the SDK's `zero()` derives it. All else of
+    the calibration `before` is kept; the mount follows from the stops, whatever it was before.
     Raises `CalibrationError` for stops or a stroke that no gripper has.
     """
+    nm_to_n = FORCE_PER_TORQUE_N_NM if before is None else before.geometry.nm_to_n
     try:
-        travel_rad = Geometry(closed_rad, open_rad, 1.0).travel_rad
-        geometry = Geometry(closed_rad, open_rad, stroke_mm / travel_rad)
+        limits = Geometry(closed_rad, open_rad, 1.0, nm_to_n)
+        found = Calibration(limits) if before is None else replace(before, geometry=limits)
+        return replace(found.rescaled(stroke_mm), calibrated=True)
     except ValueError as error:
         raise CalibrationError(f"the measured stops cannot be used: {error}") from None
-    if before is None:
-        return Calibration(geometry)
-    return replace(before, geometry=geometry, calibrated=True, saved_s=None)
+
+
+def plausible_travel_rad(before: Calibration) -> tuple[float, float]:
+    """Return the travels (rad) that another measurement of this gripper may find."""
+    low, high = NOMINAL_TRAVEL if before.nominal else PLAUSIBLE_TRAVEL
+    return low * before.geometry.travel_rad, high * before.geometry.travel_rad
+
+
+def unfitting(calibration: Calibration, stroke_mm: float, position_rad: float) -> str | None:
+    """Return why a calibration cannot be that of a gripper that opens `stroke_mm`, or None.
+
+    The motor reports positions of up to ±`position_rad` (register PMAX). A wrong scale makes every
+    length, speed and force limit wrong. The scale of earlier versions passes: `advice` warns of it.
+    """
+    geometry = calibration.geometry
+    furthest_rad = max(abs(geometry.closed_rad), abs(geometry.open_rad))
+    if furthest_rad > position_rad:
+        return (
+            f"a limit is {furthest_rad:g} rad, and the motor reports at most ±{position_rad:g} rad:"
+            " limits are radians, not degrees"
+        )
+    span_mm = stroke_mm + SPAN_INSET_MM
+    if abs(geometry.travel_mm / span_mm - 1.0) <= SCALE_TOLERANCE or calibration.is_superseded:
+        return None
+    return (
+        f"its limits are {geometry.travel_rad:.4g} rad apart, with {geometry.rad_to_mm:.4g} mm/rad"
+        f" that is {geometry.travel_mm:.4g} mm of travel, and the configured stroke is"
+        f" {stroke_mm:g} mm ({span_mm:g} between the limits): they may differ by"
+        f" {SCALE_TOLERANCE:.0%}. Measure how far the jaws open (caliper). If the file is wrong,"
+        f" correct its rad_to_mm ({span_mm / geometry.travel_rad:.4g} for these limits), or load a"
+        " template and measure again (zero). If the stroke is wrong, set stroke_mm in [gripper]"
+    )
+
+
+ScaleDoubt: TypeAlias = Literal["superseded", "unusual"]
+"""Why the scale of a calibration in use is probably wrong: it is that of an earlier version, or
+unlike that of any gripper that was seen."""
+
+
+def scale_doubt(calibration: Calibration, stroke_mm: float) -> ScaleDoubt | None:
+    """Return why a scale is probably wrong though it is used, or None."""
+    geometry, low_high = calibration.geometry, USUAL_RAD_TO_MM
+    if abs(geometry.travel_mm / (stroke_mm + SPAN_INSET_MM) - 1.0) > SCALE_TOLERANCE:
+        return "superseded"
+    return None if low_high[0] <= geometry.rad_to_mm <= low_high[1] else "unusual"
+
+
+def scale_warning(calibration: Calibration, stroke_mm: float) -> str | None:
+    """Return a warning that a scale is probably wrong, with the remedy; or None."""
+    geometry, doubt = calibration.geometry, scale_doubt(calibration, stroke_mm)
+    if doubt is None:
+        return None
+    if doubt == "superseded":
+        factor = geometry.travel_mm / (stroke_mm + SPAN_INSET_MM)
+        return (
+            f"the calibration takes the jaws' travel for {geometry.travel_mm:.4g} mm, as earlier"
+            f" versions did; the gripper that ships opens {STROKE_MM:g} mm, so every length and"
+            f" speed in mm reads {factor:.2f} times too large: litegripctl calibration rescale"
+            " corrects it, without another measurement"
+        )
+    low, high = USUAL_RAD_TO_MM
+    return (
+        f"the calibration has {geometry.rad_to_mm:.4g} mm/rad, and grippers of {low:g} to"
+        f" {high:g} mm/rad were seen: measure how far the jaws open (caliper), then correct it by"
+        " litegripctl calibration rescale --stroke-mm MM, or measure the travel again (zero)"
+    )
 
 
 def to_plain(calibration: Calibration) -> dict[str, Any]:
@@ -172,11 +283,19 @@ def to_plain(calibration: Calibration) -> dict[str, Any]:
 
 def from_plain(values: Mapping[str, Any]) -> Calibration:
     """Return the calibration that `to_plain` was given."""
-    geometry = Geometry(values["closed_rad"], values["open_rad"], values["rad_to_mm"])
+    geometry = Geometry(**{field.name: values[field.name] for field in fields(Geometry)})
     return Calibration(geometry, **{name: values[name] for name in _CARRIED})
 
 
-_CARRIED = ("calibrated", "channel", "kp_nm_rad", "kd_nm_s_rad", "content", "saved_s")
+_CARRIED = (
+    "calibrated",
+    "channel",
+    "kp_nm_rad",
+    "kd_nm_s_rad",
+    "work_stroke_mm",
+    "content",
+    "saved_s",
+)
 
 
 def parse_calibration(text: str) -> Calibration:
@@ -195,8 +314,15 @@ def read_content(content: object) -> Calibration:
     if _is_nested_deeper(content, _MAX_NESTING):
         raise CalibrationError(f"objects and arrays nested more than {_MAX_NESTING} deep")
     closed_rad, open_rad, rad_to_mm = (_number(content, key) for key in _KNOWN_NUMBERS)
+    nm_to_n = _optional(content, "nm_to_n", FORCE_PER_TORQUE_N_NM)
+    work_stroke_mm = _optional(content, "work_stroke_mm", 0.0)
+    if work_stroke_mm < 0.0:
+        raise CalibrationError(
+            f"work_stroke_mm is {work_stroke_mm:g}, it must be the opening to which open goes,"
+            " in mm, or 0 for the open stop"
+        )
     try:
-        geometry = Geometry(closed_rad, open_rad, rad_to_mm)
+        geometry = Geometry(closed_rad, open_rad, rad_to_mm, nm_to_n)
     except ValueError as error:
         raise CalibrationError(str(error)) from None
     kp_nm_rad, kd_nm_s_rad = _gains(content)
@@ -206,6 +332,7 @@ def read_content(content: object) -> Calibration:
         channel=_typed(content, "channel", str, default=None),
         kp_nm_rad=kp_nm_rad,
         kd_nm_s_rad=kd_nm_s_rad,
+        work_stroke_mm=work_stroke_mm,
         content=content,
     )
 
@@ -230,6 +357,10 @@ def _number(content: Mapping[str, Any], key: str) -> float:
     if not math.isfinite(number):
         raise CalibrationError(f"{key} is not a finite number")
     return number
+
+
+def _optional(content: Mapping[str, Any], key: str, default: float) -> float:
+    return default if content.get(key) is None else _number(content, key)
 
 
 def _gains(content: Mapping[str, Any]) -> tuple[float | None, float | None]:

@@ -16,12 +16,23 @@ SMALLEST_TRAVEL_RAD = 0.001
 RAD_TO_MM_RANGE = (0.001, 1e6)
 """Far wider than any gripper. Within these bounds no figure of the geometry over- or underflows."""
 
-NOMINAL_RAD_TO_MM = 74.8
-"""The scale of the vendor's templates."""
+STROKE_MM = 85.0
+"""How far the jaws of the gripper that ships open, by a caliper (vendor's newest sources)."""
+SPAN_INSET_MM = 1.0
+"""A probe presses this far into the open stop. So the two limits span the stroke and this (vendor's
+`SPAN_INSET_MM`)."""
+STROKE_RANGE_MM = (1.0, 1000.0)
+SUPERSEDED_STROKE_MM = 120.0
+"""The stroke that earlier versions assumed: a placeholder, by its vendor's own word."""
 
 FORCE_PER_TORQUE_N_NM = 10.0
-"""1 N corresponds to about 0.1 N·m (vendor's SDK, `UnitConversion.N_TO_NM`). The factor is
-approximate: the clamping force depends on the geometry of the fingers."""
+"""1 N corresponds to about 0.1 N·m (vendor's SDK, `UnitConversion.N_TO_NM`): what a calibration has
+unless its file says otherwise. It was never measured. By virtual work without friction, both
+fingers together squeeze with 1000 / `rad_to_mm`: 19 N per N·m at 52.69 mm/rad. So it errs towards
+more force than it says."""
+NM_TO_N_RANGE = (5.0, 30.0)
+"""What a calibration may have instead: virtual work gives 12.5 to 22 for the scales that were
+seen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,13 +40,15 @@ class Geometry:
     """The calibrated travel of one gripper.
 
     `closed_rad` and `open_rad` are the motor's positions at the two stops, in either order;
-    `rad_to_mm` is the jaw opening per radian, above 0. Raises `ValueError` for a value that is
-    not finite, for zero travel, for a factor that is not positive, and for absurd sizes.
+    `rad_to_mm` is the jaw opening per radian, above 0. `nm_to_n` is the squeezing force per torque
+    of the motor, approximately. Raises `ValueError` for a value that is not finite, for zero
+    travel, for a factor that is not positive, and for absurd sizes.
     """
 
     closed_rad: float
     open_rad: float
     rad_to_mm: float
+    nm_to_n: float = FORCE_PER_TORQUE_N_NM
 
     def __post_init__(self) -> None:
         """Reject limits that leave the closing direction unknown."""
@@ -51,6 +64,9 @@ class Geometry:
             raise ValueError(f"the travel is {self.travel_rad:g} rad, less than a jaw can move")
         if not RAD_TO_MM_RANGE[0] <= self.rad_to_mm <= RAD_TO_MM_RANGE[1]:
             raise ValueError(f"rad_to_mm is {self.rad_to_mm:g}, it must be 0.001 to 1e6")
+        if not NM_TO_N_RANGE[0] <= self.nm_to_n <= NM_TO_N_RANGE[1]:
+            low, high = NM_TO_N_RANGE
+            raise ValueError(f"nm_to_n is {self.nm_to_n:g}, it must be {low:g} to {high:g}")
 
     @property
     def close_sign(self) -> int:
@@ -91,7 +107,11 @@ class Geometry:
 
     def force_n(self, torque_nm: float) -> float:
         """Return the approximate force at the jaws; squeezing is positive."""
-        return self.close_sign * torque_nm * FORCE_PER_TORQUE_N_NM
+        return self.close_sign * torque_nm * self.nm_to_n
+
+    def torque_nm(self, force_n: float) -> float:
+        """Return the torque for a force, without direction."""
+        return force_n / self.nm_to_n
 
     def to_rad(self, distance_mm: float) -> float:
         """Return a distance of the jaws in radians, without direction."""
@@ -101,11 +121,18 @@ class Geometry:
 PEAK_S = 0.5
 """How long the peak torque is allowed; less torque is allowed for longer."""
 
-FINGERS_KG_M2 = 7e-5
-"""Inertia of the gripper's fingers at the motor's output (from its model files)."""
+FINGERS_KG_M2 = 5e-5
+"""Inertia of the gripper's fingers at the motor's output: 2 x 35.45 g at 26 mm/rad each (from its
+model files)."""
 
-FASTEST_MM_S = 500.0
-"""The gripper's limit; a slow motor allows less."""
+FASTEST_MM_S = 150.0
+"""The highest speed that may be asked for (vendor's newest programs)."""
+FASTEST_RAD_S = 3.3
+"""The same at the motor, whatever a calibration says of millimetres. The DM4310's rotor and the
+fingers have 10 mJ at this speed (1.85e-3 kg·m²). It is 150 mm/s at 46 mm/rad, the smallest scale
+that was seen, and 174 mm/s at 52.69."""
+MOST_FORCE_N = 40.0
+"""What the fingers are rated for together; the vendor recommends 20 N for continuous work."""
 
 
 @dataclass(frozen=True)
@@ -113,9 +140,9 @@ class MotorType:
     """One type of motor. Torques, speeds and inertias are at the output, after the gear.
 
     `ranges` are those of a frame as the motor leaves the factory; the motor's own are used.
-    `rated_nm` is allowed for long, `peak_nm` for `PEAK_S`. At `coil_limit_c` the daemon lowers the
-    torque; it is well below the firmware's own limit. `braking_nm_s_rad` is that of a disabled
-    motor.
+    `rated_nm` is allowed for long, `holding_nm` to a grip, for as long as the coil's heat allows
+    it, and `peak_nm` for `PEAK_S`. At `coil_limit_c` the daemon lowers the torque; it is well below
+    the firmware's own limit. `braking_nm_s_rad` is that of a disabled motor.
     """
 
     name: str
@@ -123,6 +150,7 @@ class MotorType:
     ranges: Ranges
     gear_ratio: float
     rated_nm: float
+    holding_nm: float
     peak_nm: float
     rated_speed_rad_s: float
     no_load_speed_rad_s: float
@@ -173,13 +201,13 @@ class MotorType:
 
     @cached_property
     def most_force_n(self) -> float:
-        """The largest force that may be asked for, at the rated torque."""
-        return self.rated_nm * FORCE_PER_TORQUE_N_NM
+        """The largest force that may be asked for, at 10 N for 1 N·m."""
+        return min(MOST_FORCE_N, self.holding_nm * FORCE_PER_TORQUE_N_NM)
 
     @cached_property
-    def fastest_mm_s(self) -> float:
-        """The highest speed that may be asked for: the rated one, up to the gripper's limit."""
-        return min(FASTEST_MM_S, math.floor(self.rated_speed_rad_s * NOMINAL_RAD_TO_MM))
+    def fastest_rad_s(self) -> float:
+        """The highest speed of any motion at the motor: the rated one, up to the gripper's."""
+        return min(FASTEST_RAD_S, self.rated_speed_rad_s)
 
 
 DM4310 = MotorType(
@@ -188,6 +216,7 @@ DM4310 = MotorType(
     ranges=Ranges(position_rad=12.5, velocity_rad_s=30.0, torque_nm=10.0),
     gear_ratio=10.0,
     rated_nm=3.0,
+    holding_nm=4.0,  # the 40 N that the gripper's manual measured
     peak_nm=7.0,
     rated_speed_rad_s=12.57,
     no_load_speed_rad_s=20.9,
@@ -207,6 +236,7 @@ DM4340 = MotorType(
     ranges=Ranges(position_rad=12.5, velocity_rad_s=10.0, torque_nm=28.0),
     gear_ratio=40.0,
     rated_nm=9.0,
+    holding_nm=9.0,
     peak_nm=27.0,
     rated_speed_rad_s=3.77,
     no_load_speed_rad_s=5.5,
@@ -235,6 +265,11 @@ class GripperId:
     channel: str = "can0"
     bus_channel: str = "can0"
     can_id: int = 0x08
-    stroke_mm: float = 120.0
+    stroke_mm: float = STROKE_MM
     mount: str | None = None
     motor_type: MotorType = DM4310
+
+    @property
+    def span_mm(self) -> float:
+        """The distance between the two limits that a probe finds."""
+        return self.stroke_mm + SPAN_INSET_MM

@@ -17,6 +17,20 @@ class MotionConfigError(ValueError):
         self.field = field
 
 
+PRESS_NM_PER_MM = 100.0 / 74.8
+"""The torque for each mm of a lead in the settings. The vendor's lead of 0.7 mm presses with 0.94
+N·m at its kp 100 and 74.8 mm/rad; that torque is what was found right. With other gains or another
+scale the same lead would press with anything from 0.05 to 9 N·m. So the settings keep the vendor's
+names and values, and mean these torques whatever a calibration says."""
+REACHING_KP_NM_RAD = 55.0
+"""With less, friction keeps the jaws away from a target by more than `reach_tol`: 1.1 N·m on 0.02
+rad."""
+MOVING_KP_NM_RAD = 100.0
+MOVING_KD_NM_S_RAD = 2.0
+"""Stiffness and damping of motions whose caller names none (the vendor's, validated on the real
+gripper)."""
+
+
 @dataclass(frozen=True, slots=True)
 class MotionConfig:
     """How the jaws move; raises `MotionConfigError` for a value that its field cannot have.
@@ -27,7 +41,8 @@ class MotionConfig:
     `hold_kd` and `calib_kd` N·m·s/rad; `calib_tau_limit` N·m; what ends in `_interval` is
     seconds. The defaults are the vendor's, validated on the real gripper; those of
     `force_rate_n_s` and `stop_torque_nm` to `stop_release_s` come from its use in the field. The
-    vendor's `frame_interval` is the daemon's control period, and not among these.
+    vendor's `frame_interval` is the daemon's control period, and not among these. `max_lead_mm` and
+    `stop_lead_mm` are bounds of a torque, `PRESS_NM_PER_MM` for each mm.
     """
 
     speed_mm_s: float = 50.0
@@ -73,6 +88,16 @@ class MotionConfig:
                 f" {self.max_lead_mm:g}: near the stop the jaws press less, not more",
             )
 
+    @property
+    def travel_nm(self) -> float:
+        """The largest torque of a lead on the way: `max_lead_mm` in N·m."""
+        return self.max_lead_mm * PRESS_NM_PER_MM
+
+    @property
+    def stop_nm(self) -> float:
+        """The torque that presses on a stop: `stop_lead_mm` in N·m."""
+        return self.stop_lead_mm * PRESS_NM_PER_MM
+
     def changed(
         self, values: Mapping[str, Any], period_s: float, motor_type: MotorType = DM4310
     ) -> "MotionConfig":
@@ -107,7 +132,7 @@ class MotionConfig:
 
 _RANGES: dict[str, tuple[float, float]] = {
     "speed_mm_s": (0.1, FASTEST_MM_S),
-    "grasp_speed_mm_s": (0.1, 200.0),
+    "grasp_speed_mm_s": (0.1, FASTEST_MM_S),
     "margin": (0.0, 0.4),
     "sample_interval": (0.01, 1.0),
     "settle_s": (0.0, 5.0),
@@ -146,8 +171,6 @@ N·m a stop looks like jaws that stick in front of it, which takes up to 0.95 N�
 def ranges_of(motor_type: MotorType) -> Mapping[str, tuple[float, float]]:
     """Return the range of each field with a type of motor: no more than it can do for long."""
     most = {
-        "speed_mm_s": motor_type.fastest_mm_s,
-        "grasp_speed_mm_s": motor_type.fastest_mm_s,
         "force_n": motor_type.most_force_n,
         "stop_torque_nm": motor_type.peak_nm,
         "calib_tau_limit": motor_type.rated_nm,
@@ -227,7 +250,7 @@ def damping_conflict(kp_nm_rad: float, kd_nm_s_rad: float, of: str = "") -> Conf
 
 
 def move_conflict(
-    config: MotionConfig, speed_mm_s: float, geometry: Geometry, period_s: float
+    config: MotionConfig, speed_mm_s: float, geometry: Geometry, motor_type: MotorType
 ) -> Conflict | None:
     """Return why a move to a stop at this speed does not fit the other settings, or None.
 
@@ -242,23 +265,34 @@ def move_conflict(
             f"press_overshoot {config.press_overshoot:g} of the calibrated travel is"
             f" {overshoot_rad:.3f} rad; it must be above reach_tol, {config.reach_tol:g} rad",
         )
-    return fast_conflict(config, speed_mm_s, period_s) or slow_conflict(
+    return fast_conflict(speed_mm_s, geometry, motor_type) or slow_conflict(
         config, speed_mm_s, geometry, "speed_mm_s"
     )
 
 
-def fast_conflict(config: MotionConfig, speed_mm_s: float, period_s: float) -> Conflict | None:
-    """Return why a speed is too high, or None: the largest lead would clip the ramp's own step."""
-    fastest = config.stop_lead_mm / period_s
-    if speed_mm_s <= fastest:  # not so for NaN
+def fastest_mm_s(geometry: Geometry, motor_type: MotorType) -> float:
+    """Return the highest speed of any motion: in mm/s, and in rad/s at the motor."""
+    return min(FASTEST_MM_S, motor_type.fastest_rad_s * geometry.rad_to_mm)
+
+
+def fast_conflict(
+    speed_mm_s: float, geometry: Geometry, motor_type: MotorType, field: str = "speed_mm_s"
+) -> Conflict | None:
+    """Return why a speed is too high, or None.
+
+    A wrong scale cannot make the jaws faster: the bound at the motor knows no millimetres.
+    """
+    most_mm_s = fastest_mm_s(geometry, motor_type)
+    if speed_mm_s <= most_mm_s:  # not so for NaN
         return None
-    return Conflict(
-        "speed_mm_s",
-        speed_mm_s,
-        fastest,
-        f"speed_mm_s is {speed_mm_s:g}, at most {fastest:g} goes with stop_lead_mm"
-        f" {config.stop_lead_mm:g}: the command may not lead by less than one period's travel",
-    )
+    because = ""
+    if most_mm_s < FASTEST_MM_S:
+        because = (
+            f": the motor turns at no more than {motor_type.fastest_rad_s:g} rad/s, and the"
+            f" calibration has {geometry.rad_to_mm:.4g} mm/rad"
+        )
+    text = f"{field} is {speed_mm_s:g}, it must be at most {most_mm_s:.4g}{because}"
+    return Conflict(field, speed_mm_s, most_mm_s, text)
 
 
 def slow_conflict(
@@ -266,11 +300,13 @@ def slow_conflict(
 ) -> Conflict | None:
     """Return why a speed is too low for the stall window, or None.
 
-    Below `stop_lead_mm` a window, static friction would count as a stall: it holds the jaws until
-    the command leads by up to that distance. Below `stall_delta` a window, every motion would.
+    Static friction holds the jaws until the command leads by up to `stop_lead_mm` in torque: in a
+    window in which a slower command does not get so far, it would count as a stall. Below
+    `stall_delta` a window, every motion would.
     """
     window_s = config.stall_cycles * config.sample_interval
-    slowest = max(1.5 * config.stall_delta * geometry.rad_to_mm, config.stop_lead_mm) / window_s
+    lead_rad = config.stop_nm / MOVING_KP_NM_RAD
+    slowest = max(1.5 * config.stall_delta, lead_rad) * geometry.rad_to_mm / window_s
     if speed_mm_s >= slowest:
         return None
     return Conflict(

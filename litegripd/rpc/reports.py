@@ -46,7 +46,11 @@ class MotorFacts(TypedDict):
 
 
 class GripperFacts(TypedDict):
-    """The calibration in use, and the gains of a hold."""
+    """The calibration in use, and the gains of a hold.
+
+    `stroke_mm` is how far the jaws open by the configuration; `work_stroke_mm` the opening to which
+    motion.open goes, null for the open stop; `nm_to_n` the force per torque, N per N·m.
+    """
 
     calibrated: bool
     mount: Mount | None
@@ -54,7 +58,9 @@ class GripperFacts(TypedDict):
     closed_rad: float | None
     open_rad: float | None
     rad_to_mm: float | None
+    nm_to_n: float | None
     stroke_mm: float
+    work_stroke_mm: float | None
     kp: float
     kd: float
 
@@ -143,12 +149,19 @@ class TrajectoryLimits(TypedDict):
     most_mb_per_user: int
 
 
+class StrokeFacts(TypedDict):
+    """The stroke, as configured."""
+
+    stroke_mm: float
+
+
 class Configuration(TypedDict):
     """What the daemon's configuration file says, or would."""
 
     file: str | None
     bus: BusFacts
     control: Mapping[str, object]
+    gripper: StrokeFacts
     rpc: RpcFacts
     trajectories: TrajectoryLimits
 

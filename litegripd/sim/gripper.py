@@ -234,7 +234,7 @@ def build_gripper(
     """Build a gripper of the nominal geometry from the few figures that a user chooses.
 
     With an object of `object_mm` the jaws start at least 10 mm wider than it, as far as the travel
-    of 120 mm allows. Raises `ValueError` for a figure that is out of range.
+    allows. Raises `ValueError` for a figure that is out of range.
     """
     closed_rad, open_rad = limits_of_mount(mount)
     if motor_type not in MOTOR_TYPES:

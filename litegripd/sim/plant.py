@@ -50,15 +50,15 @@ class SimulatorParameters:
     # Time without a command after which the motor disarms (motors are known with 0.1 and 0.4 s).
     watchdog_s: float = 0.1
 
-    # Geometry (calibration template of the normal mount).
-    closed_rad: float = 0.114
-    open_rad: float = -1.491
-    rad_to_mm: float = 74.8
+    # Geometry (vendor's newest calibration file, normal mount).
+    closed_rad: float = 0.0
+    open_rad: float = -1.651026
+    rad_to_mm: float = 52.69
     initial_opening_mm: float = 60.0
 
-    # Inertia (maker's table; gripper's model files: 2 x 35.45 g at about 31 mm/rad each).
+    # Inertia (maker's table; gripper's model files: 2 x 35.45 g at about 26 mm/rad each).
     rotor_inertia_kg_m2: float = DM4310.rotor_inertia_kg_m2
-    finger_inertia_kg_m2: float = 6.9e-5
+    finger_inertia_kg_m2: float = 4.9e-5
 
     # Friction (motor's manual for the breakaway, estimates for the rest).
     breakaway_nm: float = DM4310.breakaway_nm
@@ -68,7 +68,7 @@ class SimulatorParameters:
     # Close-side stick-slip (field measurements: a dead band of about 0.010 rad at the stock
     # stiffness of 100 N·m/rad). A little under 1 N·m, because the calibration's probe
     # (20 N·m/rad x 0.05 rad) is known to get through. It holds standing and slow jaws and leaves
-    # travel at 50 mm/s (0.67 rad/s) nearly unhindered; speed and zone are estimates.
+    # travel at 50 mm/s (0.95 rad/s) nearly unhindered; speed and zone are estimates.
     close_stick_nm: float = 0.95
     close_stick_speed_rad_s: float = 0.08
     close_stick_zone_rad: float = 0.10
@@ -218,7 +218,7 @@ def limits_of_mount(mount: str) -> tuple[float, float]:
     """
     if mount not in MOUNTS:
         raise ValueError(f"mount must be one of {', '.join(MOUNTS)}, not {mount!r}")
-    return (0.114, -1.491) if mount == "normal" else (-1.491, 0.114)
+    return (0.0, -1.651026) if mount == "normal" else (-1.651026, 0.0)
 
 
 STEP_S = 0.25e-3

@@ -15,10 +15,10 @@ from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 from litegripd.control.holds import Hold, Idle, Slack
-from litegripd.control.limiter import Gains, budgeted, clamp_lead, max_lead_rad
+from litegripd.control.limiter import Gains, budgeted, clamp_lead, is_in_press_zone
 from litegripd.control.motions.base import Step, progress_of
-from litegripd.model.gripper import FORCE_PER_TORQUE_N_NM, Geometry
-from litegripd.model.motion_config import MotionConfig
+from litegripd.model.gripper import FASTEST_RAD_S, Geometry
+from litegripd.model.motion_config import MOVING_KP_NM_RAD, REACHING_KP_NM_RAD, MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorView
 from litegripd.model.state import Progress, TeleopResult
 from litegripd.model.teleop import (
@@ -32,8 +32,7 @@ from litegripd.teleop.intake import MOST_ROUND_TRIP_S, Intake
 from litegripd.teleop.link import Link, ReportEvent, TeleopAction
 
 MOST_NM = 5.5
-"""The jaws are pushed with at most this, however stiff the follow gains are: the torque of the 4 mm
-lead cap at the calibration's 100 N·m/rad."""
+"""The jaws are pushed with at most this, whatever `max_lead_mm` is."""
 
 _SAMPLES = 3
 """A measured velocity is a tick or two old. Used at once, it would make the jaws shake from tick to
@@ -65,7 +64,7 @@ class FollowerCommand:
         self._config = config
         self._gains = gains
         self._period_s = period_s
-        limit_nm = None if force_limit_n is None else force_limit_n / FORCE_PER_TORQUE_N_NM
+        limit_nm = None if force_limit_n is None else geometry.torque_nm(force_limit_n)
         self._limit_nm = None if limit_nm is None else min(limit_nm, MOST_NM)
         self._measured: deque[float] = deque(maxlen=_SAMPLES)
 
@@ -88,16 +87,18 @@ class FollowerCommand:
     def command(self, wanted_rad: float, velocity_rad_s: float, feedback: Feedback) -> MitCommand:
         """Return the command of this tick.
 
-        The step from one tick to the next also stays within the lead's cap, unless the jaws
-        themselves are elsewhere: frames that arrive late and together do not turn the command
-        round.
+        The step from one tick to the next also stays within the lead's cap, and within the speed
+        of every motion, unless the jaws themselves are elsewhere: frames that arrive late and
+        together do not turn the command round.
         """
+        velocity_rad_s = min(max(velocity_rad_s, -FASTEST_RAD_S), FASTEST_RAD_S)
         here_rad, before_rad = feedback.position_rad, self.commanded_rad
         self._measured.append(feedback.velocity_rad_s)
         gains, lead_rad = self._bounds(wanted_rad, velocity_rad_s, here_rad)
         self.is_limited = clamp_lead(wanted_rad, here_rad, lead_rad) != wanted_rad
+        most_rad = min(lead_rad, FASTEST_RAD_S * self._period_s)
         step_to_rad = (
-            wanted_rad if before_rad is None else clamp_lead(wanted_rad, before_rad, lead_rad)
+            wanted_rad if before_rad is None else clamp_lead(wanted_rad, before_rad, most_rad)
         )
         commanded_rad = clamp_lead(step_to_rad, here_rad, lead_rad)
         if self._limit_nm is None:
@@ -114,15 +115,18 @@ class FollowerCommand:
         geometry, gains = self._geometry, self._gains
         closing = (wanted_rad - here_rad) * geometry.close_sign > 0.0
         limit_rad = geometry.closed_rad if closing else geometry.open_rad
-        cap_rad = max_lead_rad(abs(limit_rad - here_rad), geometry, self._config)
+        config = self._config
+        presses = is_in_press_zone(abs(limit_rad - here_rad), geometry, config)
+        push_nm = min(config.stop_nm if presses else config.travel_nm, MOST_NM)
+        usual_kp = min(max(gains.kp_nm_rad, REACHING_KP_NM_RAD), MOVING_KP_NM_RAD)  # kp may be 0
+        cap_rad = push_nm / usual_kp
         if self._limit_nm is None:
-            if gains.kp_nm_rad * cap_rad <= MOST_NM:  # kp may be 0
+            if gains.kp_nm_rad <= usual_kp:
                 return gains, cap_rad
             # Far behind, the command follows the measured jaws: stiff gains would shake them. So
             # the lead grows instead, with the same torque.
-            wanted_lead_rad = max(abs(wanted_rad - here_rad), MOST_NM / gains.kp_nm_rad)
-            lead_rad = min(wanted_lead_rad, cap_rad)
-            return Gains(MOST_NM / lead_rad, gains.kd_nm_s_rad), lead_rad
+            lead_rad = min(max(abs(wanted_rad - here_rad), push_nm / gains.kp_nm_rad), cap_rad)
+            return Gains(push_nm / lead_rad, gains.kd_nm_s_rad), lead_rad
         speed_rad_s = max(abs(velocity_rad_s), _SLOWEST_RAD_S)
         gains, lead_rad = budgeted(self._limit_nm, speed_rad_s, gains, self._period_s)
         return gains, min(cap_rad, lead_rad)

@@ -16,7 +16,7 @@ from dataclasses import replace
 
 from litegripd.control.holds import Slack
 from litegripd.control.motions.base import Step, progress_of
-from litegripd.model.gripper import FORCE_PER_TORQUE_N_NM, Geometry
+from litegripd.model.gripper import FASTEST_RAD_S, Geometry
 from litegripd.model.motor import Feedback, MitCommand, MotorView
 from litegripd.model.state import Progress, TeleopResult
 from litegripd.model.teleop import (
@@ -80,7 +80,8 @@ class PushBack:
         self._allow(self._torque_nm(self._ramped_n) * moved_rad, elapsed_s)
         self.force_n = self._ramped_n * self._share
         torque_nm = self._torque_nm(self.force_n)
-        kd_nm_s_rad = abs(torque_nm) / self._geometry.to_rad(FASTEST_MM_S)
+        fastest_rad_s = min(self._geometry.to_rad(FASTEST_MM_S), FASTEST_RAD_S)
+        kd_nm_s_rad = abs(torque_nm) / fastest_rad_s
         return MitCommand(feedback.position_rad, 0.0, 0.0, kd_nm_s_rad, torque_nm)
 
     def _ramp(self, felt_n: float, elapsed_s: float) -> None:
@@ -105,7 +106,7 @@ class PushBack:
 
     def _torque_nm(self, force_n: float) -> float:
         """Return the motor's torque for a force that opens the jaws."""
-        return -self._geometry.close_sign * force_n / FORCE_PER_TORQUE_N_NM
+        return -self._geometry.close_sign * self._geometry.torque_nm(force_n)
 
 
 _EARLY_S = 0.00025

@@ -114,7 +114,7 @@ class Teleoperation:
         if options.mode == "slave":
             conflict = damping_conflict(gains.kp_nm_rad, gains.kd_nm_s_rad)
         refusal = self._rate_refusal(rate_hz) or conflict_refusal(
-            conflict or fast_conflict(config, config.speed_mm_s, controller.period_s)
+            conflict or fast_conflict(config.speed_mm_s, geometry, controller.gripper_id.motor_type)
         )
         if refusal is not None:
             return refusal
@@ -156,7 +156,8 @@ class Teleoperation:
         return status
 
     def _gains(self, settings: TeleopSettings) -> Gains:
-        own, kp, kd = self._controller.gains, settings.kp_nm_rad, settings.kd_nm_s_rad
+        """Return the caller's gains, else the calibration's, stiff enough to reach the leader."""
+        own, kp, kd = self._controller.gains.reaching(), settings.kp_nm_rad, settings.kd_nm_s_rad
         return Gains(own.kp_nm_rad if kp is None else kp, own.kd_nm_s_rad if kd is None else kd)
 
     def _ready(self) -> Geometry | Refusal:

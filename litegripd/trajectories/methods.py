@@ -6,6 +6,7 @@ from typing import Any, Literal, TypedDict
 
 from litegrip_client.protocol.trajectory import MAX_SAMPLES, Header
 from litegripd.control.controller import Controller
+from litegripd.control.limiter import DEFAULT_GAINS
 from litegripd.model.errors import Refusal
 from litegripd.model.state import ReplayResult
 from litegripd.rpc.method import (
@@ -277,7 +278,7 @@ class TrajectoryMethods:
                 request,
                 call.owner,
                 config,
-                call.gains(controller.gains),
+                call.gains(DEFAULT_GAINS),
                 detached=call.detached,
             )
         )

@@ -21,7 +21,7 @@ from litegripd.control.motions.base import PlainAction, Step
 from litegripd.control.motions.grasp import Grasp, GraspRequest
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import Geometry, MotorType
-from litegripd.model.motion_config import MotionConfig
+from litegripd.model.motion_config import MotionConfig, fastest_mm_s
 from litegripd.model.motor import Feedback, MitCommand, MotorView
 from litegripd.model.state import (
     GraspResult,
@@ -127,14 +127,14 @@ def speed_refusal(
 
     No path is replayed faster than any other motion may be.
     """
-    fastest_mm_s = motor_type.fastest_mm_s
+    most_mm_s = fastest_mm_s(geometry, motor_type)
     rate_mm_s = max_rate_s * geometry.travel_mm
-    if rate_mm_s * speed <= fastest_mm_s:
+    if rate_mm_s * speed <= most_mm_s:
         return None
-    most = fastest_mm_s / rate_mm_s
+    most = most_mm_s / rate_mm_s
     text = (
         f"speed is {speed:g}, with which the fastest part of the trajectory has"
-        f" {rate_mm_s * speed:.4g} mm/s; at most {most:.3g} goes, {fastest_mm_s:g} mm/s"
+        f" {rate_mm_s * speed:.4g} mm/s; at most {most:.3g} goes, {most_mm_s:.4g} mm/s"
     )
     return Refusal("out_of_limits", text, {"field": "speed", "requested": speed, "limit": most})
 
@@ -149,7 +149,8 @@ def fastest_rad_s(
     """Return how fast commands may move along a path whose fastest part is `max_rate_s`."""
     taught_rad_s = max_rate_s * geometry.travel_rad * speed
     usual_rad_s = geometry.to_rad(config.speed_mm_s)
-    return min(CATCH_UP * max(taught_rad_s, usual_rad_s), geometry.to_rad(motor_type.fastest_mm_s))
+    fastest = geometry.to_rad(fastest_mm_s(geometry, motor_type))
+    return min(CATCH_UP * max(taught_rad_s, usual_rad_s), fastest)
 
 
 def grips_refusal(force: Force, loading: Loading) -> Refusal | None:
@@ -181,7 +182,6 @@ class ReplayGrips:
         self,
         geometry: Geometry,
         config: MotionConfig,
-        gains: Gains,
         period_s: float,
         motor_type: MotorType,
     ) -> None:
@@ -192,7 +192,6 @@ class ReplayGrips:
         self.held: Grip | None = None
         self._geometry = geometry
         self._config = config
-        self._gains = gains
         self._period_s = period_s
         self._grips: Sequence[TaughtGrip] = ()
         self._number = 0
@@ -263,7 +262,6 @@ class ReplayGrips:
             request,
             geometry=self._geometry,
             config=self._config,
-            gains=self._gains,
             period_s=self._period_s,
             motor_type=self._motor_type,
         )
@@ -312,9 +310,9 @@ class Replay(PlainAction):
         self._config = config
         self._period_s = period_s
         self._idle = idle
-        self._follower = Follower(gains, request.torque_nm, period_s)
+        self._follower = Follower(gains.reaching(), request.torque_nm, period_s)
         self._motor_type = motor_type
-        self.grips = ReplayGrips(geometry, config, gains, period_s, motor_type)
+        self.grips = ReplayGrips(geometry, config, period_s, motor_type)
         self._loading = Loading(request.source)
         self._path: Path | None = None
         self._last_s: float | None = None
@@ -441,7 +439,7 @@ class Replay(PlainAction):
         if is_open and self.grips.is_due(0.0) and not self.is_paused:
             # It begins with a grip: close as a grasp does, and do not press to the taught position.
             self.phase, self._at_s = "approach", 0.0
-        speed_rad_s = self._geometry.to_rad(self._config.speed_mm_s)
+        speed_rad_s = min(self._geometry.to_rad(self._config.speed_mm_s), self._fastest_rad_s())
         step = self._lead(now_s, feedback, first, speed_rad_s)
         self._at_s += elapsed_s
         reference_rad = self._follower.reference_rad

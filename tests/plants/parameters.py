@@ -9,8 +9,8 @@ import random
 from dataclasses import dataclass
 from typing import Any
 
-TRAVEL_RAD, MM_RAD = 1.605, 74.8
-LIMITS_RAD = {"normal": (0.114, -1.491), "reverse": (-1.491, 0.114)}
+TRAVEL_RAD, MM_RAD = 1.651026, 52.69
+LIMITS_RAD = {"normal": (0.0, -1.651026), "reverse": (-1.651026, 0.0)}
 """Closed and open limit of each mount, where the jaws are pressed with `PRESS_NM`."""
 PRESS_NM = 0.94
 
@@ -27,7 +27,7 @@ class PlantParameters:
 
     seed: int = 0
     rotor_kg_m2: float = 1.8e-3
-    finger_kg_m2: float = 6.9e-5
+    finger_kg_m2: float = 4.9e-5
     cable_nm_rad: float = 1500.0
     cable_damping_ratio: float = 0.15
     backlash_mm: float = 0.0
@@ -96,7 +96,7 @@ def random_plant(seed: int) -> PlantParameters:
     return PlantParameters(
         seed=seed,
         rotor_kg_m2=1.8e-3 * uniform(0.5, 1.5),
-        finger_kg_m2=6.9e-5 * uniform(1.0, 4.0),
+        finger_kg_m2=4.9e-5 * uniform(1.0, 5.6),
         cable_nm_rad=between(chance, 150.0, 3000.0),
         cable_damping_ratio=uniform(0.03, 0.3),
         backlash_mm=chance.choice((0.0, uniform(0.0, 1.0), uniform(0.0, 1.0))),

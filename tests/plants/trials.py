@@ -55,7 +55,7 @@ def random_trial(seed: int, scene: str) -> Trial:
     is_empty = scene == "zero" or (scene == "grasp" and chance.random() < 0.2)
     yields = scene == "grasp" and chance.random() < 0.2
     item = Item(
-        width_mm=chance.uniform(20.0, 90.0),
+        width_mm=chance.uniform(14.0, 63.0),
         stiffness_nm_rad=between(chance, 60.0, 1500.0),
         damping_nm_s_rad=chance.uniform(0.05, 1.0),
         friction_nm=chance.choice((0.0, 0.0, chance.uniform(0.0, 0.2))),
@@ -63,7 +63,7 @@ def random_trial(seed: int, scene: str) -> Trial:
         yield_nm=chance.uniform(0.2, 2.0) if yields else 0.0,
     )
     is_push = chance.random() < 0.5
-    nearest_mm = 20.0 if is_empty else item.width_mm + 2.0
+    nearest_mm = 14.0 if is_empty else item.width_mm + 2.0
     return Trial(
         plant=random_plant(seed),
         mount=chance.choice(MOUNTS),

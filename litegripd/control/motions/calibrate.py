@@ -86,7 +86,7 @@ DAMPING_SHARE = 0.5
 WINDOW_S = 0.02
 SLOWED_SHARE = 0.5
 LEAST_RAD_S = 0.1
-"""Slower jaws may still stick; this is 7 mm/s of the standard gripper."""
+"""Slower jaws may still stick; this is 5 mm/s of the gripper that ships."""
 START_WITHIN_S = 0.5
 
 
@@ -239,10 +239,11 @@ Confirmed: TypeAlias = Literal["confirmed", "stuck", "not_found", "apart"]
 """Take a set-point that is valid until `valid_until_s`; the first one begins the motion."""
 
 MOST_STROKES = 4
-RUN_UP_MM = 25.0
-"""Longer than the zone in which slow jaws stick, some 15 mm, and long enough to reach the speed."""
+RUN_UP_RAD = 0.34
+"""Longer than the zone in which slow jaws stick, some 0.2 rad, and long enough to reach the
+speed."""
 RUN_UP_WITHIN_S = 1.5
-SPEED_RANGE_MM_S = (25.0, 100.0)
+SPEED_RANGE_RAD_S = (0.34, 1.34)
 """Slower jaws may stick where a `close` from afar passes. Faster ones would only hit harder."""
 
 
@@ -256,8 +257,8 @@ class StrokePlan:
     @property
     def speed_rad_s(self) -> float:
         """The configured speed, within what a stroke can use."""
-        low, high = SPEED_RANGE_MM_S
-        return min(max(self.config.speed_mm_s, low), high) / self.rad_to_mm
+        low, high = SPEED_RANGE_RAD_S
+        return min(max(self.config.speed_mm_s / self.rad_to_mm, low), high)
 
     def stroke(self, sign: int) -> Stroke:
         """Return a stroke towards one side."""
@@ -330,7 +331,7 @@ class Confirming:
     def _has_backed_off(self, now_s: float, feedback: Feedback, since_s: float) -> bool:
         """Return True if the run-up is long enough, or its time is over."""
         backed_rad = (self.stop_rad - feedback.position_rad) * self._sign
-        is_far = backed_rad >= RUN_UP_MM / self._plan.rad_to_mm
+        is_far = backed_rad >= RUN_UP_RAD
         return is_far or now_s - since_s >= RUN_UP_WITHIN_S
 
 
@@ -459,7 +460,7 @@ class Calibrate(PlainAction):
 
     def _too_stiff(self) -> ZeroResult | None:
         """Return a failure if friction takes all torque with which `open` and `close` press."""
-        press_nm = self._saving.kp_nm_rad * self._config.stop_lead_mm / self._saving.rad_to_mm
+        press_nm = self._config.stop_nm
         if self._friction_nm < press_nm:
             return None
         text = (

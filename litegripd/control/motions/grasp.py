@@ -15,10 +15,16 @@ from typing import Literal, TypeAlias
 
 from litegripd.control.detectors import Lasting, SpeedWindow, StallDetector
 from litegripd.control.holds import FrictionGauge, Grip, GripSettings, Hold, HoldBy, Idle
-from litegripd.control.limiter import Gains, budgeted, clamp_lead
+from litegripd.control.limiter import (
+    CATCHING_GAINS,
+    DEFAULT_GAINS,
+    Gains,
+    budgeted,
+    clamp_lead,
+)
 from litegripd.control.motions.base import PlainAction, Step, progress_of
-from litegripd.model.gripper import DM4310, FORCE_PER_TORQUE_N_NM, Geometry, MotorType
-from litegripd.model.motion_config import MotionConfig
+from litegripd.model.gripper import DM4310, Geometry, MotorType
+from litegripd.model.motion_config import MOVING_KD_NM_S_RAD, MOVING_KP_NM_RAD, MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorView
 from litegripd.model.state import GraspOutcome, GraspResult, Progress
 
@@ -54,7 +60,6 @@ class Approach:
         self,
         geometry: Geometry,
         config: MotionConfig,
-        gains: Gains,
         speed_mm_s: float,
         period_s: float,
         *,
@@ -64,10 +69,12 @@ class Approach:
         self.target_rad = geometry.closed_rad - self._sign * config.margin * geometry.travel_rad
         self.speed_rad_s = geometry.to_rad(speed_mm_s)
         self._config = config
-        self._moving, self._lead_rad = budgeted(BUDGET_NM, self.speed_rad_s, gains, period_s)
+        self._moving, self._lead_rad = budgeted(
+            BUDGET_NM, self.speed_rad_s, DEFAULT_GAINS, period_s
+        )
         # Soft gains would leave the jaws stuck short of the end, with nothing between them.
-        kp = min(max(gains.kp_nm_rad, BUDGET_NM / config.reach_tol), KP_MAX_NM_RAD)
-        self._arrived = Gains(kp, gains.kd_nm_s_rad)
+        kp = min(max(MOVING_KP_NM_RAD, BUDGET_NM / config.reach_tol), KP_MAX_NM_RAD)
+        self._arrived = Gains(kp, MOVING_KD_NM_S_RAD)
         self._arrived_lead_rad = BUDGET_NM / kp
         self._stall = StallDetector(config, self.speed_rad_s)
         self._began_s: float | None = None
@@ -187,7 +194,6 @@ class Grasp(PlainAction):
         *,
         geometry: Geometry,
         config: MotionConfig,
-        gains: Gains,
         period_s: float,
         motor_type: MotorType,
         held: Grip | None = None,
@@ -195,11 +201,10 @@ class Grasp(PlainAction):
         self._request = request
         self._geometry = geometry
         self._config = config
-        self._gains = gains
         self._period_s = period_s
         self._motor_type = motor_type
         self._approach = Approach(
-            geometry, config, gains, request.speed_mm_s, period_s, motor_type=motor_type
+            geometry, config, request.speed_mm_s, period_s, motor_type=motor_type
         )
         self._grip: Grip | None = None
         self._verdict: Verdict | None = None
@@ -250,7 +255,7 @@ class Grasp(PlainAction):
         if self._grip.is_holding or self._feedback is None:
             return self._grip
         caught_rad = self._grip.caught_rad(self._feedback.position_rad, self._period_s)
-        return Hold(caught_rad, self._gains.calmed())
+        return Hold(caught_rad, CATCHING_GAINS)
 
     def progress(self) -> Progress | None:
         """Return the phase, the step of the approach, and where command and jaws are."""
@@ -273,7 +278,7 @@ class Grasp(PlainAction):
             needed_n = grip.loss_detected_from_n(opening_mm) or 0.0
             if min(grip.applied_n, self._request.force_n) >= needed_n:
                 return True
-            self._feels_n = min(needed_n, BUDGET_NM * FORCE_PER_TORQUE_N_NM)
+            self._feels_n = min(needed_n, BUDGET_NM * self._geometry.nm_to_n)
             grip.squeeze(max(self._feels_n, self._request.force_n))
         presses = grip.applied_n >= 0.999 * self._feels_n
         if not self._felt.step(presses, now_s):

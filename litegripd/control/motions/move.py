@@ -8,7 +8,7 @@ count as stalled only if the ramp is ahead of them by more than friction can hol
 command is an absolute ramp in time. Only its lead over the measured position is limited: by
 `max_lead_mm` on the way, enough to break static friction, and by `stop_lead_mm` within
 `press_zone_mm` of the stop, so that the jaws press gently. The lead of a `MoveTo` has the same
-limits.
+limits. They mean torques (`motion_config.py`): a calibration's gains and scale change nothing.
 
 Damping turns the velocity of the command into torque as soon as something stops the jaws. So the
 torque of lead and velocity together is bounded: kp times the lead, and at most a quarter more while
@@ -25,16 +25,17 @@ from typing import Literal, TypeAlias
 from litegripd.control.detectors import StallDetector, TorqueGuard
 from litegripd.control.holds import Hold, Idle, Slack
 from litegripd.control.limiter import (
+    DEFAULT_GAINS,
     Gains,
     bounds_of,
     budgeted,
     clamp_lead,
     is_in_press_zone,
-    max_lead_rad,
+    lead_within,
 )
 from litegripd.control.motions.base import PlainAction, Step, progress_of
 from litegripd.model.gripper import Geometry
-from litegripd.model.motion_config import MotionConfig
+from litegripd.model.motion_config import MOVING_KP_NM_RAD, MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorView
 from litegripd.model.state import MoveOutcome, MoveResult, Progress, StreamResult
 
@@ -74,8 +75,7 @@ _GIVE_UP_EXTRA_S = 2.0
 class MoveTo(PlainAction):
     """One move to `target_rad`; ends when the jaws have settled there, or stall on the way.
 
-    `lead_share` is how much of the configured lead its gains may use: less where they are stiffer
-    than the calibration's, so that the jaws press no harder.
+    `travel_nm` is the largest torque of its lead on the way, however stiff its gains are.
     """
 
     def __init__(
@@ -86,15 +86,15 @@ class MoveTo(PlainAction):
         geometry: Geometry,
         config: MotionConfig,
         gains: Gains,
-        lead_share: float = 1.0,
+        travel_nm: float,
         period_s: float,
     ) -> None:
         self._target_rad = target_rad
         self._speed_rad_s = speed_rad_s
         self._geometry = geometry
         self._config = config
-        self._gains = gains
-        self._lead_share = lead_share
+        self._gains = gains.reaching()
+        self._travel_nm = travel_nm
         self._period_s = period_s
         self._stall: StallDetector | None = None
         self._ramp: Ramp | None = None
@@ -113,14 +113,19 @@ class MoveTo(PlainAction):
         self._steps += 1
         self._feedback = feedback
         ramp_rad, velocity_rad_s = self._ramp.at(now_s)
-        lead_rad = self._lead_rad(position_rad, self._ramp)
+        gains, lead_rad = lead_within(
+            self._push_nm(position_rad, self._ramp),
+            self._gains,
+            abs(velocity_rad_s),
+            self._period_s,
+        )
         self._command_rad = clamp_lead(ramp_rad, position_rad, lead_rad)
         if self._command_rad != ramp_rad:
             velocity_rad_s = 0.0  # kd·dq would add to the torque that is bounded
         is_behind = self._is_behind(abs(ramp_rad - position_rad))
         outcome = self._judge(now_s, position_rad, self._ramp, is_behind=is_behind)
         return Step(
-            self._gains.at(self._command_rad, velocity_rad_s),
+            gains.at(self._command_rad, velocity_rad_s),
             outcome=None if outcome is None else self._result(outcome, position_rad, self._ramp),
         )
 
@@ -133,10 +138,11 @@ class MoveTo(PlainAction):
         step = min(self._steps, total_steps)
         return progress_of(phase, step, total_steps, self._command_rad, self._feedback)
 
-    def _lead_rad(self, position_rad: float, ramp: Ramp) -> float:
-        """Return how far the command may lead: less at the stop that lies ahead."""
+    def _push_nm(self, position_rad: float, ramp: Ramp) -> float:
+        """Return the torque by which the command may lead: less at the stop that lies ahead."""
         short_rad = abs(self._limit_rad(ramp) - position_rad)
-        return self._lead_share * max_lead_rad(short_rad, self._geometry, self._config)
+        presses = is_in_press_zone(short_rad, self._geometry, self._config)
+        return self._config.stop_nm if presses else self._travel_nm
 
     def _limit_rad(self, ramp: Ramp) -> float:
         """Return the calibrated stop that lies ahead."""
@@ -147,9 +153,7 @@ class MoveTo(PlainAction):
     def _is_behind(self, distance_rad: float) -> bool:
         """Return True if jaws this far behind the ramp are held by more than friction."""
         held_nm = self._gains.kp_nm_rad * distance_rad
-        return held_nm >= FRICTION_NM or distance_rad >= self._geometry.to_rad(
-            self._config.max_lead_mm
-        )
+        return held_nm >= min(FRICTION_NM, self._travel_nm)
 
     def _judge(
         self, now_s: float, position_rad: float, ramp: Ramp, *, is_behind: bool
@@ -184,10 +188,9 @@ Phase: TypeAlias = Literal["ramp", "press", "settle", "release"]
 
 _GIVE_UP_FACTOR = 2.0
 _FED_SHARE = 0.25
-"""The largest share of kp·max_lead that the velocity adds on the way; the default gains stay
-whole."""
+"""The largest share of the lead's torque that the velocity adds on the way."""
 _RUN_IN_BUDGET = 1.1
-"""Times kp·stop_lead, near the stop while the ramp lasts: slow jaws would stick in front of it."""
+"""Times the torque of the press, near the stop in the ramp: slow jaws would stick there."""
 _RUN_IN_SHARES = (0.55, 0.85)
 """Shares of it from the velocity: more, the further the jaws are ahead of their measurement."""
 _STALE_PERIODS = 1.5
@@ -196,7 +199,7 @@ _LOOK_AHEAD_PERIODS = 2.0
 
 
 class MoveToStop(PlainAction):
-    """One `open` or `close` at `speed_mm_s`.
+    """One `open` or `close` at `speed_mm_s`; `travel_nm` is the largest torque of its lead.
 
     Phases: `ramp`, until the command has reached the target past the stop; `press`, until the jaws
     stall; `settle`, some pressing without a check, because still jaws are expected. A stall short
@@ -211,7 +214,7 @@ class MoveToStop(PlainAction):
         *,
         geometry: Geometry,
         config: MotionConfig,
-        gains: Gains,
+        travel_nm: float,
         period_s: float,
     ) -> None:
         self.bounds = bounds_of(geometry, config)
@@ -223,7 +226,7 @@ class MoveToStop(PlainAction):
         self._speed_rad_s = geometry.to_rad(speed_mm_s)
         self._geometry = geometry
         self._config = config
-        self._gains = gains
+        self._travel_nm = travel_nm
         self._period_s = period_s
         self._phase: Phase = "ramp"
         self._phase_began_s = 0.0
@@ -246,7 +249,7 @@ class MoveToStop(PlainAction):
         self._steps += 1
         self._feedback = feedback
         ramp_rad, velocity_rad_s = self._ramp.at(now_s)
-        self._command_rad = self._capped(ramp_rad, feedback)
+        self._command_rad = self._capped(ramp_rad, velocity_rad_s, feedback)
         outcome = self._judge(now_s, feedback, self._ramp)
         command = self._lead_command(velocity_rad_s, ramp_rad, feedback.position_rad)
         self._command_rad = command.position_rad
@@ -270,7 +273,7 @@ class MoveToStop(PlainAction):
             start_rad = self.target_rad  # past it: they do not go back
         return Ramp(now_s, start_rad, self.target_rad, self._speed_rad_s)
 
-    def _capped(self, command_rad: float, feedback: Feedback) -> float:
+    def _capped(self, command_rad: float, velocity_rad_s: float, feedback: Feedback) -> float:
         """Limit the lead to what is allowed where the jaws will be when the command arrives."""
         speed_rad_s = self._speed_rad_s
         if not self._is_near_stop:  # otherwise a loss of speed does not matter
@@ -278,20 +281,25 @@ class MoveToStop(PlainAction):
         ahead_rad = speed_rad_s * _LOOK_AHEAD_PERIODS * self._period_s
         short_rad = self._short_rad(feedback.position_rad) - ahead_rad
         self._is_near_stop = is_in_press_zone(short_rad, self._geometry, self._config)
-        lead_rad = max_lead_rad(short_rad, self._geometry, self._config)
-        return clamp_lead(command_rad, feedback.position_rad, lead_rad)
+        return clamp_lead(command_rad, feedback.position_rad, self._lead(velocity_rad_s)[1])
+
+    def _lead(self, velocity_rad_s: float) -> tuple[Gains, float]:
+        """Return stiffness and largest lead where the jaws are."""
+        if self._is_near_stop:
+            return DEFAULT_GAINS, self._config.stop_nm / MOVING_KP_NM_RAD
+        return lead_within(self._travel_nm, DEFAULT_GAINS, abs(velocity_rad_s), self._period_s)
 
     def _lead_command(
         self, velocity_rad_s: float, ramp_rad: float, position_rad: float
     ) -> MitCommand:
         """Return the command for a velocity (rad/s), with gains that keep it within its torque."""
-        kp, kd = self._gains.kp_nm_rad, self._gains.kd_nm_s_rad
+        gains, lead_rad = self._lead(velocity_rad_s)
+        kp, kd = gains.kp_nm_rad, gains.kd_nm_s_rad
         if self._phase in ("press", "settle") or velocity_rad_s == 0.0:
-            return self._gains.at(self._command_rad)
+            return gains.at(self._command_rad)
         if self._is_near_stop:
             # The velocity stays: without it damping would brake jaws that must stay fast here.
-            lead_rad = self._geometry.to_rad(self._config.stop_lead_mm)
-            budget_nm = _RUN_IN_BUDGET * kp * lead_rad
+            budget_nm = _RUN_IN_BUDGET * self._config.stop_nm
             least, most = _RUN_IN_SHARES
             stale_rad = self._speed_rad_s * _STALE_PERIODS * self._period_s
             share = min(max(stale_rad / lead_rad, least), most)
@@ -302,9 +310,8 @@ class MoveToStop(PlainAction):
                 clamp_lead(wanted_rad, position_rad, lead_rad), velocity_rad_s
             )
         if self._command_rad != ramp_rad:
-            return self._gains.at(self._command_rad)  # kd·dq would add to the bounded torque
-        lead_rad = self._geometry.to_rad(self._config.max_lead_mm)
-        kd = min(kd, _FED_SHARE * kp * lead_rad / self._speed_rad_s)
+            return gains.at(self._command_rad)  # kd·dq would add to the bounded torque
+        kd = min(kd, _FED_SHARE * self._travel_nm / self._speed_rad_s)
         return Gains(kp, kd).at(self._command_rad, velocity_rad_s)
 
     def _short_rad(self, position_rad: float) -> float:

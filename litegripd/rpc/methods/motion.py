@@ -6,11 +6,13 @@ from typing import Any, Literal, TypedDict
 
 from litegripd.control.admission import Target
 from litegripd.control.controller import Controller
+from litegripd.control.limiter import DEFAULT_GAINS
 from litegripd.control.motions.grasp import GraspRequest
 from litegripd.control.motions.move import Direction
 from litegripd.control.requests import MotionRequests, Pace
 from litegripd.model.errors import Refusal
-from litegripd.model.motion_config import MotionConfig, ranges_of
+from litegripd.model.gripper import FASTEST_MM_S
+from litegripd.model.motion_config import MotionConfig
 from litegripd.model.state import (
     STOP_LEVELS,
     ClearFaultResult,
@@ -184,8 +186,7 @@ class MotionMethods:
                 "number",
                 "Closing speed (default: grasp_speed_mm_s of the configuration).",
                 minimum=0.1,
-                maximum=200,
-                maximum_of=lambda motor: ranges_of(motor)["grasp_speed_mm_s"][1],
+                maximum=FASTEST_MM_S,
             ),
             Param(
                 "hold_s",
@@ -272,7 +273,7 @@ class MotionMethods:
                 call.owner,
                 config,
                 pace=pace,
-                gains=call.gains(self._controller.gains),
+                gains=call.gains(DEFAULT_GAINS),
                 detached=call.detached,
             )
         )
@@ -363,7 +364,7 @@ class MotionMethods:
             valid_until_s=since_s + valid_s,
             speed_mm_s=call.params.get("speed_mm_s"),
             torque_nm=call.params.get("torque_nm", DEFAULT_CONTACT_NM),
-            gains=call.gains(self._controller.gains),
+            gains=call.gains(self._controller.gains.reaching()),
         )
         return JobNumber(job=accepted(job).number)
 

@@ -4,14 +4,20 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, TypeAlias, TypedDict
 
-from litegripd.control.admission import ENDING, conflict_refusal
+from litegripd.control.admission import ENDING
 from litegripd.control.calibration import content_of
 from litegripd.control.controller import Controller
 from litegripd.control.requests import CalibrationRequests
-from litegripd.model.calibration import CalibrationError, Saved, from_plain, read_content
+from litegripd.model.calibration import (
+    CalibrationError,
+    Saved,
+    from_plain,
+    read_content,
+    scale_warning,
+)
 from litegripd.model.errors import Refusal
-from litegripd.model.gripper import Mount
-from litegripd.model.motion_config import fast_conflict, ranges_of
+from litegripd.model.gripper import STROKE_RANGE_MM, Mount
+from litegripd.model.motion_config import ranges_of
 from litegripd.model.motor import RegisterReply
 from litegripd.model.state import HelperTask, Owner, SetZeroResult, TaskResult, ZeroResult
 from litegripd.motor.codec import REGISTERS, Register
@@ -38,7 +44,10 @@ Authority: TypeAlias = Callable[[], "Refusal | None"]
 
 
 class CalibrationView(TypedDict):
-    """The calibration in use; `content` is that of its file, empty where there is none."""
+    """The calibration in use; `content` is that of its file, empty where there is none.
+
+    `scale_warning` says why its millimetres are probably wrong, and what corrects them.
+    """
 
     calibrated: bool
     mount: Mount | None
@@ -47,9 +56,11 @@ class CalibrationView(TypedDict):
     travel_rad: float | None
     travel_mm: float | None
     rad_to_mm: float | None
+    work_stroke_mm: float | None
     kp: float
     kd: float
     file: str | None
+    scale_warning: str | None
     content: Mapping[str, object]
 
 
@@ -124,6 +135,13 @@ _MOUNT = Param(
     choices=("normal", "reverse"),
 )
 _SAVE = Param("save", "boolean", "Write it to the daemon's own file (default true).")
+_STROKE = Param(
+    "stroke_mm",
+    "number",
+    "How far the jaws open, as a caliper measures it (default: stroke_mm of the configuration).",
+    minimum=STROKE_RANGE_MM[0],
+    maximum=STROKE_RANGE_MM[1],
+)
 
 
 class SettingsMethods:
@@ -150,9 +168,13 @@ class SettingsMethods:
             "travel_rad": None if geometry is None else geometry.travel_rad,
             "travel_mm": None if geometry is None else geometry.travel_mm,
             "rad_to_mm": None if geometry is None else geometry.rad_to_mm,
+            "work_stroke_mm": in_use.work_opening_mm,
             "kp": in_use.gains.kp_nm_rad,
             "kd": in_use.gains.kd_nm_s_rad,
             "file": in_use.file,
+            "scale_warning": None
+            if calibration is None
+            else scale_warning(calibration, controller.gripper_id.stroke_mm),
             "content": {}
             if calibration is None
             else content_of(calibration, controller.gripper_id, in_use.gains, controller.motor),
@@ -248,6 +270,21 @@ class SettingsMethods:
         return refusal or self._loaded(loaded=True, factory=value["factory"], skipped=skipped)
 
     @Method(
+        "calibration.rescale",
+        "Correct the millimetres of the calibration in use: rad_to_mm becomes that of jaws that"
+        " open stroke_mm. The limits stay, nothing moves, and calibration.save writes it.",
+        "The calibration.",
+        CalibrationView,
+        (_STROKE,),
+        role="operator",
+        needs_lease=True,
+        stop_voids=True,
+    )
+    def _rescale(self, call: Call) -> Answer:
+        refusal = self._calibrations.rescale(call.params.get("stroke_mm"), call.owner)
+        return refusal or self._calibration()
+
+    @Method(
         "calibration.save",
         "Write the calibration in use to the daemon's own file.",
         "The path, and that of the file before, which is kept.",
@@ -269,7 +306,7 @@ class SettingsMethods:
         "Measure the travel by probing both stops, and take it. The jaws move to both stops.",
         "ok, outcome, the calibration, and the state.",
         ZeroResult,
-        (_MOUNT, _SAVE, *RUN_PARAMS),
+        (_MOUNT, _STROKE, _SAVE, *RUN_PARAMS),
         role="operator",
         needs_lease=True,
         stop_voids=True,
@@ -285,6 +322,7 @@ class SettingsMethods:
                 call.owner,
                 config,
                 mount=call.params.get("mount"),
+                stroke_mm=call.params.get("stroke_mm"),
                 keep=call.params.get("save", True),
                 detached=call.detached,
             )
@@ -303,6 +341,7 @@ class SettingsMethods:
                 required=True,
                 choices=("begin", "closed", "open", "finish", "cancel"),
             ),
+            _STROKE,
             _SAVE,
         ),
         role="operator",
@@ -317,7 +356,14 @@ class SettingsMethods:
                 job=accepted(calibrating.by_hand(call.owner, controller.config)).number
             )
         if step == "finish":
-            return later(calibrating.finish(call.owner, keep=call.params.get("save", True)))
+            params = call.params
+            return later(
+                calibrating.finish(
+                    call.owner,
+                    stroke_mm=params.get("stroke_mm"),
+                    keep=params.get("save", True),
+                )
+            )
         if step == "cancel":
             return calibrating.give_up(call.owner) or Nothing()
         marks = accepted(calibrating.mark(step, call.owner))
@@ -374,8 +420,7 @@ class SettingsMethods:
 
     @Method(
         "config.set",
-        "Change the daemon's motion configuration, for everybody who does not say otherwise."
-        " A speed_mm_s that does not go with stop_lead_mm is refused, as the motions would.",
+        "Change the daemon's motion configuration, for everybody who does not say otherwise.",
         "As config.get.",
         ConfigView,
         (
@@ -390,10 +435,6 @@ class SettingsMethods:
         config = call.config(
             controller.config, controller.period_s, controller.gripper_id.motor_type
         )
-        # No motion could use such defaults; what depends on the calibration is the motions' to say.
-        refusal = conflict_refusal(fast_conflict(config, config.speed_mm_s, controller.period_s))
-        if refusal is not None:
-            return refusal
         if self._is_saving_config:
             text = "a change of the defaults is being saved: try again when that is done"
             return Refusal("too_many_requests", text, {"limit": 1})
