@@ -28,10 +28,10 @@ MEANINGS = {
     "stall_cycles": "Samples in the window of the stall test.",
     "stall_ratio": "Less than this share of the expected way is a stall.",
     "stall_delta": "The least way in the window that is none, rad.",
-    "max_lead_mm": "How far the command may lead the jaws on the way, mm.",
+    "max_lead_mm": "How hard the command's lead pushes on the way: 1.34 N·m for each mm, 5.3 N·m.",
     "press_overshoot": "Share of the travel by which `open` and `close` aim past the stop.",
     "press_zone_mm": "From how near the stop on `stop_lead_mm` counts, mm.",
-    "stop_lead_mm": "How far the command may lead the jaws there, mm.",
+    "stop_lead_mm": "How hard the command's lead presses there: 1.34 N·m for each mm, 0.94 N·m.",
     "stop_tol": "How close to the calibrated stop counts as pressed home, rad.",
     "force_n": "Force of a grasp, N; 10 N are about 1 N·m.",
     "force_rate_n_s": "How fast a force is ramped, N/s.",
@@ -113,7 +113,7 @@ SIMULATOR = {
 
 MOTOR_TYPES_HEAD = """\
 What follows from the type of the motor; the ranges are those from the factory, the motor's own are
-used. More than the most force and speed is refused.
+used. More than the most force and speed is refused; the speed is the motor's, and 150 mm/s at most.
 
 | type | gear | ranges | for long | peak, 0.5 s | most force | most speed |
 | --- | ---: | --- | ---: | ---: | ---: | ---: |"""
@@ -161,7 +161,7 @@ def _motor_types() -> str:
         f"| `{row.name}`{', **never tried**' if row.is_untried else ''} | {row.gear_ratio:g}"
         f" | ±{row.ranges.position_rad:g} rad, ±{row.ranges.velocity_rad_s:g} rad/s,"
         f" ±{row.ranges.torque_nm:g} N·m | {row.rated_nm:g} N·m | {row.peak_nm:g} N·m"
-        f" | {row.most_force_n:g} N | {row.fastest_mm_s:g} mm/s |"
+        f" | {row.most_force_n:g} N | {row.fastest_rad_s:g} rad/s |"
         for row in MOTOR_TYPES.values()
     ]
     return "\n".join(["", MOTOR_TYPES_HEAD, *rows, ""])

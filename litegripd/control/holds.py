@@ -90,10 +90,10 @@ MOST_FREE_SHARE = 1.75
 that a loss is known within 50 ms. It exceeds neither `MOST_FREE_SHARE`, nor what the damping of
 the hold lets free jaws reach in any case, nor the bound of every motion."""
 FAR_S = 0.028
-FAR_RAD = (0.0154, 0.0535)
+FAR_MM = (1.15, 4.0)
 """Too far for an object that gave way: the distance that a search travels in this time, less the
 time in which free jaws accelerate; within these bounds."""
-MOVED_RAD = 0.004
+MOVED_MM = 0.3
 BELOW_WITHIN_S = 0.1
 """The longest time for the jaws to stand again when a force is lowered."""
 RETURN_NM_S = 10.0
@@ -195,14 +195,14 @@ class GripSettings:
             reached_rad_s = min((torque_nm - friction_nm) / damping, speed_rad_s)
             gathering_s = motor_type.inertia_kg_m2 * reached_rad_s / driving_nm
             far_rad = reached_rad_s * max(FAR_S - gathering_s, 0.0)
-        nearest_rad, farthest_rad = FAR_RAD
+        nearest_rad, farthest_rad = map(self.geometry.to_rad, FAR_MM)
         return WatchLimits(
             fast_rad_s=FAST_SHARE * self.grasp_speed_rad_s,
             search_rad_s=speed_rad_s,
             far_rad=min(max(far_rad, nearest_rad), farthest_rad),
             lost_at_rad=self.lost_at_rad,
             friction_nm=self.likely_friction_nm(motor_type),
-            moved_rad=MOVED_RAD,
+            moved_rad=self.geometry.to_rad(MOVED_MM),
         )
 
 
