@@ -267,6 +267,15 @@ class HeatGuard:
             self._changed_s, self.allowance_nm = now_s, change.to_nm
         return change
 
+    def bears_s(self, torque_nm: float) -> float | None:
+        """Return for how long a torque from now on leaves the coil below its limit, in s.
+
+        None if it does for an hour, and while no temperature is known.
+        """
+        if self.model.coil_c is None:
+            return None
+        return self.model.course(torque_nm).passes_s(self.limit_c, _HORIZON_S)
+
     def _lowered(self, coil_c: float, waited_s: float) -> HeatChange | None:
         course = self.model.course()
         ahead_c = course.at(_LOOK_AHEAD_S)

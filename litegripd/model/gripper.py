@@ -127,10 +127,10 @@ model files)."""
 
 FASTEST_MM_S = 150.0
 """The highest speed that may be asked for (vendor's newest programs)."""
-FASTEST_RAD_S = 3.3
-"""The same at the motor, whatever a calibration says of millimetres. The DM4310's rotor and the
-fingers have 10 mJ at this speed (1.85e-3 kg·m²). It is 150 mm/s at 46 mm/rad, the smallest scale
-that was seen, and 174 mm/s at 52.69."""
+FASTEST_RAD_S = 2.9
+"""The same at the motor, whatever a calibration says of millimetres. Jaws overshoot by an eighth at
+most: then the DM4310's rotor and the fingers have 10 mJ (1.85e-3 kg·m² at 3.3 rad/s). It is 150
+mm/s at 51.7 mm/rad; the newest file that ships has 52.69."""
 MOST_FORCE_N = 40.0
 """What the fingers are rated for together; the vendor recommends 20 N for continuous work."""
 

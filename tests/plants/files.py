@@ -111,13 +111,23 @@ def grasps(here: Course) -> None:
 
 
 def replays(here: Course) -> None:
-    """Record a move without touching it, and replay a swing that begins elsewhere."""
-    here.call("trajectory.record", zero_gravity=False, duration_s=1.0, wait=False)
+    """Record jaws that a hand moves, and replay that; then a swing that begins elsewhere."""
+    geometry = here.world.controller.geometry
+    assert geometry is not None
+    here.call("trajectory.record_start")
+    here.world.run(0.3)
+    here.world.hold_open(20.0, 1.5)
+    here.world.run(2.0)
+    taught_mm = here.world.state.opening_mm or 0.0
+    recording = here.call("trajectory.record_stop").get("recording")
+    here.call("motion.move", opening_mm=20.0)
+    result = here.call("trajectory.play", recording=recording)
+    here.expect("play what was taught", result, "completed")
+    here.near("play what was taught", taught_mm)
     path = sampled(swing(size=0.3, period_s=4.0), 4.0)
     result = here.call("trajectory.play", upload=uploaded(here.client, path))
     here.expect("play", result, "completed")
-    if result.get("outcome") == "completed":
-        here.near("play", 0.5 * here.world.controller.geometry.travel_mm)  # type: ignore[union-attr]
+    here.near("play", 0.5 * geometry.travel_mm)
 
 
 def follows(here: Course) -> None:
