@@ -105,6 +105,10 @@ SIMULATOR = {
     "seed": "An integer: reports have a noise of at most one code. Left out: they are exact.",
     "watchdog_s": "After so long without a command the motor disarms, 0.1 s unless given, at most"
     " 0.4: a longer one the daemon sets back to 0.1 when it enables the motor.",
+    "comm_loss_s": "After so long it really disarms, whatever its register TIMEOUT says: 0.1, 0.4"
+    " and 0.9 were seen, 0 is never. Left out: as `watchdog_s`.",
+    "unasked_hz": "How often it reports by itself while it is enabled: about 10 was seen. Left"
+    " out: never.",
     "motor_type": f"The type of its motor, {' or '.join(MOTOR_TYPES)}; {DM4310.name} unless given."
     " Say the same in `[motor]`.",
 }
