@@ -8,7 +8,7 @@ import textwrap
 from typing import Any
 
 from litegripd.app.config import KEYS, SAME_TABLES, TABLES, Key, load
-from litegripd.model.gripper import DM4310, MOTOR_TYPES
+from litegripd.model.gripper import DM4310, MOTOR_FAMILY, MOTOR_TYPES, IncompleteType
 from litegripd.model.motion_config import MotionConfig, ranges_of
 
 KINDS = {
@@ -123,6 +123,14 @@ used. More than the most force and speed is refused.
 | --- | ---: | --- | ---: | ---: | ---: | ---: |"""
 
 
+INCOMPLETE_HEAD = """\
+The family has more types. Of these figures are missing, so the daemon cannot drive them: it refuses
+them, here and in a calibration file.
+
+| type | known | missing |
+| --- | --- | --- |"""
+
+
 def configuration_page() -> str:
     """Make the page."""
     sections = [f"## [{table}]\n\n{about}\n\n{_table(table)}\n" for table, about in TABLES.items()]
@@ -168,7 +176,13 @@ def _motor_types() -> str:
         f" | {row.most_force_n:g} N | {row.fastest_mm_s:g} mm/s |"
         for row in MOTOR_TYPES.values()
     ]
-    return "\n".join(["", MOTOR_TYPES_HEAD, *rows, ""])
+    incomplete = [row for row in MOTOR_FAMILY.values() if isinstance(row, IncompleteType)]
+    missing = [
+        f"| {', '.join(f'`{row.name}`' for row in incomplete if row.missing == lacks)}"
+        f" | {', '.join(knows) or 'nothing'} | {', '.join(lacks)} |"
+        for knows, lacks in dict.fromkeys((row.known, row.missing) for row in incomplete)
+    ]
+    return "\n".join(["", MOTOR_TYPES_HEAD, *rows, "", INCOMPLETE_HEAD, *missing, ""])
 
 
 def _table(table: str) -> str:

@@ -111,9 +111,9 @@ def make_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--motor-type",
-        choices=tuple(MOTOR_TYPES),
         default=DM4310.name,
-        help="type of the motor (default: %(default)s)",
+        metavar="TYPE",
+        help=f"type of the motor: {', '.join(MOTOR_TYPES)} (default: %(default)s)",
     )
     parser.add_argument(
         "--watchdog",

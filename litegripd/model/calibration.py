@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, TypedDict
 
-from litegripd.model.gripper import MOTOR_TYPES, NOMINAL_RAD_TO_MM, Geometry
+from litegripd.model.gripper import MOTOR_TYPES, NOMINAL_RAD_TO_MM, Geometry, why_not_driven
 from litegripd.model.motion_config import damping_conflict
 
 
@@ -199,6 +199,7 @@ def read_content(content: object) -> Calibration:
         geometry = Geometry(closed_rad, open_rad, rad_to_mm)
     except ValueError as error:
         raise CalibrationError(str(error)) from None
+    _check_motor_type(content.get("motor_type"))
     kp_nm_rad, kd_nm_s_rad = _gains(content)
     return Calibration(
         geometry=geometry,
@@ -208,6 +209,13 @@ def read_content(content: object) -> Calibration:
         kd_nm_s_rad=kd_nm_s_rad,
         content=content,
     )
+
+
+def _check_motor_type(motor_type: object) -> None:
+    """Raise for a file of a motor that no daemon drives; what is no name counts as none."""
+    why_not = why_not_driven(motor_type) if isinstance(motor_type, str) and motor_type else None
+    if why_not is not None:
+        raise CalibrationError(f"motor_type is {reprlib.repr(motor_type)}, {why_not}")
 
 
 def _is_nested_deeper(value: object, levels: int) -> bool:

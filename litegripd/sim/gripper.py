@@ -10,7 +10,7 @@ import math
 import threading
 from dataclasses import replace
 
-from litegripd.model.gripper import DM4310, MOTOR_TYPES
+from litegripd.model.gripper import DM4310, MOTOR_TYPES, why_not_driven
 from litegripd.model.motor import CanFrame
 from litegripd.sim.motor import FAULTS, SimulatedMotor
 from litegripd.sim.plant import (
@@ -279,7 +279,7 @@ def build_gripper(
     """
     closed_rad, open_rad = limits_of_mount(mount)
     if motor_type not in MOTOR_TYPES:
-        raise ValueError(f"motor_type must be one of {', '.join(MOTOR_TYPES)}, not {motor_type!r}")
+        raise ValueError(f"motor_type is {motor_type!r}, {why_not_driven(motor_type)}")
     nominal = SimulatorParameters(closed_rad=closed_rad, open_rad=open_rad)
     opening_mm = nominal.initial_opening_mm
     if object_mm is not None:
