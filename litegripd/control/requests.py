@@ -488,6 +488,9 @@ class CalibrationRequests:
         calibration = controller.calibrated.calibration
         if calibration is None or not calibration.calibrated:
             return controller.calibrated.problem
+        refusal = stroke_refusal(stroke_mm, controller.gripper_id)
+        if refusal is not None:
+            return refusal
         stroke_mm = controller.gripper_id.stroke_mm if stroke_mm is None else stroke_mm
         try:
             rescaled = calibration.rescaled(stroke_mm)

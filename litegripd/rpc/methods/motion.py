@@ -346,7 +346,7 @@ class MotionMethods:
                 maximum=3,
                 maximum_of=lambda motor: motor.rated_nm,
             ),
-            *gain_params("the calibration's, at least 55", "the calibration's"),
+            *gain_params("the calibration's, within 55 to 100", "the calibration's"),
         ),
         role="operator",
         needs_lease=True,
@@ -365,7 +365,7 @@ class MotionMethods:
             valid_until_s=since_s + valid_s,
             speed_mm_s=call.params.get("speed_mm_s"),
             torque_nm=call.params.get("torque_nm", DEFAULT_CONTACT_NM),
-            gains=call.gains(self._controller.gains.reaching()),
+            gains=call.gains(self._controller.gains.following()),
         )
         return JobNumber(job=accepted(job).number)
 
