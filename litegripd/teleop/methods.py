@@ -278,7 +278,12 @@ _HOW = (
         maximum=55,
     ),
     Param(
-        "kp", "number", "A slave's stiffness, N·m/rad (default: the calibration's).", False, 1, 500
+        "kp",
+        "number",
+        "A slave's stiffness, N·m/rad (default: the calibration's, within 55 to 100).",
+        False,
+        1,
+        500,
     ),
     Param(
         "kd",
