@@ -7,6 +7,7 @@ from functools import cached_property
 from types import MappingProxyType
 from typing import Literal, TypeAlias
 
+from litegrip_client.protocol.trajectory import MOST_FORCE_N
 from litegripd.model.motor import Ranges
 
 Mount: TypeAlias = Literal["normal", "reverse"]
@@ -131,8 +132,6 @@ FASTEST_RAD_S = 2.9
 """The same at the motor, whatever a calibration says of millimetres. Jaws overshoot by an eighth at
 most: then the DM4310's rotor and the fingers have 10 mJ (1.85e-3 kg·m² at 3.3 rad/s). It is 150
 mm/s at 51.7 mm/rad; the newest file that ships has 52.69."""
-MOST_FORCE_N = 40.0
-"""What the fingers are rated for together; the vendor recommends 20 N for continuous work."""
 
 
 @dataclass(frozen=True)
