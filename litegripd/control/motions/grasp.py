@@ -16,6 +16,7 @@ from typing import Literal, TypeAlias
 from litegripd.control.detectors import Lasting, SpeedWindow, StallDetector
 from litegripd.control.holds import FrictionGauge, Grip, GripSettings, Hold, HoldBy, Idle
 from litegripd.control.limiter import (
+    CALM_KD_NM_S_RAD,
     CATCHING_GAINS,
     DEFAULT_GAINS,
     Gains,
@@ -24,7 +25,7 @@ from litegripd.control.limiter import (
 )
 from litegripd.control.motions.base import PlainAction, Step, progress_of
 from litegripd.model.gripper import DM4310, Geometry, MotorType
-from litegripd.model.motion_config import MOVING_KD_NM_S_RAD, MOVING_KP_NM_RAD, MotionConfig
+from litegripd.model.motion_config import MOVING_KP_NM_RAD, MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorView
 from litegripd.model.state import GraspOutcome, GraspResult, Progress
 
@@ -74,7 +75,8 @@ class Approach:
         )
         # Soft gains would leave the jaws stuck short of the end, with nothing between them.
         kp = min(max(MOVING_KP_NM_RAD, BUDGET_NM / config.reach_tol), KP_MAX_NM_RAD)
-        self._arrived = Gains(kp, MOVING_KD_NM_S_RAD)
+        # More damping would brake fast jaws to a stop in front of it, where they stick.
+        self._arrived = Gains(kp, CALM_KD_NM_S_RAD)
         self._arrived_lead_rad = BUDGET_NM / kp
         self._stall = StallDetector(config, self.speed_rad_s)
         self._began_s: float | None = None
