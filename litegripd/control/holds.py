@@ -82,6 +82,9 @@ FREE_SPEED_SHARE = 0.5
 FAST_SHARE = 0.55
 """A little above `FREE_SPEED_SHARE`: jaws that are faster, and meet no resistance, are free."""
 
+MOST_FOLLOWED_RAD_S = 1.2
+"""A hold after a faster grasp is that of a grasp at this speed. With 3 N, free jaws would gather
+speed for so long that their loss is known only after 50 ms."""
 SEARCH_SHARE = 1.8
 LEAST_SEARCH_RAD_S = 1.14
 LEAST_DAMPED_RAD_S = 0.67
@@ -143,7 +146,7 @@ class GripSettings:
         """Return the settings from a configuration."""
         return cls(
             geometry=geometry,
-            grasp_speed_rad_s=geometry.to_rad(speed_mm_s),
+            grasp_speed_rad_s=min(geometry.to_rad(speed_mm_s), MOST_FOLLOWED_RAD_S),
             rate_nm_s=geometry.torque_nm(config.force_rate_n_s),
             lost_at_rad=geometry.close_sign * geometry.closed_rad - config.stop_tol,
             by=by,
