@@ -10,7 +10,7 @@ from dataclasses import replace
 from litegripd.app.machine import Machine
 from litegripd.control.detectors import StallDetector
 from litegripd.control.holds import Grip, GripSettings, Idle
-from litegripd.control.limiter import DEFAULT_GAINS, Gains
+from litegripd.control.limiter import DEFAULT_GAINS
 from litegripd.control.motions.base import Action, Enable, PlainAction, Step
 from litegripd.control.motions.grasp import Grasp, GraspRequest
 from litegripd.control.motions.move import Ramp
@@ -117,7 +117,6 @@ def ours(
     geometry: Geometry,
     request: GraspRequest,
     config: MotionConfig = DEFAULTS,
-    gains: Gains = DEFAULT_GAINS,
     period_s: float = PERIOD_S,
 ) -> Action:
     """Return a grasp as the daemon does it."""
@@ -125,7 +124,6 @@ def ours(
         request,
         geometry=geometry,
         config=config,
-        gains=gains,
         period_s=period_s,
         motor_type=DM4310,
     )
