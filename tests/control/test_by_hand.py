@@ -4,7 +4,8 @@ from typing import Any
 
 import pytest
 
-from litegripd.model.calibration import Calibration
+from litegripd.model.calibration import NOMINAL, Calibration
+from litegripd.model.gripper import SPAN_INSET_MM, STROKE_MM
 from litegripd.model.motor import MotorPhase
 from litegripd.sim.plant import limits_of_mount
 from tests.control.states import in_state, is_slack
@@ -12,6 +13,7 @@ from tests.world import Client, World
 
 MOUNTS = ("normal", "reverse")
 FAR_ENOUGH_MM = 0.5
+SPAN_MM = STROKE_MM + SPAN_INSET_MM
 
 
 def begun(mount: str = "normal", *, calibrated: bool = True) -> tuple[World, Client]:
@@ -28,7 +30,7 @@ def push_to(world: World, side: str) -> None:
     """Push the jaws by hand until they rest at a stop, pressed as a probe would."""
     sign = world.gripper.parameters.close_sign * (1 if side == "closed" else -1)
     world.gripper.push(sign * 2.0)
-    end_mm = FAR_ENOUGH_MM if side == "closed" else 120.0 - FAR_ENOUGH_MM
+    end_mm = FAR_ENOUGH_MM if side == "closed" else NOMINAL[0].travel_mm - FAR_ENOUGH_MM
     world.run_until(lambda: abs(world.gripper.opening_mm - end_mm) < 1.0)
     world.gripper.push(sign * 0.94)
     world.run(0.3)
@@ -60,8 +62,9 @@ def test_two_marks_make_a_calibration(mount: str, calibrated: bool, first: str) 
     result = client.result("calibration.manual", step="finish")
     assert (result["ok"], result["outcome"]) == (True, "measured")
     assert (result["closed_rad"], result["open_rad"]) == (marks["closed_rad"], marks["open_rad"])
-    assert result["travel_rad"] == pytest.approx(1.605, rel=0.01)
-    assert result["rad_to_mm"] == pytest.approx(74.8, rel=0.01)
+    assert result["travel_rad"] == pytest.approx(NOMINAL[0].travel_rad, rel=0.01)
+    # Two marks are pressed as a probe presses: 1 mm into the open stop.
+    assert result["rad_to_mm"] == pytest.approx(SPAN_MM / result["travel_rad"])
     assert result["state"]["mount"] == mount
     assert result["path"] == "/state/calibration.save"
     assert world.disk.saved["calibration.save"]["content"] == result["content"]
@@ -78,7 +81,8 @@ def test_the_marks_alone_say_which_way_closing_runs(mount: str) -> None:
     world = World(mount)
     other = limits_of_mount("reverse" if mount == "normal" else "normal")
     client = world.enabled()
-    content = {"zero_position_rad": other[0], "max_position_rad": other[1], "rad_to_mm": 74.8}
+    limits = {"zero_position_rad": other[0], "max_position_rad": other[1]}
+    content = {**limits, "rad_to_mm": NOMINAL[0].rad_to_mm}
     assert client.result("calibration.load", content=content)["mount"] != mount
     client.result("calibration.manual", step="begin")
     world.run(0.05)

@@ -70,9 +70,17 @@ def test_a_file_with_one_gain_does_not_get_the_other_of_a_stiffer_one() -> None:
 
 
 @pytest.mark.parametrize(
-    ("gains", "least"), [({"kp": 500, "kd": 0.1}, 1.0), ({"kp": 500}, 1.0), ({"kd": 0.1}, 0.2)]
+    ("method", "gains", "least"),
+    [
+        ("teleop.start", {"kp": 500, "kd": 0.1}, 1.0),
+        ("teleop.start", {"kp": 500}, 1.0),  # and the file's kd
+        ("teleop.start", {"kd": 0.1}, 0.2),
+        ("trajectory.play", {"kp": 500, "kd": 0.1}, 1.0),
+        ("trajectory.play", {"kd": 0.1}, 0.2),
+        ("motion.move", {"kp": 500, "kd": 0.1}, 1.0),
+        ("motion.move", {"kd": 0.1}, 0.2),
+    ],
 )
-@pytest.mark.parametrize("method", ["teleop.start", "trajectory.play"])
 def test_what_a_motion_gives_is_judged_with_what_it_leaves_out(
     method: str, gains: dict[str, Any], least: float
 ) -> None:
@@ -80,11 +88,29 @@ def test_what_a_motion_gives_is_judged_with_what_it_leaves_out(
     client = world.enabled()
     content = client.result("calibration.get")["content"]
     client.result("calibration.load", content={**content, "kp": 100, "kd": 0.5})
-    plays = {"upload": uploaded(client, SLOW)} if method == "trajectory.play" else SLAVE
-    error = client.call(method, **plays, **gains)["error"]
+    if method == "trajectory.play":
+        params = {"upload": uploaded(client, SLOW)}
+    else:
+        params = SLAVE if method == "teleop.start" else {"opening_mm": 30.0}
+    error = client.call(method, **params, **gains)["error"]
     assert error["data"]["reason"] == "out_of_limits"
     assert (error["data"]["field"], error["data"]["limit"]) == ("kd", pytest.approx(least))
     assert world.controller.jobs.running is None
+
+
+@pytest.mark.parametrize("method", ["trajectory.play", "motion.move"])
+def test_a_motion_does_not_take_what_it_leaves_out_from_the_file(method: str) -> None:
+    """The usual damping, 2 N·m·s/rad, goes with every stiffness."""
+    world = World()
+    client = world.enabled()
+    content = client.result("calibration.get")["content"]
+    client.result("calibration.load", content={**content, "kp": 100, "kd": 0.5})
+    plays = method == "trajectory.play"
+    params: dict[str, Any] = {"upload": uploaded(client, SLOW)} if plays else {"opening_mm": 30.0}
+    since_s = world.now_s
+    assert client.result(method, **params, kp=500)["ok"]
+    dampings = {round(command.kd_nm_s_rad, 1) for _, command in world.commands_since(since_s)}
+    assert 2.0 in dampings
 
 
 def test_a_hold_by_gains_damps_enough_or_is_refused() -> None:

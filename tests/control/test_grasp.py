@@ -260,7 +260,7 @@ def test_the_force_changes_without_a_new_grasp() -> None:
 @pytest.mark.parametrize(
     ("params", "reason"),
     [
-        ({"force_n": 31}, "invalid_params"),
+        ({"force_n": 41}, "invalid_params"),
         ({"force_n": 0.1}, "invalid_params"),
         ({"width_mm": 40}, "invalid_params"),
         ({"tolerance_mm": 4}, "invalid_params"),

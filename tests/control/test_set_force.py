@@ -5,11 +5,13 @@ from typing import Any
 
 import pytest
 
+from litegripd.model.calibration import NOMINAL
 from litegripd.model.motor import MotorPhase
 from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from tests.world import Client, World
 
 MOUNTS = ("normal", "reverse")
+MM_RAD = NOMINAL[0].rad_to_mm
 FORCE_CODE_NM = 0.05  # a code of torque, and one of velocity under the damping of a hold
 
 
@@ -120,16 +122,17 @@ def test_without_a_hold_the_jaws_squeeze_from_where_they_are(mount: str) -> None
     assert not world.state.is_grasped  # nobody has looked whether something is there
 
 
-def test_with_nothing_between_them_the_jaws_close_no_faster_than_a_grasp() -> None:
+@pytest.mark.parametrize("force_n", [30, 40])
+def test_with_nothing_between_them_the_jaws_close_no_faster_than_a_grasp(force_n: float) -> None:
     world, client = with_object(None)
-    client.result("motion.set_force", force_n=30)
+    client.result("motion.set_force", force_n=force_n)
     fastest_mm_s = 0.0
     for _ in range(800):
         world.tick()
-        fastest_mm_s = max(fastest_mm_s, abs(world.gripper.velocity_rad_s) * 74.8)
+        fastest_mm_s = max(fastest_mm_s, abs(world.gripper.velocity_rad_s) * MM_RAD)
     assert fastest_mm_s < 100.0
     assert world.gripper.opening_mm < 1.0
-    assert squeeze_nm(world) == pytest.approx(3.0, abs=FORCE_CODE_NM)
+    assert squeeze_nm(world) == pytest.approx(force_n / 10, abs=FORCE_CODE_NM)
     assert client.result("motion.open")["outcome"] == "pressed_home"
     assert world.state.force_set_n is None
 
@@ -162,7 +165,7 @@ def test_the_rate_of_the_call_counts_where_the_squeeze_begins() -> None:
     assert reached_s == pytest.approx(5.0, rel=0.05)
 
 
-@pytest.mark.parametrize("params", [{"force_n": 0.4}, {"force_n": 31}, {}])
+@pytest.mark.parametrize("params", [{"force_n": 0.4}, {"force_n": 41}, {}])
 def test_a_force_that_no_jaw_may_have_is_refused(params: dict[str, float]) -> None:
     world, client = with_object()
     assert client.refusal("motion.set_force", **params) == "invalid_params"
