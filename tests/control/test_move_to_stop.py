@@ -4,23 +4,34 @@ import math
 
 import pytest
 
-from litegripd.control.limiter import DEFAULT_GAINS
-from litegripd.model.calibration import Calibration
-from litegripd.model.gripper import Geometry
+from litegripd.control.motions.move import SPEED_UP_S
+from litegripd.model.calibration import NOMINAL, Calibration
+from litegripd.model.gripper import FASTEST_MM_S, Geometry
+from litegripd.model.motion_config import MOVING_KP_NM_RAD, MotionConfig
 from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from tests.world import PERIOD_S, Client, World
 
 MOUNTS = ("normal", "reverse")
-MM_RAD = 74.8
-LEAD_RAD, PRESS_RAD = 4.0 / MM_RAD, 0.7 / MM_RAD
+CONFIG, MM_RAD, TRAVEL_MM = MotionConfig(), NOMINAL[0].rad_to_mm, NOMINAL[0].travel_mm
+LEAD_RAD, PRESS_RAD = CONFIG.travel_nm / MOVING_KP_NM_RAD, CONFIG.stop_nm / MOVING_KP_NM_RAD
+FAR_RAD = 0.5  # so far that the jaws do not get where they stick in front of the true stop
 CODE_RAD = 25.0 / 65535
+SLOWEST_MM_S = (
+    1.005
+    * CONFIG.stop_nm
+    / MOVING_KP_NM_RAD
+    * MM_RAD
+    / (CONFIG.stall_cycles * CONFIG.sample_interval)
+)
 
 
 def calibrate(world: World, closed_by: float = 0.0, open_by: float = 0.0) -> None:
     """Shift the calibrated limits by shares of the travel, outwards positive."""
     closed_rad, open_rad = limits_of_mount("normal")
     travel_rad = closed_rad - open_rad
-    geometry = Geometry(closed_rad + closed_by * travel_rad, open_rad - open_by * travel_rad, 74.8)
+    geometry = Geometry(
+        closed_rad + closed_by * travel_rad, open_rad - open_by * travel_rad, MM_RAD
+    )
     world.controller.use_calibration(Calibration(geometry), None)
 
 
@@ -40,7 +51,7 @@ def record(
 
 
 def blocked_world(width_mm: float, **item: float) -> tuple[World, Client]:
-    world = World(parameters=SimulatorParameters(initial_opening_mm=100.0))
+    world = World(parameters=SimulatorParameters(initial_opening_mm=80.0))
     world.gripper.put_object(width_mm=width_mm, **item)
     return world, world.enabled()
 
@@ -85,7 +96,7 @@ def test_the_commands_lead_stays_within_two_tiers_in_every_phase(
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
-def test_it_presses_with_about_kp_times_the_stop_lead(mount: str) -> None:
+def test_it_presses_with_about_what_the_stop_lead_means(mount: str) -> None:
     world = World(mount)
     client = world.enabled()
     torques = []
@@ -93,7 +104,7 @@ def test_it_presses_with_about_kp_times_the_stop_lead(mount: str) -> None:
     while not client.has_answer(number):
         world.tick()
         torques.append(abs(world.gripper.motor_torque_nm))
-    assert torques[-10] == pytest.approx(0.94, abs=0.08)
+    assert torques[-10] == pytest.approx(CONFIG.stop_nm, abs=0.08)
     assert max(torques) < 2.0
 
 
@@ -125,8 +136,7 @@ def test_a_blocked_move_ends_within_a_stall_window_and_never_leads_more_than_all
     touched_s = world.now_s
     world.run_until(lambda: client.has_answer(number))
     assert world.now_s - touched_s < 0.5
-    kp = DEFAULT_GAINS.kp_nm_rad
-    assert abs(world.gripper.motor_torque_nm) <= kp * LEAD_RAD * 1.05
+    assert abs(world.gripper.motor_torque_nm) <= CONFIG.travel_nm * 1.05
 
 
 @pytest.mark.parametrize("share", [-0.008, 0.008, 0.02, 0.03])
@@ -135,7 +145,7 @@ def test_a_calibration_that_is_slightly_off_is_still_pressed_home(share: float) 
     world = World()
     calibrate(world, closed_by=-share, open_by=-share)
     client = world.enabled()
-    for method, opening_mm in (("motion.open", 120.0), ("motion.close", 0.0)):
+    for method, opening_mm in (("motion.open", TRAVEL_MM), ("motion.close", 0.0)):
         result = client.result(method)
         assert (result["ok"], result["outcome"]) == (True, "pressed_home")
         assert world.gripper.opening_mm == pytest.approx(opening_mm, abs=1.0)
@@ -167,7 +177,7 @@ def test_a_move_that_starts_on_its_stop_presses_home_at_once(method: str) -> Non
 
 
 @pytest.mark.parametrize("method", ["motion.open", "motion.close"])
-@pytest.mark.parametrize("speed", [2.81, 139.0])
+@pytest.mark.parametrize("speed", [SLOWEST_MM_S, FASTEST_MM_S])
 def test_the_slowest_and_the_fastest_speed_press_home(method: str, speed: float) -> None:
     """Static friction must not look like a stall, nor the cap clip the ramp's own step."""
     world = World(parameters=SimulatorParameters(initial_opening_mm=60.0))
@@ -176,7 +186,7 @@ def test_the_slowest_and_the_fastest_speed_press_home(method: str, speed: float)
     assert answer["result"]["outcome"] == "pressed_home"
 
 
-@pytest.mark.parametrize("speed", [0.1, 2.7, 141.0, 500.0])
+@pytest.mark.parametrize("speed", [0.1, 0.95 * SLOWEST_MM_S])
 def test_speeds_that_do_not_go_with_the_settings_are_refused(speed: float) -> None:
     client = World().enabled()
     error = client.call("motion.open", speed_mm_s=speed)["error"]
@@ -214,7 +224,9 @@ def test_progress_tells_where_the_move_is() -> None:
     steps = [report["step"] for report in reports]
     assert steps == sorted(steps)
     total = reports[0]["total_steps"]
-    assert total == pytest.approx((60.0 + 0.05 * 120.0) / 50.0 / PERIOD_S, abs=2)
+    assert total == pytest.approx(
+        ((60.0 + 0.05 * TRAVEL_MM) / 50.0 + 0.5 * SPEED_UP_S) / PERIOD_S, abs=2
+    )
     assert all(report["total_steps"] == total and report["step"] <= total for report in reports)
     assert reports[0]["opening_mm"] > reports[-1]["opening_mm"]
     assert {report["request"] for report in reports} == {number}
@@ -224,9 +236,9 @@ def test_progress_tells_where_the_move_is() -> None:
 def test_a_target_further_past_the_stop_is_not_mistaken_for_one(press_overshoot: float) -> None:
     """What bounds the command is the call's own configuration, not the daemon's."""
     world = World(
-        parameters=SimulatorParameters(closed_rad=0.514, open_rad=-1.491), calibrated=False
+        parameters=SimulatorParameters(closed_rad=NOMINAL[0].closed_rad + FAR_RAD), calibrated=False
     )
-    world.controller.use_calibration(Calibration(Geometry(0.114, -1.491, 74.8)), None)
+    world.controller.use_calibration(Calibration(NOMINAL[0]), None)
     client = world.enabled()
     closed = client.result("motion.close", config={"press_overshoot": press_overshoot})
     assert (closed["ok"], closed["outcome"]) == (False, "no_stop")

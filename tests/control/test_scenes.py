@@ -2,6 +2,7 @@
 
 import pytest
 
+from litegripd.model.calibration import NOMINAL
 from litegripd.model.motor import MotorPhase
 from tests.world import CAN_ID, PERIOD_S, World
 
@@ -12,7 +13,7 @@ MOUNTS = ("normal", "reverse")
 def test_open_and_close_press_onto_the_stops(mount: str) -> None:
     world = World(mount)
     client = world.enabled()
-    for method, opening_mm in (("motion.open", 120.0), ("motion.close", 0.0)):
+    for method, opening_mm in (("motion.open", NOMINAL[0].travel_mm), ("motion.close", 0.0)):
         result = client.result(method)
         assert (result["ok"], result["stalled"], result["reached"]) == (True, True, False)
         assert result["outcome"] == "pressed_home"
@@ -27,7 +28,7 @@ def test_a_move_takes_the_time_that_its_speed_says(mount: str) -> None:
     client.result("motion.close")
     began_s = world.now_s
     client.send("motion.open", speed_mm_s=25.0)
-    world.run_until(lambda: world.gripper.opening_mm > 100.0)
+    world.run_until(lambda: world.gripper.opening_mm > 80.0)
     start_mm = 0.0
     assert (world.gripper.opening_mm - start_mm) / (world.now_s - began_s) == pytest.approx(
         25, rel=0.1
