@@ -3,6 +3,7 @@
 import random
 from dataclasses import dataclass
 
+from litegripd.model.calibration import NOMINAL
 from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from tests.world import Client, World
 
@@ -53,7 +54,7 @@ def random_plant(seed: int, most_friction_nm: float = 1.4) -> Plant:
     parameters = SimulatorParameters(
         closed_rad=closed_rad,
         open_rad=open_rad,
-        initial_opening_mm=r.uniform(5.0, 115.0),
+        initial_opening_mm=r.uniform(0.04, 0.96) * NOMINAL[0].travel_mm,
         coulomb_nm=coulomb_nm,
         breakaway_nm=breakaway_nm,
         close_stick_nm=max(breakaway_nm, r.uniform(0.8, most_friction_nm)),

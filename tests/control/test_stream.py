@@ -6,10 +6,11 @@ from typing import Any
 
 import pytest
 
+from litegripd.model.calibration import NOMINAL
 from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from tests.world import PERIOD_S, Client, World
 
-MM_RAD = 74.8
+MM_RAD, TRAVEL_MM = NOMINAL[0].rad_to_mm, NOMINAL[0].travel_mm
 CODE_RAD = 25.0 / 65535
 MOUNTS = ("normal", "reverse")
 
@@ -48,10 +49,10 @@ def test_the_jaws_follow_the_latest_set_point(mount: str) -> None:
     follow(world, client, 0.3, opening_mm=20.0)
     assert world.gripper.opening_mm < 52.0
     put(client, opening_mm=10.0)
-    put(client, opening_mm=90.0)  # before the other has had a tick
+    put(client, opening_mm=80.0)  # before the other has had a tick
     world.run(0.05)
-    follow(world, client, 1.5, opening_mm=90.0)
-    assert world.gripper.opening_mm == pytest.approx(90.0, abs=0.5)
+    follow(world, client, 1.5, opening_mm=80.0)
+    assert world.gripper.opening_mm == pytest.approx(80.0, abs=0.5)
     assert [job.kind for job in world.controller.jobs].count("stream") == 1
     assert refusals(client) == []
 
@@ -83,8 +84,8 @@ def test_with_an_id_it_is_answered_by_the_streams_job() -> None:
 
 @pytest.mark.parametrize("valid_s", [0.02, 0.2, 1.0])
 def test_it_expires_into_a_hold_without_a_jump(valid_s: float) -> None:
-    world, client = at_opening()
-    put(client, opening_mm=110.0, valid_s=valid_s)
+    world, client = at_opening(20.0)
+    put(client, opening_mm=80.0, valid_s=valid_s)
     began_s = world.now_s
     world.tick()
     commands = []
@@ -109,7 +110,7 @@ def test_it_expires_into_a_hold_without_a_jump(valid_s: float) -> None:
 
 def test_a_stream_begins_anew_after_it_has_expired() -> None:
     world, client = at_opening()
-    follow(world, client, 0.2, opening_mm=110.0)
+    follow(world, client, 0.2, opening_mm=85.0)
     world.run(0.5)
     follow(world, client, 1.2, opening_mm=30.0)
     assert world.gripper.opening_mm == pytest.approx(30.0, abs=1.0)
@@ -120,12 +121,12 @@ def test_a_stream_begins_anew_after_it_has_expired() -> None:
 @pytest.mark.parametrize("every_s", [PERIOD_S, 0.1])
 def test_the_jaws_are_no_faster_than_their_speed(speed: float, every_s: float) -> None:
     """A step of the speed makes them overshoot it for some 30 ms, but not farther than that."""
-    world, client = at_opening(10.0)
+    world, client = at_opening(5.0)
     ticks = round(every_s / PERIOD_S)
     opening_mm = [world.gripper.opening_mm]
     for tick in range(120):
         if tick % ticks == 0:
-            put(client, opening_mm=100.0, speed_mm_s=speed)
+            put(client, opening_mm=85.0, speed_mm_s=speed)
         world.tick()
         opening_mm.append(world.gripper.opening_mm)
     commanded = [command.position_rad for _, command in world.commands_since(world.now_s - 0.59)]
@@ -190,7 +191,7 @@ def test_with_an_id_every_refusal_is_an_answer() -> None:
     world, client = at_opening()
     for _ in range(3):
         assert client.refusal("stream.set", opening_mm=500.0) == "out_of_limits"
-    assert client.refusal("stream.set", opening_mm=50.0, speed_mm_s=200.0) == "out_of_limits"
+    assert client.refusal("stream.set", opening_mm=50.0, speed_mm_s=151.0) == "invalid_params"
     assert client.refusal("stream.set", opening_mm=50.0, torque_nm=4.0) == "invalid_params"
     assert client.refusal("stream.set", opening_mm=50.0, valid_s=0.01) == "invalid_params"
     assert client.refusal("stream.set", opening_mm=50.0, openness=0.5) == "invalid_params"
@@ -200,7 +201,7 @@ def test_with_an_id_every_refusal_is_an_answer() -> None:
 
 def test_a_bad_set_point_does_not_end_the_stream() -> None:
     world, client = at_opening()
-    put(client, opening_mm=100.0, valid_s=0.5)
+    put(client, opening_mm=85.0, valid_s=0.5)
     world.run(0.1)
     put(client, opening_mm=500.0)
     world.run(0.1)
@@ -211,10 +212,10 @@ def test_a_bad_set_point_does_not_end_the_stream() -> None:
 def test_another_clients_stream_is_refused_as_busy() -> None:
     world, client = at_opening()
     other = world.client()
-    follow(world, client, 0.1, opening_mm=90.0)
+    follow(world, client, 0.1, opening_mm=80.0)
     for _ in range(5):
         put(other, opening_mm=10.0)
-        put(client, opening_mm=90.0)
+        put(client, opening_mm=80.0)
         world.run(0.05)
     assert refusals(other) == ["busy"]
     assert other.refusal("stream.set", opening_mm=10.0) == "busy"
@@ -242,7 +243,7 @@ def test_a_stream_does_not_interrupt_a_motion(spoil: str) -> None:
 @pytest.mark.parametrize("level", ["hold", "relax", "disable"])
 def test_a_stop_ends_a_stream_and_what_was_sent_before_it_never_runs(level: str) -> None:
     world, client = at_opening()
-    follow(world, client, 0.2, opening_mm=110.0)
+    follow(world, client, 0.2, opening_mm=85.0)
     sent_s = world.now_s
     world.run(0.02)
     world.client().send("stop", level=level)
@@ -250,20 +251,20 @@ def test_a_stop_ends_a_stream_and_what_was_sent_before_it_never_runs(level: str)
     here_mm = world.gripper.opening_mm
     assert world.controller.jobs.running is None
     for _ in range(5):
-        put(client, opening_mm=110.0)
+        put(client, opening_mm=85.0)
         world.run(0.02)
     assert refusals(client) == ["stopped"]
     client.result("stop.clear")
     if level == "disable":
         client.result("motor.enable")
     for _ in range(5):
-        put(client, opening_mm=110.0, sent_s=sent_s)
-        put(client, opening_mm=110.0, stop_generation=0)
+        put(client, opening_mm=85.0, sent_s=sent_s)
+        put(client, opening_mm=85.0, stop_generation=0)
         world.run(0.02)
     assert refusals(client) == ["stopped", "sent_before_stop"]
     assert world.controller.jobs.running is None
     assert world.gripper.opening_mm == pytest.approx(here_mm, abs=0.5)
-    put(client, opening_mm=110.0, sent_s=world.now_s)
+    put(client, opening_mm=85.0, sent_s=world.now_s)
     world.run(0.1)
     assert world.gripper.opening_mm > here_mm + 2.0
 
@@ -271,7 +272,7 @@ def test_a_stop_ends_a_stream_and_what_was_sent_before_it_never_runs(level: str)
 @pytest.mark.parametrize("end", ["leave", "cancel"])
 def test_a_stream_without_its_client_ends_in_a_hold(end: str) -> None:
     world, client = at_opening()
-    follow(world, client, 0.2, opening_mm=110.0, valid_s=2.0)
+    follow(world, client, 0.2, opening_mm=85.0, valid_s=2.0)
     running = world.controller.jobs.running
     assert running is not None
     if end == "leave":
@@ -284,9 +285,9 @@ def test_a_stream_without_its_client_ends_in_a_hold(end: str) -> None:
     assert world.gripper.opening_mm == pytest.approx(here_mm, abs=1.5)
 
 
-@pytest.mark.parametrize("opening_mm", [0.0, 120.0])
+@pytest.mark.parametrize("opening_mm", [0.0, TRAVEL_MM])
 def test_the_ends_of_the_travel_are_set_points_too(opening_mm: float) -> None:
     world, client = at_opening()
-    follow(world, client, 2.5, openness=opening_mm / 120.0)
+    follow(world, client, 2.5, openness=opening_mm / TRAVEL_MM)
     assert world.gripper.opening_mm == pytest.approx(opening_mm, abs=1.5)
     assert abs(world.gripper.motor_torque_nm) <= 1.3

@@ -5,7 +5,8 @@ from typing import Any
 
 import pytest
 
-from litegripd.model.calibration import read_content
+from litegripd.model.calibration import NOMINAL, read_content
+from litegripd.model.gripper import SPAN_INSET_MM, STROKE_MM
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import ZeroView
 from litegripd.motor import codec
@@ -16,7 +17,8 @@ from tests.world import CAN_ID, Client, World, is_command
 MOUNTS = ("normal", "reverse")
 CONFIG = MotionConfig()
 FAST = {"calib_kd": 0.6}
-TRAVEL_RAD, MM_RAD = 1.605, 74.8
+TRAVEL_RAD, TRAVEL_MM = NOMINAL[0].travel_rad, NOMINAL[0].travel_mm
+SPAN_MM = STROKE_MM + SPAN_INSET_MM
 KEYS = {
     "channel",
     "can_id",
@@ -67,14 +69,14 @@ def watched(world: World, client: Client, *, most: float = 1.0, **params: Any) -
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
-@pytest.mark.parametrize("opening_mm", [0.0, 60.0, 120.0])
+@pytest.mark.parametrize("opening_mm", [0.0, 60.0, TRAVEL_MM])
 def test_it_measures_the_travel(mount: str, opening_mm: float) -> None:
     world, client = gripper(mount, opening_mm=opening_mm)
     result = watched(world, client)
     assert (result["ok"], result["outcome"], result["message"]) == (True, "measured", None)
     closed_rad, open_rad = limits_of_mount(mount)
     assert result["travel_rad"] == pytest.approx(TRAVEL_RAD, rel=0.01)
-    assert result["rad_to_mm"] == pytest.approx(MM_RAD, rel=0.01)
+    assert result["rad_to_mm"] == pytest.approx(SPAN_MM / result["travel_rad"])
     assert result["closed_rad"] == pytest.approx(closed_rad, abs=0.01)
     assert result["open_rad"] == pytest.approx(open_rad, abs=0.01)
     assert result["state"]["mount"] == mount
