@@ -40,6 +40,9 @@ by then. The lead takes about 15 ms to build up first."""
 CONTACT_SPEED_SHARE = 0.5
 """Jaws below this share of their speed are held up. A smaller share would detect something soft
 and damped late: it slows the jaws down only as they compress it."""
+CONTACT_RAD_S = 0.33
+"""Faster jaws are not held up, whatever their speed should be: viscous friction takes most of the
+budget of a motor with a large gear, and its jaws never get as fast as they are asked to."""
 CONTACT_TORQUE_SHARE = 0.5
 STANDS_S = 0.02
 """The time over which positions show that the jaws stand, whatever speed is reported."""
@@ -152,7 +155,8 @@ class Approach:
         the reported speed or the way of the last `STANDS_S` may show it.
         """
         mean_rad_s = self._window.add(now_s, feedback.position_rad)
-        slow_rad_s = max(CONTACT_SPEED_SHARE * self.speed_rad_s, SLOWEST_RAD_S)
+        slow_rad_s = min(CONTACT_SPEED_SHARE * self.speed_rad_s, CONTACT_RAD_S)
+        slow_rad_s = max(slow_rad_s, SLOWEST_RAD_S)
         slow = abs(feedback.velocity_rad_s) < slow_rad_s
         slow = slow or (mean_rad_s is not None and abs(mean_rad_s) < slow_rad_s)
         torque_nm = self._sign * feedback.torque_nm
