@@ -45,7 +45,7 @@ def test_it_grips_holds_and_lets_go(
 def test_a_move_ends_where_it_shall_and_rests_there(parameters: PlantParameters) -> None:
     world = PlantWorld(parameters, motor_type=DM4340)
     client = world.enabled()
-    for opening_mm in (100.0, 30.0):
+    for opening_mm in (80.0, 30.0):
         assert client.result("motion.move", opening_mm=opening_mm)["ok"]
         assert world.mechanics.opening_mm == pytest.approx(opening_mm, abs=2.0)
         begun_s = world.now_s

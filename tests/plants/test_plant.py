@@ -17,7 +17,14 @@ from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from tests.plants.codec import Command, Scale, read_command, write_command
 from tests.plants.mechanics import STEP_S, Mechanics
 from tests.plants.motor import COMMUNICATION_LOST, ENABLED, REGISTERS, PlantMotor
-from tests.plants.parameters import LIMITS_RAD, MM_RAD, Item, PlantParameters, random_plant
+from tests.plants.parameters import (
+    LIMITS_RAD,
+    MM_RAD,
+    TRAVEL_RAD,
+    Item,
+    PlantParameters,
+    random_plant,
+)
 from tests.plants.scenes import play
 from tests.plants.world import PlantWorld
 
@@ -71,7 +78,7 @@ def test_what_stands_stays_where_it_is(seed: int) -> None:
 def test_nothing_comes_from_nothing(seed: int) -> None:
     """Thrown against its ends and an object, it loses what it was thrown with."""
     chance = random.Random(seed)
-    mechanics = Mechanics(random_plant(seed), chance.uniform(5.0, 115.0))
+    mechanics = Mechanics(random_plant(seed), chance.uniform(0.04, 0.96) * TRAVEL_RAD * MM_RAD)
     if seed % 2:
         mechanics.put(Item(mechanics.opening_mm - 2.0, chance.uniform(60.0, 1500.0)))
     mechanics.drive(0.0, 0.0, 0.0, 0.0, 0.0)
@@ -130,10 +137,12 @@ def test_it_closes_on_an_object_about_as_the_simulator_does(mount: str) -> None:
     ours.mechanics.put(Item(50.0))
     simulated.put_object(width_mm=50.0)
     sign, at_s = ours.sign, 0.0
-    begin_rad = closed_rad - sign * 60.0 / 74.8
+    begin_rad, speed_rad_s = closed_rad - sign * 60.0 / MM_RAD, 50.0 / MM_RAD
     frames = [
         command(
-            position_rad=begin_rad + sign * 0.67 * t, velocity_rad_s=sign * 0.67, kp_nm_rad=50.0
+            position_rad=begin_rad + sign * speed_rad_s * t,
+            velocity_rad_s=sign * speed_rad_s,
+            kp_nm_rad=50.0,
         )
         for t in (0.005 * tick for tick in range(45))
     ]
@@ -157,7 +166,7 @@ def test_the_daemon_finds_it_opens_and_closes_it(mount: str) -> None:
     geometry = world.controller.geometry
     assert geometry == Geometry(*LIMITS_RAD[mount], MM_RAD)
     assert client.result("motion.open")["outcome"] == "pressed_home"
-    assert world.mechanics.opening_mm == pytest.approx(120.0, abs=0.5)
+    assert world.mechanics.opening_mm == pytest.approx(TRAVEL_RAD * MM_RAD, abs=0.5)
     assert client.result("motion.close")["outcome"] == "pressed_home"
     assert world.mechanics.opening_mm == pytest.approx(0.0, abs=0.5)
 
