@@ -52,10 +52,12 @@ export class Control {
     return this.#has;
   }
 
-  /* A connection to the daemon has begun. */
-  begin(operate) {
+  /* A connection to the daemon has begun; `ranges` are those of its configuration. */
+  begin(operate, ranges) {
     this.#operates = operate;
     this.#set(false);
+    const force = this.#panel.node("force");
+    [force.min, force.max] = ranges.force_n;
     if (operate) this.#listNames();
   }
 
@@ -74,8 +76,7 @@ export class Control {
 
   show(state) {
     const slider = this.#panel.node("slider");
-    const travel = this.#panel.hello?.gripper.travel_mm;
-    if (travel) slider.max = travel.toFixed(1);
+    slider.max = this.#panel.travel.toFixed(1);
     const isBusy = this.#isDragging || state.job !== null;
     if (!isBusy && state.opening_mm !== null && document.activeElement !== slider) {
       slider.value = state.opening_mm;

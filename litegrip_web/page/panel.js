@@ -15,11 +15,11 @@ const QUIET_MS = 1500;
 export class Panel {
   #nodes = {};
   #offsetS = 0;
-  #gripper = null;
   #lease = null;
   #health = null;
   #lastSampleMs = 0;
   #facts = new Map();
+  gripper = null;
   state = null;
 
   constructor(channel, token, place) {
@@ -74,15 +74,14 @@ export class Panel {
     try {
       const hello = await this.wire.call("hello", { client: "litegripd-web" });
       this.#offsetS = Date.now() / 1000 - hello.monotonic_s;
-      this.#gripper = hello.gripper;
-      this.hello = hello;
-      if (isNumber(hello.gripper.travel_mm)) this.jaws.setTravel(hello.gripper.travel_mm);
+      this.gripper = hello.gripper;
+      const { ranges } = await this.wire.call("config.get");
       const events = await this.wire.call("events.subscribe");
       this.events.begin(events.events, this.#offsetS);
       const states = await this.wire.call("state.subscribe", { hz: HZ });
       this.tell("");
       this.#show(states.state);
-      this.control.begin(operate);
+      this.control.begin(operate, ranges);
       this.world.begin(hello.simulated, operate);
       await this.#look();
     } catch (error) {
@@ -125,15 +124,18 @@ export class Panel {
     this.events.add(event, this.#offsetS);
     if (event.kind === "lease" || event.kind === "lease_lost") await this.#look();
     if (event.kind === "calibration") {
-      const { gripper } = await this.wire.call("hello", { client: "litegripd-web" });
-      this.#gripper = gripper;
-      if (isNumber(gripper.travel_mm)) this.jaws.setTravel(gripper.travel_mm);
+      this.gripper = (await this.wire.call("hello", { client: "litegripd-web" })).gripper;
     }
+  }
+
+  /* How far the jaws travel, in mm: as calibrated, otherwise as configured. */
+  get travel() {
+    return this.gripper.travel_mm ?? this.gripper.stroke_mm;
   }
 
   /* Return the opening in mm at a motor position; null without a calibration. */
   #openingAt(rad) {
-    const { closed_rad: closed, open_rad: open, travel_mm: travel } = this.#gripper ?? {};
+    const { closed_rad: closed, open_rad: open, travel_mm: travel } = this.gripper ?? {};
     if (![rad, closed, open, travel].every(isNumber) || open === closed) return null;
     return ((rad - closed) / (open - closed)) * travel;
   }
@@ -144,6 +146,7 @@ export class Panel {
     this.article.classList.remove("down", "quiet");
     const opening = state.stale ? null : state.opening_mm;
     const command = this.#openingAt(state.command_rad);
+    this.jaws.setScale(this.travel, state.work_stroke_mm ?? null);
     this.jaws.show({
       opening: state.opening_mm,
       command,

@@ -100,7 +100,8 @@ def test_a_grasp_of_another_program_is_watched(shown: Tab, client: Client) -> No
     assert right is not None
     assert rail is not None
     # To scale: the rail is as wide as the travel and the two fingers, but for its margins.
-    mm = rail["width"] / (120.1 + 2 * 12 + 4)
+    travel_mm = client.result("calibration.get")["travel_mm"]
+    mm = rail["width"] / (travel_mm + 2 * 12 + 4)
     assert (right["x"] - left["x"] - left["width"]) / mm == pytest.approx(OBJECT_MM, abs=1.5)
 
 
@@ -173,7 +174,7 @@ def test_keys_move_and_escape_stops_a_motion(operated: Tab, client: Client) -> N
     client.until(lambda state: bool(state["job"] and state["job"]["kind"] == "open"))
     operated.keyboard.press("Escape")
     state = client.until(lambda state: state["stop"] is not None)
-    assert state["opening_mm"] < 119
+    assert state["opening_mm"] < 79
     expect(part(operated, "stopped")).to_be_visible()
     operated.keyboard.press("c")
     expect(part(operated, "outcome")).to_contain_text("close: ")
@@ -209,7 +210,7 @@ def test_a_grasp_with_a_force_and_letting_go(operated: Tab, client: Client) -> N
     part(operated, "force").fill("99")
     button(operated, "Grasp").click()
     expect(part(operated, "outcome")).to_contain_text("force_n")
-    expect(part(operated, "outcome")).to_contain_text("30")
+    expect(part(operated, "outcome")).to_contain_text("0.5 to 40")
 
 
 def test_what_another_client_does_meanwhile_is_said(operated: Tab, client: Client) -> None:
@@ -311,9 +312,56 @@ def test_zeroing_asks_before_it_moves(operated: Tab, client: Client) -> None:
     assert "zero" not in kinds
     button(operated, "Zero …").click()
     button(operated, "The jaws are free: move them").click()
-    expect(operated.locator("#zero-progress")).to_contain_text(re.compile(r"Measured: 1[12]\d"))
+    expect(operated.locator("#zero-progress")).to_contain_text(re.compile(r"Measured: 8\d"))
     button(operated, "Done").click()
     expect(dialog).to_be_hidden()
+
+
+def load(client: Client, travel_mm: float, work_mm: float | None = None) -> None:
+    """Have a calibration used by which the jaws travel so far, and open to `work_mm`."""
+    travel_rad = 1.65
+    content = {
+        "calibrated": True,
+        "zero_position_rad": 0.0,
+        "max_position_rad": -travel_rad,
+        "rad_to_mm": travel_mm / travel_rad,
+    }
+    if work_mm is not None:
+        content["work_stroke_mm"] = work_mm
+    client.result("calibration.load", content=content)
+
+
+def test_figures_follow_the_calibration(operated: Tab, client: Client) -> None:
+    ranges = client.result("config.get")["ranges"]
+    expect(part(operated, "force")).to_have_attribute("max", f"{ranges['force_n'][1]:g}")
+    for travel_mm, work_mm in ((80.0, 60.5), (90.0, None)):
+        load(client, travel_mm, work_mm)
+        expect(part(operated, "slider")).to_have_attribute("max", f"{travel_mm:.1f}")
+        expect(part(operated, "object")).to_have_attribute("max", f"{travel_mm:g}")
+        jaws = operated.locator("svg.jaws")
+        width = travel_mm + 2 * 12 + 8
+        expect(jaws).to_have_attribute("viewBox", re.compile(rf"^-{width / 2:g} 0 {width:g} "))
+        work = jaws.locator(".work")
+        if work_mm is None:
+            expect(work).to_have_count(0)
+            continue
+        expect(work.locator("text")).to_have_text("Open: 60.5 mm")
+        expect(work.locator("title")).to_contain_text("the work stroke, not to the stop")
+        expect(jaws).to_have_attribute("aria-label", re.compile("open goes to 60.5 mm"))
+        marks = [line.get_attribute("x1") for line in work.locator("line").all()]
+        assert marks == ["-30.25", "30.25"]
+
+
+def test_the_jaws_open_to_the_mark(operated: Tab, client: Client) -> None:
+    enable(operated, client)
+    button(operated, "Open").click()
+    expect(part(operated, "outcome")).to_contain_text("open: ")
+    expect(operated.locator(".work text")).to_have_text("Open: 80 mm")
+    mark = operated.locator(".work line").nth(1).bounding_box()
+    jaw = operated.locator(".jaws .jaw").nth(1).bounding_box()
+    assert mark is not None
+    assert jaw is not None
+    assert jaw["x"] == pytest.approx(mark["x"] + mark["width"] / 2, abs=4)
 
 
 def test_measuring_can_be_cancelled(operated: Tab, client: Client) -> None:
@@ -337,7 +385,7 @@ def test_a_motion_is_taught_kept_and_replayed(operated: Tab, client: Client) -> 
     button(operated, "End and keep").click()
     expect(part(operated, "outcome")).to_contain_text("kept as wave")
     assert [kept["name"] for kept in client.result("trajectory.list")["trajectories"]] == ["wave"]
-    part(operated, "speed").fill("0.3")
+    part(operated, "speed").fill("0.1")
     button(operated, "Replay").click()
     expect(part(operated, "outcome")).to_contain_text("replay: completed")
 
