@@ -1,6 +1,7 @@
 """The page in a real browser: what is seen on it, and what is done."""
 
 import contextlib
+import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,6 +17,8 @@ from tests.process.web.page_process import CHANNEL, page
 expect.set_options(timeout=DEADLINE_S * 1000)
 
 OBJECT_MM = 40.0
+STROKE_MM = 85.0
+"""What is configured, if nothing else is said."""
 
 
 @contextlib.contextmanager
@@ -311,10 +314,42 @@ def test_zeroing_asks_before_it_moves(operated: Tab, client: Client) -> None:
     kinds = [job["kind"] for job in client.result("job.list")["jobs"]]
     assert "zero" not in kinds
     button(operated, "Zero …").click()
+    operated.evaluate(KEEP_WHAT_IS_SENT)
     button(operated, "The jaws are free: move them").click()
     expect(operated.locator("#zero-progress")).to_contain_text(re.compile(r"Measured: 8\d"))
+    expect(operated.locator("#zero-progress")).to_contain_text(
+        "The scale uses the configured 85 mm"
+    )
+    expect(operated.locator("#zero-progress")).to_contain_text("calibration rescale --stroke-mm MM")
+    assert stroke_of(client) == pytest.approx(STROKE_MM)
+    assert "stroke_mm" not in sent(operated, "calibration.zero")  # the daemon knows it
     button(operated, "Done").click()
     expect(dialog).to_be_hidden()
+
+
+KEEP_WHAT_IS_SENT = """
+() => {
+  const send = WebSocket.prototype.send;
+  window.sent = [];
+  WebSocket.prototype.send = function (text) {
+    window.sent.push(JSON.parse(text));
+    send.call(this, text);
+  };
+}
+"""
+
+
+def sent(tab: Tab, method: str) -> dict[str, Any]:
+    """Return the parameters with which the page has called a method."""
+    lines: list[dict[str, Any]] = tab.evaluate("window.sent")
+    params: dict[str, Any] = next(line["params"] for line in lines if line["method"] == method)
+    return params
+
+
+def stroke_of(client: Client) -> float:
+    """Return how far the jaws open, by the calibration in use."""
+    travel_mm: float = client.result("calibration.get")["travel_mm"]
+    return travel_mm - 1.0
 
 
 def load(client: Client, travel_mm: float, work_mm: float | None = None) -> None:
@@ -329,6 +364,55 @@ def load(client: Client, travel_mm: float, work_mm: float | None = None) -> None
     if work_mm is not None:
         content["work_stroke_mm"] = work_mm
     client.result("calibration.load", content=content)
+
+
+def test_the_measured_opening_sets_the_scale(operated: Tab, client: Client) -> None:
+    enable(operated, client)
+    button(operated, "Zero …").click()
+    stroke, uses = operated.get_by_label("The jaws open"), operated.locator("#zero-uses")
+    expect(stroke).to_have_value("85")
+    expect(uses).to_contain_text("The scale uses the configured 85 mm")
+    stroke.fill("84.2")
+    expect(uses).to_contain_text("The scale uses 84.2 mm (configured: 85 mm)")
+    button(operated, "The jaws are free: move them").click()
+    expect(operated.locator("#zero-progress")).to_contain_text(
+        "saved. The scale uses 84.2 mm (configured: 85"
+    )
+    assert stroke_of(client) == pytest.approx(84.2)
+
+
+def test_a_stroke_that_cannot_be_is_refused_in_the_dialog(operated: Tab, client: Client) -> None:
+    enable(operated, client)
+    before_mm = stroke_of(client)
+    button(operated, "Zero …").click()
+    operated.get_by_label("The jaws open").fill("60")
+    for press in ("The jaws are free: move them", "Correct the scale only"):
+        button(operated, press).click()
+        progress = operated.get_by_role("dialog").locator("#zero-progress")
+        expect(progress).to_contain_text(re.compile("^Not (measured|corrected): .*85 mm"))
+        operated.evaluate("document.getElementById('zero-progress').textContent = ''")
+    assert stroke_of(client) == before_mm
+
+
+def test_the_scale_is_corrected_without_a_motion(
+    operated: Tab, simulated: DaemonProcess, client: Client
+) -> None:
+    enable(operated, client)
+    button(operated, "Zero …").click()
+    operated.get_by_label("The jaws open").fill("83")
+    button(operated, "Correct the scale only").click()
+    expect(operated.locator("#zero-progress")).to_contain_text("Corrected: 84.0 mm of travel")
+    expect(operated.locator("#zero-progress")).to_contain_text("It is saved.")
+    assert stroke_of(client) == pytest.approx(83)
+    assert "zero" not in [job["kind"] for job in client.result("job.list")["jobs"]]
+    expect(part(operated, "slider")).to_have_attribute("max", "84.0")
+    files = [json.loads(path.read_text()) for path in simulated.socket_path.parent.rglob("*.json")]
+    assert any(file.get("rad_to_mm", 0) == rad_to_mm(client) for file in files)
+
+
+def rad_to_mm(client: Client) -> float:
+    scale: float = client.result("calibration.get")["rad_to_mm"]
+    return scale
 
 
 def test_figures_follow_the_calibration(operated: Tab, client: Client) -> None:
