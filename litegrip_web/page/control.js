@@ -33,6 +33,7 @@ export class Control {
       this.#move("grasp", "motion.grasp", { force_n: this.#force, until: "verdict" }));
     on("set-force", () => this.#do("set force", "motion.set_force", { force_n: this.#force }));
     on("zero", () => askZero(this.#panel));
+    on("rescale", () => askZero(this.#panel));
     on("teach", () => this.#teach());
     on("keep", () => this.#keep());
     on("play", () => this.#play());
@@ -110,6 +111,7 @@ export class Control {
     this.#has = has && this.#operates;
     this.#panel.node("motions").disabled = !this.#has;
     this.#panel.node("slider").disabled = !this.#has;
+    this.#panel.node("rescale").disabled = !this.#has;
     this.#panel.article.classList.toggle("controlled", this.#has);
     if (!this.#has) this.#showRecording(false);
   }

@@ -15,6 +15,7 @@ const QUIET_MS = 1500;
 export class Panel {
   #nodes = {};
   #offsetS = 0;
+  #doubt;
   #lease = null;
   #health = null;
   #lastSampleMs = 0;
@@ -95,7 +96,8 @@ export class Panel {
     this.#nodes.mode.textContent = "no daemon";
     this.#nodes.mode.dataset.mode = "offline";
     this.#nodes.why.textContent = message;
-    this.#nodes.stopped.hidden = true;
+    this.#nodes.stopped.hidden = this.#nodes.doubted.hidden = true;
+    this.#doubt = undefined;
     this.article.classList.add("down");
     this.jaws.show({ opening: null, command: null, isGrasped: false, isStale: true });
     this.control.end();
@@ -125,6 +127,7 @@ export class Panel {
     if (event.kind === "lease" || event.kind === "lease_lost") await this.#look();
     if (event.kind === "calibration") {
       this.gripper = (await this.wire.call("hello", { client: "litegripd-web" })).gripper;
+      this.#doubt = undefined; // the next state asks why, again
     }
   }
 
@@ -161,6 +164,7 @@ export class Panel {
       set: state.force_set_n,
     });
     this.#showMode(state);
+    this.#showDoubt(state.scale_doubt);
     this.control.show(state);
     this.#showFacts();
   }
@@ -178,6 +182,22 @@ export class Panel {
     text.textContent =
       `Stopped (${level}) at ${when} by ${by ?? "somebody unknown"}${reason ? `: ${reason}` : ""}. ` +
       "Nothing moves until it is cleared: here by who has control, or with 'litegripctl clear'.";
+  }
+
+  /* Say that the millimetres are probably wrong, as long as the daemon doubts them. */
+  async #showDoubt(doubt) {
+    if (doubt === this.#doubt) return;
+    this.#doubt = doubt;
+    const { doubted, "doubt-text": text } = this.#nodes;
+    doubted.hidden = doubt === null;
+    if (doubt === null) return;
+    text.textContent = `The millimetres are probably wrong (${doubt}).`;
+    try {
+      const { scale_warning: why } = await this.wire.call("calibration.get");
+      if (why) text.textContent = `The millimetres are probably wrong: ${why}.`;
+    } catch (error) {
+      text.textContent += ` Why is not known: ${error.message}`;
+    }
   }
 
   #reason(state) {

@@ -415,6 +415,35 @@ def rad_to_mm(client: Client) -> float:
     return scale
 
 
+def test_a_doubtful_scale_is_said_until_it_is_corrected(operated: Tab, client: Client) -> None:
+    warning = part(operated, "doubted")
+    expect(warning).to_be_hidden()
+    load(client, 120.0)
+    expect(warning).to_be_in_viewport()
+    expect(warning).to_contain_text("takes the jaws' travel for 120 mm, as earlier versions did")
+    expect(warning).to_contain_text("litegripctl calibration rescale corrects it")
+    line = part(operated, "events").locator("li.warning", has_text="as earlier versions did")
+    expect(line).to_have_count(1)
+    load(client, 121.0)  # doubtful for the same reason
+    expect(warning).to_contain_text("takes the jaws' travel for 121 mm")
+    expect(button(operated, "Correct the scale …")).to_be_disabled()
+    take_control(operated)
+    button(operated, "Correct the scale …").click()
+    button(operated, "Correct the scale only").click()
+    expect(operated.locator("#zero-progress")).to_contain_text("It is saved.")
+    expect(warning).to_be_hidden()
+    assert stroke_of(client) == pytest.approx(STROKE_MM)
+
+
+def test_who_only_looks_sees_a_doubtful_scale_from_the_start(
+    window: BrowserContext, simulated: DaemonProcess, client: Client
+) -> None:
+    load(client, 120.0)
+    with opened(window, simulated.socket_path) as tab:
+        expect(part(tab, "doubted")).to_contain_text("litegripctl calibration rescale")
+        expect(button(tab, "Correct the scale …")).to_be_hidden()
+
+
 def test_figures_follow_the_calibration(operated: Tab, client: Client) -> None:
     ranges = client.result("config.get")["ranges"]
     expect(part(operated, "force")).to_have_attribute("max", f"{ranges['force_n'][1]:g}")
