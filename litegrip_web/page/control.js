@@ -5,6 +5,7 @@ import { askZero } from "./zero.js";
 
 const TTL_S = 3;
 const RENEW_EVERY_MS = 1000;
+const CONTINUOUS_N = 20; // the vendor's recommendation
 const LEASE = { ttl_s: TTL_S, purpose: "the page in a browser", on_lost: "hold" };
 
 export class Control {
@@ -34,6 +35,7 @@ export class Control {
     on("set-force", () => this.#do("set force", "motion.set_force", { force_n: this.#force }));
     on("zero", () => askZero(this.#panel));
     on("rescale", () => askZero(this.#panel));
+    panel.node("force").oninput = () => this.#showForce();
     on("teach", () => this.#teach());
     on("keep", () => this.#keep());
     on("play", () => this.#play());
@@ -59,6 +61,7 @@ export class Control {
     this.#set(false);
     const force = this.#panel.node("force");
     [force.min, force.max] = ranges.force_n;
+    this.#showForce();
     if (operate) this.#listNames();
   }
 
@@ -98,6 +101,10 @@ export class Control {
 
   get #force() {
     return Number(this.#panel.node("force").value);
+  }
+
+  #showForce() {
+    this.#panel.node("force-note").hidden = this.#force <= CONTINUOUS_N;
   }
 
   #showTarget() {

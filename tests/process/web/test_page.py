@@ -477,6 +477,19 @@ def test_the_jaws_open_to_the_mark(operated: Tab, client: Client) -> None:
     assert jaw["x"] == pytest.approx(mark["x"] + mark["width"] / 2, abs=4)
 
 
+def test_more_than_the_vendor_recommends_is_said(operated: Tab) -> None:
+    take_control(operated)
+    note, force = part(operated, "force-note"), part(operated, "force")
+    for force_n, is_said in ((10, False), (20, False), (20.5, True), (40, True), (5, False)):
+        force.fill(f"{force_n}")
+        expect(note).to_be_visible(visible=is_said)
+        assert force.evaluate("(node) => node.validity.valid")
+    expect(note).to_contain_text("at most 20 N for continuous work")
+    expect(note).to_contain_text("The coil's heat limits")
+    force.fill("41")
+    assert not force.evaluate("(node) => node.validity.valid")
+
+
 def test_measuring_can_be_cancelled(operated: Tab, client: Client) -> None:
     enable(operated, client)
     button(operated, "Zero …").click()
