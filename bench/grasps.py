@@ -128,7 +128,7 @@ def row(kind: Kind, way: str, seen: list[Figures]) -> str:
 
 
 def line(cells: list[str]) -> str:
-    return f"| {' | '.join(cells)} |"
+    return "|" + "".join(f" {cell} |" if cell else " |" for cell in cells)
 
 
 def main() -> None:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 from bench.damping import HOLD_FORCE_N, MOTORS, swing_of_gain, swing_of_hold
+from bench.grasps import line
 from bench.held import RATES_HZ, SETTINGS, After, HeldRig, Setting
 from litegripd.sim.plant import MOUNTS, SimulatorParameters
 
@@ -81,9 +82,9 @@ def table(title: str, head: Iterable[str], rows: Iterable[list[str]]) -> None:
     names = list(head)
     print(f"### {title}\n")
     for cells in (names, ["---"] * len(names)):
-        print(f"| {' | '.join(cells)} |")
+        print(line(cells))
     for row in rows:
-        print(f"| {' | '.join(row)} |", flush=True)
+        print(line(row), flush=True)
     print()
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
+from bench.grasps import line
 from bench.held import SETTINGS, HeldRig
 from bench.rig import TRAVEL_MM
 from bench.teleop_follow import SETTLE_S, ScriptedLeader
@@ -339,9 +340,9 @@ def table(title: str, head: Iterable[str], rows: Iterable[list[str]]) -> None:
     names = list(head)
     print(f"### {title}\n")
     for cells in (names, ["---"] * len(names)):
-        print(f"| {' | '.join(cells)} |")
+        print(line(cells))
     for row in rows:
-        print(f"| {' | '.join(row)} |", flush=True)
+        print(line(row), flush=True)
     print()
 
 
