@@ -131,10 +131,8 @@ def line(cells: list[str]) -> str:
     return "|" + "".join(f" {cell} |" if cell else " |" for cell in cells)
 
 
-def main() -> None:
+def main(count: int = 10, seed: int = 1) -> None:
     """Print the table."""
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 10
-    seed = int(sys.argv[2]) if len(sys.argv) > 2 else 1
     titles = ["object", "way", "right", *(title for title, *_ in COLUMNS)]
     print(line(titles))
     print(line(["---"] * len(titles)))
@@ -145,4 +143,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(*map(int, sys.argv[1:3]))

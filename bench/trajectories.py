@@ -32,6 +32,18 @@ CONFIG = '[bus]\ninterface = "litegrip_sim"\nwatchdog_s = 0.4\n[gripper]\nmount 
 
 def main() -> None:
     """Measure and print."""
+    following()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder)
+        config = path / "bench.toml"
+        config.write_text(CONFIG, encoding="utf-8")
+        name = f"bench-{os.getpid()}"
+        with daemon(path, name, "--config", str(config)) as running, running.connect() as client:
+            _ticks(client)
+
+
+def following() -> None:
+    """Print how well replays follow."""
     heads = (f"with {torque_nm:g} N·m: median, worst" for torque_nm in TORQUES_NM)
     print(f"| fastest mm/s | {' | '.join(heads)} |")
     print(f"| --- |{' --- |' * len(TORQUES_NM)}")
@@ -40,13 +52,6 @@ def main() -> None:
         rates = [abs(b[1] - a[1]) / (b[0] - a[0]) for a, b in pairwise(points)]
         cells = (_follow(points, torque_nm) for torque_nm in TORQUES_NM)
         print(f"| {TRAVEL_MM * max(rates):.0f} | {' | '.join(cells)} |", flush=True)
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder)
-        config = path / "bench.toml"
-        config.write_text(CONFIG, encoding="utf-8")
-        name = f"bench-{os.getpid()}"
-        with daemon(path, name, "--config", str(config)) as running, running.connect() as client:
-            _ticks(client)
 
 
 def _follow(points: list[Point], torque_nm: float) -> str:
