@@ -45,7 +45,7 @@ def test_with_an_old_file_nothing_moves_further_than_it_did() -> None:
 
 @pytest.mark.parametrize("geometry", [OLD_ZERO, *SUPERSEDED])
 def test_an_old_scale_is_said_where_people_look(geometry: Geometry) -> None:
-    world, client = upgraded(geometry)
+    _, client = upgraded(geometry)
     assert client.result("state.get")["scale_doubt"] == "superseded"
     warning = client.result("calibration.get")["scale_warning"]
     assert f"{geometry.travel_mm:.4g} mm" in warning

@@ -83,6 +83,8 @@ class Ramp:
         return self.start_rad + speed_rad_s * moved_s, velocity_rad_s
 
 
+_FED_SHARE = 0.25
+"""The largest share of the lead's torque that the velocity adds on the way."""
 FRICTION_NM = 1.1
 """More than what holds the jaws: the closing side may stick with 0.95 N·m (field measurements)."""
 
@@ -139,10 +141,13 @@ class MoveTo(PlainAction):
         self._command_rad = clamp_lead(ramp_rad, position_rad, lead_rad)
         if self._command_rad != ramp_rad:
             velocity_rad_s = 0.0  # kd·dq would add to the torque that is bounded
+        kd = gains.kd_nm_s_rad
+        if velocity_rad_s != 0.0:
+            kd = min(kd, _FED_SHARE * self._travel_nm / abs(velocity_rad_s))
         is_behind = self._is_behind(abs(ramp_rad - position_rad))
         outcome = self._judge(now_s, position_rad, self._ramp, is_behind=is_behind)
         return Step(
-            gains.at(self._command_rad, velocity_rad_s),
+            Gains(gains.kp_nm_rad, kd).at(self._command_rad, velocity_rad_s),
             outcome=None if outcome is None else self._result(outcome, position_rad, self._ramp),
         )
 
@@ -204,8 +209,6 @@ Direction: TypeAlias = Literal["open", "close"]
 Phase: TypeAlias = Literal["ramp", "press", "settle", "release"]
 
 _GIVE_UP_FACTOR = 2.0
-_FED_SHARE = 0.25
-"""The largest share of the lead's torque that the velocity adds on the way."""
 _RUN_IN_BUDGET = 1.1
 """Times the torque of the press, near the stop in the ramp: slow jaws would stick there."""
 _RUN_IN_SHARES = (0.55, 0.85)
