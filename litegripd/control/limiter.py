@@ -216,8 +216,8 @@ class CommandLimiter:
         if inside is not packable:
             limited.append("travel")
         motor = self._motor_type
-        self._lasting_nm = motor.holding_nm if grips else motor.rated_nm
         elapsed_s = self._charge(now_s)
+        self._lasting_nm = motor.holding_nm if grips else motor.rated_nm
         budget_nm = min(self._lasting_nm if self._rated_only else motor.peak_nm, bounds.torque_nm)
         within, self._damping = _within_torque(
             inside, feedback, min(budget_nm, allowance_nm), self._most_damping(elapsed_s)
