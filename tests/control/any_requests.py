@@ -4,7 +4,8 @@ from typing import Any, TypeAlias
 
 from hypothesis import strategies as st
 
-from litegripd.model.gripper import DM4310
+from litegripd.model.calibration import NOMINAL, SUPERSEDED
+from litegripd.model.gripper import DM4310, FASTEST_MM_S, MOST_FORCE_N, STROKE_MM
 from litegripd.model.motion_config import MotionConfig, ranges_of
 from tests.trajectories import lgt, pieces
 
@@ -15,8 +16,14 @@ _DEFAULTS = MotionConfig().as_fields(0.0)
 _LEVELS = st.sampled_from(["hold", "relax", "disable"])
 _STEPS = st.sampled_from(["begin", "closed", "open", "finish", "cancel"])
 
-NORMAL = {"zero_position_rad": 0.114, "max_position_rad": -1.491, "rad_to_mm": 74.8}
-REVERSE = {"zero_position_rad": -1.491, "max_position_rad": 0.114, "rad_to_mm": 74.8}
+NORMAL, REVERSE = (
+    {
+        "zero_position_rad": geometry.closed_rad,
+        "max_position_rad": geometry.open_rad,
+        "rad_to_mm": geometry.rad_to_mm,
+    }
+    for geometry in NOMINAL
+)
 
 
 def _field(name: str) -> st.SearchStrategy[tuple[str, float]]:
@@ -48,11 +55,13 @@ odd_contents: st.SearchStrategy[Values] = st.fixed_dictionaries(
     {
         "zero_position_rad": st.floats(-3.0, 3.0) | st.floats(-101.0, 101.0),
         "max_position_rad": st.floats(-3.0, 3.0),
-        "rad_to_mm": st.sampled_from([0.001, 74.8, 1e6]),
+        "rad_to_mm": st.sampled_from([0.001, NOMINAL[0].rad_to_mm, SUPERSEDED[0].rad_to_mm, 1e6]),
     },
     optional={
         "kp": st.floats(0.0, 500.0),
         "kd": st.floats(0.0, 5.0),
+        "nm_to_n": st.floats(5.0, 30.0),
+        "work_stroke_mm": st.floats(0.0, 100.0),
         "calibrated": st.booleans(),
         "mst_id": st.sampled_from([0, 24, "x", None, [], 1e300]),
         "channel": st.sampled_from(["can1", 5, None]),
@@ -77,15 +86,16 @@ def _must(**values: st.SearchStrategy[Any]) -> st.SearchStrategy[Values]:
 
 
 _none: st.SearchStrategy[Values] = st.just({})
-_speed = st.sampled_from([0.1, 20.0, 50.0, 139.0]) | st.floats(0.1, 200.0)
-_force = st.floats(0.5, 30.0)
+_speed = st.sampled_from([0.1, 20.0, 50.0, FASTEST_MM_S]) | st.floats(0.1, FASTEST_MM_S)
+_force = st.floats(0.5, MOST_FORCE_N)
 _config = _none | _none | _none | _must(config=any_fields) | _must(config=good_fields)
 _flags = _none | _may(wait=st.booleans(), detach=st.booleans(), progress=st.booleans())
 _target = (
     _must(openness=st.floats(0.0, 1.0))
-    | _must(opening_mm=st.floats(-5.0, 130.0))
+    | _must(opening_mm=st.floats(-5.0, 95.0))
     | _must(position_rad=st.floats(-2.0, 1.0))
 )
+_stroke = st.sampled_from([STROKE_MM, 90.0]) | st.floats(1.0, 1000.0)
 _hold_by = st.sampled_from(["torque", "gains"])
 
 _rate = st.sampled_from([1.0, 50.0, 200.0, 1000.0])
@@ -148,11 +158,11 @@ motions = st.one_of(
     ),
     _call(
         "calibration.zero",
-        _may(save=st.booleans(), mount=st.sampled_from(["normal", "reverse"])),
+        _may(save=st.booleans(), mount=st.sampled_from(["normal", "reverse"]), stroke_mm=_stroke),
         _config,
         _flags,
     ),
-    _call("calibration.manual", _must(step=_STEPS), _may(save=st.booleans())),
+    _call("calibration.manual", _must(step=_STEPS), _may(save=st.booleans(), stroke_mm=_stroke)),
 )
 power = st.one_of(
     _call("motor.enable", _may(on_lost=_LEVELS), _config),
@@ -167,6 +177,7 @@ power = st.one_of(
 changes = st.one_of(
     _call("calibration.load", _may(template=st.sampled_from(["normal", "reverse"]))),
     _call("calibration.load", _must(content=contents)),
+    _call("calibration.rescale", _may(stroke_mm=_stroke)),
     _call("calibration.save"),
     _call("calibration.get"),
     _call("config.set", _must(config=good_fields), _may(keep=st.booleans())),

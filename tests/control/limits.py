@@ -15,7 +15,8 @@ from litegripd.model.gripper import Geometry
 from litegripd.model.motor import Feedback, MitCommand, MotorPhase, Ranges
 from litegripd.model.state import JobState
 
-PEAK_NM, RATED_NM, PEAK_NM_S = 7.0, 3.0, 2.0
+PEAK_NM, RATED_NM, GRIP_NM, PEAK_NM_S = 7.0, 3.0, 4.0, 2.0
+FASTEST_RAD_S = 2.9
 TINY = 1e-9
 
 
@@ -44,6 +45,7 @@ class LimitWatch:
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
         self._impulse_nm_s = 0.0
+        self._lasting_nm = RATED_NM
         self._last: tuple[float, float] | None = None
         self._probe: Calibrate | CalibrateByHand | None = None
         self._geometry: Geometry | None = None
@@ -139,6 +141,8 @@ class LimitWatch:
         ):
             assert math.isfinite(value)
             assert abs(value) <= limit
+        code_rad_s = ranges.velocity_rad_s / 4095
+        assert abs(command.velocity_rad_s) <= FASTEST_RAD_S + code_rad_s
         assert 0.0 <= command.kp_nm_rad <= 500.0
         assert 0.0 <= command.kd_nm_s_rad <= 5.0
 
@@ -153,14 +157,16 @@ class LimitWatch:
         return low_rad - TINY <= command.position_rad <= high_rad + TINY
 
     def _charge(self, now_s: float, torque_nm: float) -> None:
-        """Sum what exceeds the rating; once it is used up, the rating counts."""
+        """Sum what exceeds the rating, for a grip what it may have; once used up, that counts."""
+        before_nm = self._lasting_nm
+        self._lasting_nm = RATED_NM if self._controller.grip is None else GRIP_NM
         if self._last is not None:
             last_s, last_nm = self._last
             elapsed_s = max(now_s - last_s, 0.0)
-            self._impulse_nm_s += (last_nm - RATED_NM) * elapsed_s
+            self._impulse_nm_s += (last_nm - before_nm) * elapsed_s
             self._impulse_nm_s = max(self._impulse_nm_s, 0.0)
             if self._impulse_nm_s > PEAK_NM_S + TINY:
-                assert torque_nm <= RATED_NM + TINY
+                assert torque_nm <= self._lasting_nm + TINY
         self._last = (now_s, torque_nm)
 
     def _check_stopped(self, feedback: Feedback | None) -> None:

@@ -30,7 +30,7 @@ MOTIONS: tuple[tuple[str, dict[str, Any]], ...] = (
 class AnyAuthority(RuleBasedStateMachine):
     def __init__(self) -> None:
         super().__init__()
-        parameters = SimulatorParameters(initial_opening_mm=90.0)
+        parameters = SimulatorParameters(initial_opening_mm=80.0)
         self.world = World(parameters=parameters).start()
         self.world.gripper.put_object(width_mm=40.0)
         self.clients: list[Client] = []

@@ -40,7 +40,7 @@ ACTS += [*["stop.clear"] * 3, *["move"] * 12]
 class AnyLoss:
     def __init__(self, seed: int) -> None:
         self.random = random.Random(seed)
-        self.world = World(parameters=SimulatorParameters(initial_opening_mm=90.0)).start()
+        self.world = World(parameters=SimulatorParameters(initial_opening_mm=80.0)).start()
         self.world.gripper.put_object(width_mm=40.0)
         self.clients = [self.world.client() for _ in range(3)]
         self.token = "none"

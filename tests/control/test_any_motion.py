@@ -59,7 +59,7 @@ leaving: st.SearchStrategy[Request] = st.tuples(
 measurements = st.fixed_dictionaries(
     {},
     optional={
-        "position_rad": st.floats(-1.6, 0.2) | st.floats(-1.6, 0.2) | st.floats(-30.0, 30.0),
+        "position_rad": st.floats(-1.75, 0.1) | st.floats(-1.75, 0.1) | st.floats(-30.0, 30.0),
         "velocity_rad_s": st.floats(-1.0, 1.0) | st.floats(-50.0, 50.0),
         "torque_nm": st.floats(-3.0, 3.0) | st.floats(-20.0, 20.0),
         "coil_temperature_c": st.sampled_from([25, 79, 85, 130, 255]),
@@ -103,7 +103,7 @@ def measures(ticks: int = 1, **measured: Any) -> Course:
     {},
     NORMAL,
     DM4310.ranges,
-    [asks("motion.set_force", force_n=30.0, ticks=100), asks("stop", ticks=100)],
+    [asks("motion.set_force", force_n=40.0, ticks=100), asks("stop", ticks=100)],
 )
 @example(
     {},

@@ -15,6 +15,7 @@ from litegripd.control.limiter import (
     bounds_of,
     torque_bound_nm,
 )
+from litegripd.model.calibration import NOMINAL
 from litegripd.model.gripper import DM4310, Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, Ranges
@@ -23,7 +24,7 @@ from tests.properties import examples
 
 PERIOD_S = 0.005
 CONFIG = MotionConfig()
-GEOMETRY = Geometry(0.114, -1.491, 74.8)
+GEOMETRY, OTHER = NOMINAL
 PEAK_TORQUE_NM, RATED_TORQUE_NM = DM4310.peak_nm, DM4310.rated_nm
 PEAK_IMPULSE_NM_S = DM4310.peak_impulse_nm_s
 BOUNDS = bounds_of(GEOMETRY, CONFIG)
@@ -33,7 +34,7 @@ NEAR = 1.0 + 1e-9
 anything = st.floats() | st.floats(-20.0, 20.0)
 commands = st.builds(MitCommand, anything, anything, anything, anything, anything)
 frames = st.binary(min_size=8, max_size=8)
-geometries = st.none() | st.just(GEOMETRY) | st.just(Geometry(-1.491, 0.114, 74.8))
+geometries = st.none() | st.just(GEOMETRY) | st.just(OTHER)
 ranges = st.just(RANGES) | st.builds(Ranges, *[st.floats(0.125, 100.0, width=32)] * 3)
 
 
@@ -180,11 +181,11 @@ def test_a_velocity_does_not_push_out_of_the_travel_either() -> None:
     assert "travel" in limited
 
 
-@pytest.mark.parametrize("mount", [GEOMETRY, Geometry(-1.491, 0.114, 74.8)])
+@pytest.mark.parametrize("mount", NOMINAL)
 def test_the_travel_is_widened_by_the_overshoot(mount: Geometry) -> None:
     bounds = bounds_of(mount, CONFIG)
-    assert bounds.low_rad == pytest.approx(-1.491 - 0.05 * 1.605)
-    assert bounds.high_rad == pytest.approx(0.114 + 0.05 * 1.605)
+    assert bounds.low_rad == pytest.approx(GEOMETRY.open_rad - 0.05 * GEOMETRY.travel_rad)
+    assert bounds.high_rad == pytest.approx(GEOMETRY.closed_rad + 0.05 * GEOMETRY.travel_rad)
 
 
 def test_without_a_calibration_lead_and_torque_are_small() -> None:

@@ -19,10 +19,10 @@ LATE = {"stop_torque_cycles": 100}
 def jammed(mount: str, **item: float) -> tuple[World, Client]:
     closed_rad, open_rad = limits_of_mount(mount)
     parameters = SimulatorParameters(
-        closed_rad=closed_rad, open_rad=open_rad, initial_opening_mm=100.0
+        closed_rad=closed_rad, open_rad=open_rad, initial_opening_mm=80.0
     )
     world = World(mount, parameters=parameters)
-    world.gripper.put_object(width_mm=80.0, **{**JAM, **item})
+    world.gripper.put_object(width_mm=60.0, **{**JAM, **item})
     return world, world.enabled()
 
 
@@ -30,14 +30,14 @@ def jammed(mount: str, **item: float) -> tuple[World, Client]:
 def test_a_jam_that_creeps_is_let_go_and_reported(mount: str) -> None:
     world, client = jammed(mount)
     number = client.send("motion.close")
-    world.run_until(lambda: world.gripper.opening_mm <= 80.0)
+    world.run_until(lambda: world.gripper.opening_mm <= 60.0)
     touched_s = world.now_s
     world.run_until(lambda: client.has_answer(number))
     result = client.answers[number]["result"]
     assert (result["ok"], result["outcome"]) == (False, "protected")
     assert (result["stalled"], result["protected"]) == (True, True)
     assert world.now_s - touched_s < 0.15 + 0.1 + 0.2 + 0.05  # samples, build-up, release
-    assert world.gripper.opening_mm > 70.0
+    assert world.gripper.opening_mm > 50.0
     let_go = [
         (at_s, command)
         for at_s, command in world.commands_since(touched_s)

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from litegripd.model.calibration import NOMINAL
 from litegripd.model.gripper import Geometry
 from litegripd.model.motor import Feedback, MitCommand
 from litegripd.model.teleop import Arrival
@@ -22,8 +23,7 @@ from tests.control.reflection_pair import force_frame
 from tests.properties import examples
 from tests.world import PERIOD_S
 
-NORMAL = Geometry(0.114, -1.491, 74.8)
-REVERSE = Geometry(-1.491, 0.114, 74.8)
+NORMAL, REVERSE = NOMINAL
 STEP_NM = PERIOD_S / RAMP_S
 
 
