@@ -1,13 +1,21 @@
 """Every type of motor through the whole daemon: it grips, and nothing goes beyond its row."""
 
-import math
 from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from litegripd.control.limiter import torque_bound_nm
-from litegripd.model.gripper import DM4310, DM4340, MOTOR_TYPES, MotorType
+from litegripd.model.calibration import NOMINAL, Calibration
+from litegripd.model.gripper import (
+    DM4310,
+    DM4340,
+    FASTEST_MM_S,
+    MOST_FORCE_N,
+    MOTOR_TYPES,
+    NM_TO_N_RANGE,
+    MotorType,
+)
 from litegripd.model.motor import MotorPhase
 from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from tests.control.exchange import exchange
@@ -19,6 +27,7 @@ BETWEEN = replace(
     ranges=replace(DM4310.ranges, velocity_rad_s=20.0, torque_nm=18.0),
     gear_ratio=20.0,
     rated_nm=6.0,
+    holding_nm=6.0,
     peak_nm=14.0,
     no_load_speed_rad_s=10.4,
     rated_speed_rad_s=6.3,
@@ -83,10 +92,10 @@ def test_the_most_that_may_be_asked_for_follows_from_the_row(motor_type: MotorTy
     client = World(motor_type=motor_type).enabled()
     ranges = client.result("config.get")["ranges"]
     most = {
-        "force_n": 10.0 * motor_type.rated_nm,
+        "force_n": min(10.0 * motor_type.holding_nm, MOST_FORCE_N),
         "stop_torque_nm": motor_type.peak_nm,
         "calib_tau_limit": motor_type.rated_nm,
-        "speed_mm_s": min(500.0, math.floor(motor_type.rated_speed_rad_s * 74.8)),
+        "speed_mm_s": FASTEST_MM_S,
     }
     assert {name: ranges[name][1] for name in most} == pytest.approx(most)
     described = {
@@ -109,16 +118,28 @@ def test_the_most_that_may_be_asked_for_follows_from_the_row(motor_type: MotorTy
         assert f"0.5 to {most['force_n']:g}" in answer["message"]
 
 
+def most_squeezing(motor_type: MotorType, **figures: float) -> tuple[World, float]:
+    """Return a gripper in whose file a newton is as much torque as the type can give for 40 N."""
+    closed_rad, open_rad = limits_of_mount("normal")
+    room = SimulatorParameters(closed_rad=closed_rad, open_rad=open_rad, **figures)
+    world = World(parameters=room.of_motor(motor_type), motor_type=motor_type)
+    least, _ = NM_TO_N_RANGE
+    nm_to_n = max(motor_type.most_force_n / motor_type.holding_nm, least)
+    geometry = replace(NOMINAL[0], nm_to_n=nm_to_n)
+    world.controller.use_calibration(Calibration(geometry))
+    return world, nm_to_n
+
+
 @every_type
 def test_what_a_type_bears_for_long_can_be_asked_for(motor_type: MotorType) -> None:
     rate = {"config": {"force_rate_n_s": 200.0}}
-    world = World(motor_type=motor_type)
+    world, nm_to_n = most_squeezing(motor_type)
     client = world.enabled()
     world.gripper.put_object(width_mm=50.0)
-    most_n = 10.0 * motor_type.rated_nm
+    most_n = motor_type.most_force_n
     assert client.result("motion.grasp", force_n=most_n, until="verdict", **rate)["ok"]
     world.run(1.0)
-    assert abs(world.gripper.motor_torque_nm) == pytest.approx(motor_type.rated_nm, rel=0.02)
+    assert abs(world.gripper.motor_torque_nm) == pytest.approx(most_n / nm_to_n, rel=0.02)
     assert world.state.limited == ()
 
 
@@ -126,12 +147,12 @@ def test_what_a_type_bears_for_long_can_be_asked_for(motor_type: MotorType) -> N
 def test_no_command_asks_for_more_than_the_peak_and_that_only_for_a_moment(
     motor_type: MotorType,
 ) -> None:
-    """Stiff jaws are asked to go where something hard is."""
+    """Stiff jaws hold a place that they are pushed away from."""
     world = World(motor_type=motor_type)
     client = world.enabled()
-    world.gripper.jam()
     world.controller.calibrated.gains = replace(world.controller.gains, kp_nm_rad=500.0)
-    client.send("motion.move", opening_mm=20.0, config={"max_lead_mm": 6.0})
+    client.result("motion.hold")
+    world.gripper.push(-2.0 * motor_type.peak_nm)
     since_s, impulse_nm_s, asked = world.now_s, 0.0, []
     most_nm_s = motor_type.peak_impulse_nm_s + 2.0 * world.period_s * motor_type.peak_nm
     while world.now_s < since_s + 4.0:
@@ -148,12 +169,10 @@ def test_no_command_asks_for_more_than_the_peak_and_that_only_for_a_moment(
 @pytest.mark.parametrize("motor_type", MOTOR_TYPES.values(), ids=MOTOR_TYPES)
 def test_a_hot_coil_is_kept_below_its_limit(motor_type: MotorType) -> None:
     """In a room so hot that the rated torque would pass it."""
-    closed_rad, open_rad = limits_of_mount("normal")
-    room = SimulatorParameters(closed_rad=closed_rad, open_rad=open_rad, ambient_c=72.0)
-    world = World(parameters=room.of_motor(motor_type), motor_type=motor_type)
+    world, _ = most_squeezing(motor_type, ambient_c=72.0)
     client = world.enabled()
     world.gripper.put_object(width_mm=50.0)
-    most_n, rate = 10.0 * motor_type.rated_nm, {"force_rate_n_s": 200.0}
+    most_n, rate = motor_type.most_force_n, {"force_rate_n_s": 200.0}
     client.result("motion.grasp", force_n=most_n, until="verdict", config=rate)
     hottest_c = 0.0
     for _ in range(50):
@@ -166,14 +185,14 @@ def test_a_hot_coil_is_kept_below_its_limit(motor_type: MotorType) -> None:
 
 @every_type
 def test_a_successor_goes_on_with_the_same_motor(motor_type: MotorType) -> None:
-    most_n = 10.0 * motor_type.rated_nm
+    most_n = motor_type.most_force_n
     world, _ = gripping(motor_type, "normal", 20.0)
     exchange(world)
     client = world.client()
     assert client.result("motion.set_force", force_n=most_n)["force_n"] == most_n
     world.run(most_n / 20.0)
     assert world.state.is_grasped
-    assert abs(world.gripper.motor_torque_nm) == pytest.approx(motor_type.rated_nm, rel=0.05)
+    assert abs(world.gripper.motor_torque_nm) == pytest.approx(most_n / 10.0, rel=0.05)
 
 
 @every_type
