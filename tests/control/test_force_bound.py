@@ -1,0 +1,128 @@
+"""Forces up to 40 N, and up to what a grip may have of the motor, by the file's N per N·m."""
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from litegripd.model.calibration import NOMINAL, Calibration
+from litegripd.model.gripper import DM4310, FORCE_PER_TORQUE_N_NM, MOST_FORCE_N
+from litegripd.sim.plant import SimulatorParameters
+from tests.world import Client, World
+
+FAST = {"force_rate_n_s": 200.0}
+CODE_NM = 0.05  # a code of torque, and one of velocity under the damping of a hold
+
+
+def gripper(nm_to_n: float = FORCE_PER_TORQUE_N_NM, **figures: float) -> tuple[World, Client]:
+    """Return a gripper with an object of 50 mm and a file that has so many N per N·m."""
+    world = World(parameters=SimulatorParameters(**figures))
+    world.controller.use_calibration(Calibration(replace(NOMINAL[0], nm_to_n=nm_to_n)))
+    world.gripper.put_object(width_mm=50.0)
+    return world, world.enabled()
+
+
+def squeeze(world: World, client: Client, method: str, force_n: float) -> None:
+    """Hold the object with a force, from a grasp or without one."""
+    more = {"until": "verdict"} if method == "motion.grasp" else {}
+    assert client.result(method, force_n=force_n, config=FAST, **more)
+    world.run(1.5)
+
+
+def squeeze_nm(world: World) -> float:
+    return NOMINAL[0].close_sign * world.gripper.motor_torque_nm
+
+
+@pytest.mark.parametrize("method", ["motion.grasp", "motion.set_force"])
+def test_the_most_is_held_with_more_than_the_rating(method: str) -> None:
+    """The peak's impulse would be used up after 2 s if it counted from the rating."""
+    world, client = gripper()
+    squeeze(world, client, method, MOST_FORCE_N)
+    assert DM4310.holding_nm > DM4310.rated_nm
+    for _ in range(8):
+        world.run(1.0)
+        assert squeeze_nm(world) == pytest.approx(DM4310.holding_nm, abs=CODE_NM)
+        assert world.state.limited == ()
+    assert world.state.force_set_n == MOST_FORCE_N
+
+
+def test_until_the_coil_is_hot() -> None:
+    world, client = gripper(ambient_c=68.0)
+    squeeze(world, client, "motion.grasp", MOST_FORCE_N)
+    world.run_until(lambda: "heat" in world.state.limited, 120.0)
+    world.run(5.0)
+    assert 1.0 < squeeze_nm(world) < DM4310.holding_nm - CODE_NM
+    assert world.gripper.motor.coil_c < DM4310.coil_limit_c + 1.5
+    assert world.state.is_grasped
+
+
+def test_what_is_no_hold_by_force_gets_the_rating_for_long() -> None:
+    """Jaws that hold a place against a hand are no grip."""
+    world = World()
+    client = world.enabled()
+    client.result("motion.hold")
+    world.gripper.push(-6.0)
+    world.run(4.0)
+    assert abs(world.gripper.motor_torque_nm) <= DM4310.rated_nm + CODE_NM
+    assert "torque" in world.state.limited
+
+
+@pytest.mark.parametrize("method", ["motion.grasp", "motion.set_force"])
+@pytest.mark.parametrize("params", [{"force_n": 41.0}, {"force_n": 40.1}])
+def test_more_is_refused(method: str, params: dict[str, Any]) -> None:
+    world, client = gripper()
+    answer = client.call(method, **params)["error"]
+    assert answer["data"]["reason"] == "invalid_params"
+    assert "0.5 to 40" in answer["message"]
+    assert world.state.force_set_n is None
+
+
+@pytest.mark.parametrize("method", ["motion.grasp", "motion.set_force"])
+def test_a_force_that_takes_more_torque_than_a_grip_may_have_is_refused(method: str) -> None:
+    world, client = gripper(5.0)
+    answer = client.call(method, force_n=20.5)["error"]
+    assert answer["data"]["reason"] == "out_of_limits"
+    assert (answer["data"]["field"], answer["data"]["limit"]) == ("force_n", 20.0)
+    assert "5 N per N·m" in answer["message"]
+    assert "at most 20" in answer["message"]
+    assert "4 N·m" in answer["message"]
+    assert world.state.force_set_n is None
+    squeeze(world, client, method, 20.0)
+    assert squeeze_nm(world) == pytest.approx(4.0, abs=CODE_NM)
+
+
+def test_a_running_grasp_is_not_changed_to_such_a_force() -> None:
+    world, client = gripper(5.0)
+    client.send("motion.grasp", force_n=10.0, config=FAST)
+    world.run(2.0)
+    assert client.refusal("motion.set_force", force_n=21.0) == "out_of_limits"
+    world.run(1.0)
+    assert world.state.force_set_n == 10.0
+    assert squeeze_nm(world) == pytest.approx(2.0, abs=CODE_NM)
+
+
+@pytest.mark.parametrize(("nm_to_n", "torque_nm"), [(20.0, 1.0), (10.0, 2.0), (5.0, 4.0)])
+@pytest.mark.parametrize("method", ["motion.grasp", "motion.set_force"])
+def test_the_files_factor_says_how_much_torque_a_force_is(
+    method: str, nm_to_n: float, torque_nm: float
+) -> None:
+    world, client = gripper(nm_to_n)
+    squeeze(world, client, method, 20.0)
+    assert squeeze_nm(world) == pytest.approx(torque_nm, abs=CODE_NM)
+    state = world.state
+    assert state.force_set_n == 20.0
+    assert state.force_n == pytest.approx(20.0, abs=1.0)
+    if method == "motion.grasp":
+        assert state.clamp_n is not None
+        assert state.clamp_n[0] <= nm_to_n * world.gripper.clamp_nm <= state.clamp_n[1]
+        world.gripper.remove_object()
+        world.run_until(lambda: not world.state.is_grasped, 0.1)
+
+
+def test_the_force_changes_at_its_rate_in_newton() -> None:
+    world, client = gripper(20.0)
+    client.result("motion.grasp", force_n=10.0, until="verdict")
+    world.run(1.5)
+    client.result("motion.set_force", force_n=30.0)
+    world.run(0.5)  # at 20 N/s half of the way
+    assert squeeze_nm(world) == pytest.approx(20.0 / 20.0, abs=2 * CODE_NM)
