@@ -149,6 +149,7 @@ class MotionRequests:
                 gains=DEFAULT_GAINS,
                 travel_nm=travel_push_nm(config, controller.gains.kp_nm_rad),
                 period_s=controller.period_s,
+                limit_rad=geometry.open_rad,
             )
             return controller.begin(direction, opening, owner, detached)
         action = MoveToStop(

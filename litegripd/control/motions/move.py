@@ -94,7 +94,8 @@ _GIVE_UP_EXTRA_S = 2.0
 class MoveTo(PlainAction):
     """One move to `target_rad`; ends when the jaws have settled there, or stall on the way.
 
-    `travel_nm` is the largest torque of its lead on the way, however stiff its gains are.
+    `travel_nm` is the largest torque of its lead on the way, however stiff its gains are. The
+    result names the stop `limit_rad`, or if None the one ahead.
     """
 
     def __init__(
@@ -107,8 +108,10 @@ class MoveTo(PlainAction):
         gains: Gains,
         travel_nm: float,
         period_s: float,
+        limit_rad: float | None = None,
     ) -> None:
         self._target_rad = target_rad
+        self._named_limit_rad = limit_rad
         self._speed_rad_s = speed_rad_s
         self._geometry = geometry
         self._config = config
@@ -192,6 +195,7 @@ class MoveTo(PlainAction):
         return "timed_out" if past_ramp_s > ramp.duration_s + _GIVE_UP_EXTRA_S else None
 
     def _result(self, outcome: MoveOutcome, position_rad: float, ramp: Ramp) -> MoveResult:
+        named_rad = self._named_limit_rad
         return MoveResult(
             ok=outcome == "reached",
             outcome=outcome,
@@ -199,7 +203,7 @@ class MoveTo(PlainAction):
             stalled=outcome == "blocked",
             protected=False,
             target_rad=self._target_rad,
-            limit_rad=self._limit_rad(ramp),
+            limit_rad=self._limit_rad(ramp) if named_rad is None else named_rad,
             final_command_rad=self._command_rad,
             steps=self._steps,
         )
