@@ -5,7 +5,7 @@ from typing import Any, TypeAlias
 from hypothesis import strategies as st
 
 from litegripd.model.calibration import NOMINAL, SUPERSEDED
-from litegripd.model.gripper import DM4310, FASTEST_MM_S, MOST_FORCE_N, STROKE_MM
+from litegripd.model.gripper import DM4310, FASTEST_MM_S, STROKE_MM
 from litegripd.model.motion_config import MotionConfig, ranges_of
 from tests.trajectories import lgt, pieces
 
@@ -87,7 +87,7 @@ def _must(**values: st.SearchStrategy[Any]) -> st.SearchStrategy[Values]:
 
 _none: st.SearchStrategy[Values] = st.just({})
 _speed = st.sampled_from([0.1, 20.0, 50.0, FASTEST_MM_S]) | st.floats(0.1, FASTEST_MM_S)
-_force = st.floats(0.5, MOST_FORCE_N)
+_force = st.floats(0.5, DM4310.most_force_n)
 _config = _none | _none | _none | _must(config=any_fields) | _must(config=good_fields)
 _flags = _none | _may(wait=st.booleans(), detach=st.booleans(), progress=st.booleans())
 _target = (

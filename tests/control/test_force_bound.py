@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from litegripd.model.calibration import NOMINAL, Calibration
-from litegripd.model.gripper import DM4310, FORCE_PER_TORQUE_N_NM, MOST_FORCE_N
+from litegripd.model.gripper import DM4310, FORCE_PER_TORQUE_N_NM
 from litegripd.sim.plant import SimulatorParameters
 from tests.world import Client, World
 
@@ -14,9 +14,11 @@ FAST = {"force_rate_n_s": 200.0}
 CODE_NM = 0.05  # a code of torque, and one of velocity under the damping of a hold
 
 
-def gripper(nm_to_n: float = FORCE_PER_TORQUE_N_NM, **figures: float) -> tuple[World, Client]:
+def gripper(
+    nm_to_n: float = FORCE_PER_TORQUE_N_NM, ambient_c: float = 25.0
+) -> tuple[World, Client]:
     """Return a gripper with an object of 50 mm and a file that has so many N per N·m."""
-    world = World(parameters=SimulatorParameters(**figures))
+    world = World(parameters=SimulatorParameters(ambient_c=ambient_c))
     world.controller.use_calibration(Calibration(replace(NOMINAL[0], nm_to_n=nm_to_n)))
     world.gripper.put_object(width_mm=50.0)
     return world, world.enabled()
@@ -37,18 +39,18 @@ def squeeze_nm(world: World) -> float:
 def test_the_most_is_held_with_more_than_the_rating(method: str) -> None:
     """The peak's impulse would be used up after 2 s if it counted from the rating."""
     world, client = gripper()
-    squeeze(world, client, method, MOST_FORCE_N)
+    squeeze(world, client, method, DM4310.most_force_n)
     assert DM4310.holding_nm > DM4310.rated_nm
     for _ in range(8):
         world.run(1.0)
         assert squeeze_nm(world) == pytest.approx(DM4310.holding_nm, abs=CODE_NM)
         assert world.state.limited == ()
-    assert world.state.force_set_n == MOST_FORCE_N
+    assert world.state.force_set_n == DM4310.most_force_n
 
 
 def test_until_the_coil_is_hot() -> None:
     world, client = gripper(ambient_c=68.0)
-    squeeze(world, client, "motion.grasp", MOST_FORCE_N)
+    squeeze(world, client, "motion.grasp", DM4310.most_force_n)
     world.run_until(lambda: "heat" in world.state.limited, 120.0)
     world.run(5.0)
     assert 1.0 < squeeze_nm(world) < DM4310.holding_nm - CODE_NM

@@ -69,6 +69,50 @@ def test_a_file_with_one_gain_does_not_get_the_other_of_a_stiffer_one() -> None:
         assert world.controller.gains == expected
 
 
+FILES = [(1.0, 0.01), (5.0, 2.0), (5.0, 5.0), (50.0, 0.1), (200.0, 2.0), (500.0, 1.0), (500.0, 5.0)]
+
+
+def came_to(kp_nm_rad: float, kd_nm_s_rad: float) -> list[tuple[str, float, float]]:
+    """Return outcome, place (mm) and time (s) of some motions with a file of these gains."""
+    world = World()
+    geometry = world.controller.geometry
+    assert geometry is not None
+    file = Calibration(geometry, kp_nm_rad=kp_nm_rad, kd_nm_s_rad=kd_nm_s_rad)
+    world.controller.use_calibration(file)
+    client, seen = world.enabled(), []
+    for method, params in (
+        ("motion.open", {}),
+        ("motion.close", {"speed_mm_s": 100.0}),
+        ("motion.move", {"opening_mm": 60.0}),
+        ("motion.move", {"opening_mm": 58.0, "speed_mm_s": 5.0}),
+        ("motion.move", {"openness": 0.1, "speed_mm_s": 150.0}),
+        ("motion.open", {"speed_mm_s": 20.0}),
+    ):
+        began_s = world.now_s
+        outcome = client.result(method, **params)["outcome"]
+        seen.append((outcome, world.gripper.opening_mm, world.now_s - began_s))
+    return seen
+
+
+@pytest.mark.parametrize(("kp_nm_rad", "kd_nm_s_rad"), FILES)
+def test_no_gains_of_a_file_change_what_a_motion_comes_to(
+    kp_nm_rad: float, kd_nm_s_rad: float
+) -> None:
+    usual = came_to(DEFAULT_GAINS.kp_nm_rad, DEFAULT_GAINS.kd_nm_s_rad)
+    assert [outcome for outcome, _, _ in usual] == [
+        "pressed_home",
+        "pressed_home",
+        "reached",
+        "reached",
+        "reached",
+        "pressed_home",
+    ]
+    for ours, theirs in zip(came_to(kp_nm_rad, kd_nm_s_rad), usual, strict=True):
+        assert ours[0] == theirs[0]
+        assert ours[1] == pytest.approx(theirs[1], abs=0.6)
+        assert ours[2] == pytest.approx(theirs[2], abs=0.05)
+
+
 @pytest.mark.parametrize(
     ("method", "gains", "least"),
     [
@@ -89,7 +133,7 @@ def test_what_a_motion_gives_is_judged_with_what_it_leaves_out(
     content = client.result("calibration.get")["content"]
     client.result("calibration.load", content={**content, "kp": 100, "kd": 0.5})
     if method == "trajectory.play":
-        params = {"upload": uploaded(client, SLOW)}
+        params: dict[str, Any] = {"upload": uploaded(client, SLOW)}
     else:
         params = SLAVE if method == "teleop.start" else {"opening_mm": 30.0}
     error = client.call(method, **params, **gains)["error"]

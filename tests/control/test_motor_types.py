@@ -5,13 +5,13 @@ from typing import Any
 
 import pytest
 
+from litegrip_client.protocol.trajectory import MOST_FORCE_N
 from litegripd.control.limiter import torque_bound_nm
 from litegripd.model.calibration import NOMINAL, Calibration
 from litegripd.model.gripper import (
     DM4310,
     DM4340,
     FASTEST_MM_S,
-    MOST_FORCE_N,
     MOTOR_TYPES,
     NM_TO_N_RANGE,
     MotorType,
@@ -118,10 +118,10 @@ def test_the_most_that_may_be_asked_for_follows_from_the_row(motor_type: MotorTy
         assert f"0.5 to {most['force_n']:g}" in answer["message"]
 
 
-def most_squeezing(motor_type: MotorType, **figures: float) -> tuple[World, float]:
+def most_squeezing(motor_type: MotorType, ambient_c: float = 25.0) -> tuple[World, float]:
     """Return a gripper in whose file a newton is as much torque as the type can give for 40 N."""
     closed_rad, open_rad = limits_of_mount("normal")
-    room = SimulatorParameters(closed_rad=closed_rad, open_rad=open_rad, **figures)
+    room = SimulatorParameters(closed_rad=closed_rad, open_rad=open_rad, ambient_c=ambient_c)
     world = World(parameters=room.of_motor(motor_type), motor_type=motor_type)
     least, _ = NM_TO_N_RANGE
     nm_to_n = max(motor_type.most_force_n / motor_type.holding_nm, least)

@@ -21,7 +21,8 @@ def gripper(
     opening_mm: float = 30.0,
     mount: str = "normal",
     work_mm: float = WORK_MM,
-    **gains: float,
+    kp_nm_rad: float | None = None,
+    kd_nm_s_rad: float | None = None,
 ) -> tuple[World, Client]:
     closed_rad, open_rad = limits_of_mount(mount)
     parameters = SimulatorParameters(
@@ -29,7 +30,10 @@ def gripper(
     )
     world = World(mount, parameters=parameters)
     geometry = Geometry(closed_rad, open_rad, MM_RAD)
-    world.controller.use_calibration(Calibration(geometry, work_stroke_mm=work_mm, **gains))
+    file = Calibration(
+        geometry, kp_nm_rad=kp_nm_rad, kd_nm_s_rad=kd_nm_s_rad, work_stroke_mm=work_mm
+    )
+    world.controller.use_calibration(file)
     return world, world.enabled()
 
 
