@@ -116,7 +116,7 @@ def _look(scene: Scene, connection: Connection) -> None:
 
 _BAR_WIDTH = 40
 _STYLES = {"ok": "bold green", "degraded": "bold yellow", "down": "bold red"}
-_ALARMING = {"stop", "age"}
+_ALARMING = {"SCALE", "stop", "age"}
 
 
 def picture(scene: Scene, name: str, for_gripper: Callable[[str], str] = str) -> RenderableType:

@@ -9,6 +9,7 @@ from enum import Enum, IntEnum
 from typing import NamedTuple
 
 from litegrip_client.errors import ParameterError
+from litegrip_client.sdk import fields
 
 
 class ErrorCode(IntEnum):
@@ -89,9 +90,9 @@ class DefaultParams:
     KD = 2.0
     FORCE_N = 20.0
     SPEED_MM_S = 50.0
-    MAX_STROKE_MM = 120.0
-    RAD_TO_MM = 74.8
-    NM_TO_N = 10.0
+    MAX_STROKE_MM = fields.STROKE_MM
+    RAD_TO_MM = fields.RAD_TO_MM
+    NM_TO_N = fields.NM_TO_N
 
 
 GripperParams = DefaultParams
