@@ -19,6 +19,7 @@ from typing import Any
 import pytest
 import zenoh
 
+from tests.geometry import TRAVEL_MM
 from tests.process.by_portal import Met
 from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess
 from tests.process.teleop_pair import (
@@ -56,7 +57,7 @@ def peer(listen: int | None = None, connect: int | None = None) -> Iterator[zeno
 
 
 def say(put: Callable[[bytes], object], openness: float) -> None:
-    put(struct.pack(">dddd", openness, 120.0 * openness, 0.0, time.monotonic()))
+    put(struct.pack(">dddd", openness, TRAVEL_MM * openness, 0.0, time.monotonic()))
 
 
 def say_until(
@@ -181,7 +182,7 @@ def test_frames_of_a_script_are_followed_and_ours_are_read_by_one(met: Met, tmp_
             nan = struct.pack(">dddd", math.nan, 0.0, 0.0, 0.0)
             until(client, lambda s: publisher.put(nan) or bool(s["rejected"]))
             assert client.result("teleop.status")["frames"] == 0
-            say_until(publisher.put, 0.7, lambda: is_at(client, 0.7))
+            say_until(publisher.put, 0.4, lambda: is_at(client, 0.4))
         until(client, lambda s: bool(s["stale"]))
         client.result("teleop.stop")
         port = free_port()
@@ -192,8 +193,8 @@ def test_frames_of_a_script_are_followed_and_ours_are_read_by_one(met: Met, tmp_
             payloads = [frames.recv().payload.to_bytes() for _ in range(50)]
         assert {len(payload) for payload in payloads} == {32}
         values = [struct.unpack(">4d", payload) for payload in payloads]
-        assert all(openness == pytest.approx(0.7, abs=0.02) for openness, *_ in values)
-        assert all(mm == pytest.approx(0.7 * 120.0, abs=2.5) for _, mm, *_ in values)
+        assert all(openness == pytest.approx(0.4, abs=0.02) for openness, *_ in values)
+        assert all(mm == pytest.approx(0.4 * TRAVEL_MM, abs=1.8) for _, mm, *_ in values)
         times = [at_s for *_, at_s in values]
         assert times == sorted(set(times))
 

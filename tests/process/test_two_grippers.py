@@ -57,7 +57,7 @@ def test_one_holds_while_the_other_works(met: Met, tmp_path: Path) -> None:
                 break
         assert (done.returncode, done.stderr) == (0, "")
         assert done.stdout.splitlines() == [
-            "open: 120 mm 120 mm",
+            "open: 80 mm 80 mm",
             "left: object_held",
             "right: reached",
             "left still holds: True",
