@@ -7,13 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from litegrip_client.checks import UnsetFloat, number, pick
 from litegrip_client.errors import CommandError, HardwareError
-from litegrip_client.sdk.fields import (
-    NM_TO_N,
-    RAD_TO_MM,
-    STROKE_MM,
-    CalibrationNames,
-    ConfigNames,
-)
+from litegrip_client.sdk.fields import NM_TO_N, RAD_TO_MM, STROKE_MM, CalibrationNames, ConfigNames
 
 NOMINAL_CLOSED_RAD = 0.0
 NOMINAL_OPEN_RAD = -1.651026

@@ -9,7 +9,6 @@ from enum import Enum, IntEnum
 from typing import NamedTuple
 
 from litegrip_client.errors import ParameterError
-from litegrip_client.sdk import fields
 
 
 class ErrorCode(IntEnum):
@@ -90,9 +89,9 @@ class DefaultParams:
     KD = 2.0
     FORCE_N = 20.0
     SPEED_MM_S = 50.0
-    MAX_STROKE_MM = fields.STROKE_MM
-    RAD_TO_MM = fields.RAD_TO_MM
-    NM_TO_N = fields.NM_TO_N
+    MAX_STROKE_MM = 85.0
+    RAD_TO_MM = 86.0 / 1.14
+    NM_TO_N = 10.0
 
 
 GripperParams = DefaultParams
