@@ -19,7 +19,7 @@ PERIOD_S = 0.005
 KICK_NM, KICK_S = 6.0, 0.02
 SETTLE_S = 0.5
 LOOKED_S = 0.3
-HOLD_FORCE_N = 30.0
+HOLD_FORCE_N = 40.0
 
 
 @dataclass(frozen=True, slots=True)

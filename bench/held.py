@@ -95,7 +95,7 @@ class HeldRig(Rig):
     @property
     def clamp_n(self) -> float:
         """What the object truly feels."""
-        return 10.0 * self.gripper.clamp_nm
+        return self.geometry.nm_to_n * self.gripper.clamp_nm
 
     def look(self, at_s: float) -> None:
         if self.hand is not None:

@@ -1,4 +1,4 @@
-"""What holds and what is lost in simulation: bumps, steps, losses, clamp and damping, as Markdown.
+"""What holds and what is lost in simulation: the tables of docs/grasping.md, as they stand there.
 
 python -m bench.holding
 
@@ -11,19 +11,20 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 from bench.damping import HOLD_FORCE_N, MOTORS, swing_of_gain, swing_of_hold
+from bench.grasps import line
 from bench.held import RATES_HZ, SETTINGS, After, HeldRig, Setting
 from litegripd.sim.plant import MOUNTS, SimulatorParameters
 
-FORCES_N = (5.0, 10.0, 20.0, 30.0)
+FORCES_N = (5.0, 10.0, 20.0, 30.0, 40.0)
 PUSHES = ((1.5, 0.015), (2.5, 0.015), (4.0, 0.03))
 OPENINGS = ((2.0, 0.03), (3.0, 0.06))
 STEPS_MM = (0.5, 1.0, 2.0, 3.0, 4.0)
-LOSS_FORCES_N = (3.0, 5.0, 10.0, 20.0, 30.0)
+LOSS_FORCES_N = (3.0, 5.0, 10.0, 20.0, 30.0, 40.0)
 SPEEDS_MM_S = (25.0, 50.0, 100.0)
-CLAMPS_N = (2.0, 3.0, 5.0, 10.0, 20.0, 30.0)
+CLAMPS_N = (2.0, 3.0, 5.0, 10.0, 20.0, 30.0, 40.0)
 SMALL_FORCES_N = (2.0, 3.0, 4.0, 5.0, 6.0)
-FRICTIONS = (1.0, 2.0, 3.0)
-DAMPINGS = (0.5, 1.0, 2.0, 3.0, 4.5)
+FRICTIONS = {1.0: "usual friction", 2.0: "twice", 3.0: "three times"}
+DAMPINGS = {0.5: "", 1.0: ", the hold", 2.0: "", 3.0: "", 4.5: ""}
 CALM_NM = 0.1
 
 Happen = Callable[[HeldRig], None]
@@ -56,7 +57,7 @@ def kept(afters: list[After]) -> str:
     lost = sum(not after.is_held for after in afters)
     slack = sum(after.is_held and after.is_short for after in afters)
     if lost or slack:
-        said = [f"**lost {lost} of {len(afters)}**"] if lost else []
+        said = [f"lost {lost} of {len(afters)}"] if lost else []
         return ", ".join(said + ([f"weak {slack} of {len(afters)}"] if slack else []))
     back_ms = max(1e3 * (after.back_s or 0.0) for after in afters)
     moved_mm = [after.moved_mm for after in afters if after.moved_mm is not None]
@@ -81,9 +82,9 @@ def table(title: str, head: Iterable[str], rows: Iterable[list[str]]) -> None:
     names = list(head)
     print(f"### {title}\n")
     for cells in (names, ["---"] * len(names)):
-        print(f"| {' | '.join(cells)} |")
+        print(line(cells))
     for row in rows:
-        print(f"| {' | '.join(row)} |", flush=True)
+        print(line(row), flush=True)
     print()
 
 
@@ -145,7 +146,7 @@ def friction() -> None:
         [f"{force_n:g} N", *(_loss_with_friction(force_n, share) for share in FRICTIONS)]
         for force_n in SMALL_FORCES_N
     )
-    head = ["force", *(f"friction {share:g} times" for share in FRICTIONS)]
+    head = ["force", *FRICTIONS.values()]
     table("Losses by small forces and with more friction: told after", head, rows)
 
 
@@ -162,15 +163,17 @@ def _loss_with_friction(force_n: float, share: float) -> str:
     times_s = [rig.watch(vanish).told_s for rig in rigs]
     known_s = [at_s for at_s in times_s if at_s is not None]
     cell = f"{1e3 * max(known_s):.0f} ms" if len(known_s) == len(times_s) else "not reported"
-    return cell + (f" (said: from {from_n:.1f} N)" if force_n < from_n else "")
+    return cell + (f" (from {from_n:.1f} N)" if force_n < from_n else "")
 
 
 def damping() -> None:
     rows = (
-        [f"kd {kd:g}", *(swing(swing_of_gain(motor, kd)) for motor in MOTORS)] for kd in DAMPINGS
+        [f"kd {kd:g}{used}", *(swing(swing_of_gain(motor, kd)) for motor in MOTORS)]
+        for kd, used in DAMPINGS.items()
     )
-    most = ["largest by the formula", *(f"{motor.most_damping():.1f}" for motor in MOTORS)]
-    head = ["free jaws, kicked", *(motor.name for motor in MOTORS)]
+    bounds = (motor.most_damping() for motor in MOTORS)
+    most = ["largest by the formula", *(_bound(damping) for damping in bounds)]
+    head = ["", *(motor.name for motor in MOTORS)]
     table("Damping: speed filter, inertia", head, [*rows, most])
     events: tuple[tuple[str, Happen], ...] = (
         ("opened by 2 mm for 30 ms", opening(2.0, 0.03)),
@@ -186,7 +189,11 @@ def damping() -> None:
 
 
 def swing(torque_nm: float) -> str:
-    return "calm" if torque_nm < CALM_NM else f"**± {torque_nm:.1f} N·m**"
+    return "calm" if torque_nm < CALM_NM else f"± {torque_nm:.1f} N·m"
+
+
+def _bound(damping: float) -> str:
+    return "any" if math.isinf(damping) else f"{damping:.1f}"
 
 
 def main() -> None:

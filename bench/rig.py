@@ -10,11 +10,11 @@ from dataclasses import replace
 from litegripd.app.machine import Machine
 from litegripd.control.detectors import StallDetector
 from litegripd.control.holds import Grip, GripSettings, Idle
-from litegripd.control.limiter import DEFAULT_GAINS, Gains
+from litegripd.control.limiter import DEFAULT_GAINS
 from litegripd.control.motions.base import Action, Enable, PlainAction, Step
 from litegripd.control.motions.grasp import Grasp, GraspRequest
 from litegripd.control.motions.move import Ramp
-from litegripd.model.calibration import Calibration
+from litegripd.model.calibration import NOMINAL, Calibration
 from litegripd.model.gripper import DM4310, Geometry, GripperId
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import CanFrame, EnableMotor, MotorPhase, MotorView
@@ -22,6 +22,8 @@ from litegripd.model.state import GraspOutcome, GraspResult, Job, Owner
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 
+TRAVEL_MM = NOMINAL[0].travel_mm
+"""Of the gripper that ships; a `Rig` without parameters of its own is one."""
 PERIOD_S = 0.005
 FRAME_TIME_S = 130e-6
 OWNER = Owner(client=1, pid=1, uid=1, program="grasps")
@@ -117,7 +119,6 @@ def ours(
     geometry: Geometry,
     request: GraspRequest,
     config: MotionConfig = DEFAULTS,
-    gains: Gains = DEFAULT_GAINS,
     period_s: float = PERIOD_S,
 ) -> Action:
     """Return a grasp as the daemon does it."""
@@ -125,7 +126,6 @@ def ours(
         request,
         geometry=geometry,
         config=config,
-        gains=gains,
         period_s=period_s,
         motor_type=DM4310,
     )
@@ -173,8 +173,8 @@ class VendorGrasp(PlainAction):
         """Hold with the whole force at once."""
         request = self._request
         settings = GripSettings.of(self._geometry, DEFAULTS, request.speed_mm_s, "gains")
-        force_n = request.force_n
-        return Grip(settings, force_n, force_n / 10.0, DM4310, watched=True)
+        torque_nm = self._geometry.torque_nm(request.force_n)
+        return Grip(settings, request.force_n, torque_nm, DM4310, watched=True)
 
     def _result(self, outcome: GraspOutcome) -> GraspResult:
         held = outcome == "object_held"

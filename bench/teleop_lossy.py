@@ -2,7 +2,7 @@
 
 python -m bench.teleop_lossy
 
-The same leader (a hand that swings by 60 mm in 2.5 s, 75 mm/s at most), the same losses and delays
+The same leader (a hand that swings by 45 mm in 2.5 s, 57 mm/s at most), the same losses and delays
 for both, drawn by a seed; the figures are the same on every machine. `bench.teleop_network` does
 the like with processes, sockets and real time.
 """
@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from bench.rig import PERIOD_S, Rig
+from bench.rig import PERIOD_S, TRAVEL_MM, Rig
 from bench.teleop import swing
 from bench.teleop_follow import (
     ON_ITS_WAY_S,
@@ -28,12 +28,12 @@ from bench.teleop_follow import (
 )
 from litegripd.model.teleop import Arrival, TeleopFrame, encode_frame
 
-SWING = swing(2.5, 60.0)
+SWING = swing(2.5, 45.0)
 RUN_S = 30.0
-BACK_MM = 6.0
+BACK_MM = 4.5
 JITTER_S = 0.1
 CUT_S = (10.625, 21.875)
-"""Half a swing more than whole ones, from one end of it to the other: 60 mm to make up for."""
+"""Half a swing more than whole ones, from one end of it to the other: 45 mm to make up for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +98,7 @@ class Moment:
 
 def follow(way: Way, network: Network, duration_s: float) -> list[Moment]:
     """Follow in virtual time; the first swing is not looked at."""
-    rig = Rig("normal", SWING(0.0) * 120.0)
+    rig = Rig("normal", SWING(0.0) * TRAVEL_MM)
     rig.looks = 4
     rig.run(0.5)
     began_s = rig.now_s + 1.0

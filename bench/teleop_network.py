@@ -2,7 +2,7 @@
 
 python -m bench.teleop_network [SECONDS per network, default 12]
 
-A leader whose jaws a simulated hand moves (60 mm to and fro, 75 mm/s at most) sends its datagrams
+A leader whose jaws a simulated hand moves (45 mm to and fro, 57 mm/s at most) sends its datagrams
 to two followers, each behind a proxy of its own that loses, delays and reorders them, or cuts the
 cable: the daemon, at 200 Hz, and `bench.teleop_vendor`, which gets every fourth datagram, 50 Hz.
 All runs in real time on this machine, and all of it shares one clock.
@@ -23,15 +23,15 @@ from itertools import pairwise
 from pathlib import Path
 
 from bench.__main__ import run_module
+from bench.rig import TRAVEL_MM
+from litegripd.model.calibration import NOMINAL
 from tests.process.teleop_pair import LossyProxy, Samples, free_port, gripper, until
 
-TRAVEL_MM = 1.605 * 74.8
-MM_RAD = 74.8
 CUT_S = 11.25
 """Half a swing of the hand more than whole ones: cut while the leader is open, mended while it is
 closed."""
 NEAR_MM = 3.0
-BACK_MM = 6.0
+BACK_MM = 4.5
 """Whoever is so near to the leader for `BACK_FOR_S` follows again: three times what is usual."""
 BACK_FOR_S = 0.3
 AFTER_CUT_S = 5.0
@@ -127,9 +127,9 @@ def after_cut(leader: Course, rows: list[Row], cut_s: float, mended_s: float) ->
 
 
 def daemons_rows(samples: Samples) -> list[Row]:
-    closed_rad = 0.114
+    geometry = NOMINAL[0]
     return [
-        (row[4], row[3] * TRAVEL_MM, (closed_rad - row[2]) * MM_RAD, row[5])
+        (row[4], row[3] * geometry.travel_mm, geometry.opening_mm(row[2]), row[5])
         for row in samples.rows
         if row[2] is not None
     ]

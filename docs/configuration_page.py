@@ -8,7 +8,7 @@ import textwrap
 from typing import Any
 
 from litegripd.app.config import KEYS, SAME_TABLES, TABLES, Key, load
-from litegripd.model.gripper import DM4310, MOTOR_TYPES
+from litegripd.model.gripper import DM4310, MOTOR_FAMILY, MOTOR_TYPES, IncompleteType
 from litegripd.model.motion_config import MotionConfig, ranges_of
 
 KINDS = {
@@ -105,6 +105,10 @@ SIMULATOR = {
     "seed": "An integer: reports have a noise of at most one code. Left out: they are exact.",
     "watchdog_s": "After so long without a command the motor disarms, 0.1 s unless given, at most"
     " 0.4: a longer one the daemon sets back to 0.1 when it enables the motor.",
+    "comm_loss_s": "After so long it really disarms, whatever its register TIMEOUT says: 0.1, 0.4"
+    " and 0.9 were seen, 0 is never. Left out: as `watchdog_s`.",
+    "unasked_hz": "How often it reports by itself while it is enabled: about 10 was seen. Left"
+    " out: never.",
     "motor_type": f"The type of its motor, {' or '.join(MOTOR_TYPES)}; {DM4310.name} unless given."
     " Say the same in `[motor]`.",
 }
@@ -117,6 +121,14 @@ used. More than the most force and speed is refused; the speed is the motor's, a
 
 | type | gear | ranges | for long | peak, 0.5 s | most force | most speed |
 | --- | ---: | --- | ---: | ---: | ---: | ---: |"""
+
+
+INCOMPLETE_HEAD = """\
+The family has more types. Of these figures are missing, so the daemon cannot drive them: it refuses
+them, here and in a calibration file.
+
+| type | known | missing |
+| --- | --- | --- |"""
 
 
 def configuration_page() -> str:
@@ -164,7 +176,13 @@ def _motor_types() -> str:
         f" | {row.most_force_n:g} N | {row.fastest_rad_s:g} rad/s |"
         for row in MOTOR_TYPES.values()
     ]
-    return "\n".join(["", MOTOR_TYPES_HEAD, *rows, ""])
+    incomplete = [row for row in MOTOR_FAMILY.values() if isinstance(row, IncompleteType)]
+    missing = [
+        f"| {', '.join(f'`{row.name}`' for row in incomplete if row.missing == lacks)}"
+        f" | {', '.join(knows) or 'nothing'} | {', '.join(lacks)} |"
+        for knows, lacks in dict.fromkeys((row.known, row.missing) for row in incomplete)
+    ]
+    return "\n".join(["", MOTOR_TYPES_HEAD, *rows, "", INCOMPLETE_HEAD, *missing, ""])
 
 
 def _table(table: str) -> str:

@@ -47,8 +47,8 @@ def shown(daemon: SimulatedDaemon) -> Iterator[str]:
 def work(daemon: SimulatedDaemon, gripper: LiteGrip) -> None:
     """Do something that is worth a picture: a way there and back, and a grasp."""
     gripper.enable()
-    gripper.goto(100.0, duration=0.8)
-    gripper.goto(60.0, duration=0.8)
+    gripper.goto(80.0, duration=0.8)
+    gripper.goto(45.0, duration=0.8)
     gripper.open(80.0)
     daemon.put_object(OBJECT_MM)
     gripper.grasp(12.0, until="verdict")
@@ -86,9 +86,9 @@ def on_the_page(tab: Page) -> None:
     slider = tab.locator("[data-is=slider]")
     steps: tuple[tuple[Callable[[], None], str], ...] = (
         (lambda: tab.get_by_role("button", name="Enable").click(), "enable: done"),
-        (lambda: slider.fill("100"), "move: reached"),
+        (lambda: slider.fill("75"), "move: reached"),
         (lambda: slider.fill("60"), "move: reached"),
-        (lambda: tab.get_by_role("button", name="Open", exact=True).click(), "open: pressed"),
+        (lambda: tab.get_by_role("button", name="Open", exact=True).click(), "open: reached"),
         (lambda: tab.get_by_role("button", name="Put in").click(), ""),
         (lambda: tab.get_by_role("button", name="Grasp", exact=True).click(), "object held"),
     )

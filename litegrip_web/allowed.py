@@ -45,6 +45,8 @@ ACT = frozenset(
         "motion.set_force",
         "job.cancel",
         "calibration.zero",
+        "calibration.rescale",
+        "calibration.save",
         "trajectory.record_start",
         "trajectory.record_stop",
         "trajectory.play",

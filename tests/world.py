@@ -337,6 +337,8 @@ class World:
     def exchange(self) -> None:
         """Let the machine take what the bus brought, and the motor what the machine sends."""
         received, self._in_flight = self._in_flight, []
+        unasked = [frame for _, frame in self.gripper.take_unasked(self.now_s)]
+        received += [frame for frame in unasked if not self.lose_from_motor(frame)]
         for frame in self.machine.tick(self.now_s, received, self.condition):
             self.sent.append(Sent(self.now_s, frame))
             if not self.lose_to_motor(frame):

@@ -240,7 +240,8 @@ def show(scenes: Iterable[Scene], name: str, for_gripper: Callable[[str], str]) 
                 return
             now_s = time.monotonic()
             if now_s - shown_s >= _SHORTEST_S:
-                live.update(picture(scene, name, for_gripper), refresh=True)
+                with undisturbed():
+                    live.update(picture(scene, name, for_gripper), refresh=True)
                 shown_s = now_s
 
 
@@ -274,6 +275,19 @@ class _Keyboard:
             if os.read(self._file, 1) in (b"q", b"Q", b""):
                 return True
         return False
+
+
+_GIVES_BACK = (signal.SIGTERM, signal.SIGTSTP)
+
+
+@contextlib.contextmanager
+def undisturbed() -> Iterator[None]:
+    """Hold back the signals whose handlers write to the terminal, which is being written to."""
+    signal.pthread_sigmask(signal.SIG_BLOCK, _GIVES_BACK)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _GIVES_BACK)
 
 
 @contextlib.contextmanager

@@ -11,7 +11,7 @@ from typing import Any
 from litegrip_client.doctor.findings import SIMULATED, Daemon, Facts, Finding, error, ok, warning
 
 STANDSTILL_US = 100_000
-"""From so late a tick on a motor with the usual watchdog reports "communication lost"."""
+"""From so late a tick on some motors report "communication lost", others later."""
 _LIMITS = "[Service]\\nLimitRTPRIO=99\\nLimitMEMLOCK=infinity\\n"
 _DROP_IN = "/etc/systemd/system/litegripd@.service.d"
 

@@ -15,6 +15,7 @@ from litegrip_client.sdk.fields import STROKE_MM
 MIT_MODE = 1
 CAN_BR_1_MBIT_S = 4
 TIMEOUT_UNIT_S = 50e-6
+SEEN_S = "0.1 to 0.9 s, whatever it held"
 LONGEST_WATCHDOG_S = 0.4
 """The longest that motors are known to come with; the daemon takes a longer one for off."""
 
@@ -142,7 +143,10 @@ def watchdog(facts: Facts) -> Finding | None:
         return None
     timeout_s = timeout * TIMEOUT_UNIT_S
     if 0.0 < timeout_s <= LONGEST_WATCHDOG_S:
-        return ok(f"TIMEOUT {timeout:.0f}: the motor lets go {timeout_s * 1e3:.0f} ms after a loss")
+        return ok(
+            f"TIMEOUT {timeout:.0f}, on; by it the motor lets go {timeout_s * 1e3:.0f} ms after a"
+            f" loss, but motors have taken {SEEN_S}"
+        )
     text = "TIMEOUT is 0, off" if not timeout else f"TIMEOUT is {timeout_s:g} s"
     return warning(
         f"{text} after power-on; the daemon sets it to 100 ms before it enables",

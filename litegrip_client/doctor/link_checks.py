@@ -19,7 +19,7 @@ SAMPLE_POINTS = (0.7, 0.9)
 an adapter's clock may be too coarse to meet them."""
 
 LONGEST_QUEUE_S = 0.1
-"""The motor's watchdog: what waits for longer would come when the motor has given up already."""
+"""The soonest that a motor has given up by itself, 0.1 s: nothing may wait for longer."""
 
 RATE_HZ = 200.0
 """The daemon's default, if it reports none."""
@@ -134,7 +134,7 @@ def restart(facts: Facts) -> Finding | None:
 
 
 def queue(facts: Facts) -> Finding | None:
-    """Check that no more commands can wait than the motor's watchdog outlasts."""
+    """Check that no more commands can wait than any motor's watchdog outlasts."""
     found = _can_link(facts)
     if found is None or found.queue_frames is None or _is_virtual(found):
         return None

@@ -145,8 +145,9 @@ MOST_GRIPS = 200
 
 MAX_GRIP_BYTES = 131_072
 MAX_SOURCE = 80
-MOST_FORCE_N = 30.0
-"""The limit of the file, for any motor: grips go from one gripper to another."""
+MOST_FORCE_N = 40.0
+"""What the gripper's fingers are rated for together: no hold and no taught grip has more, with any
+motor. The vendor recommends 20 N for continuous work."""
 
 _KEYS = {"format", "version", "lgt_sha256", "grips"}
 

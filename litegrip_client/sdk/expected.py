@@ -17,6 +17,8 @@ _TOLERANCE = 1e-3
 _HINTS = {
     "kp": "load a calibration with these gains (load_calibration), or give kp and kd to a motion",
     "kd": "load a calibration with these gains (load_calibration), or give kp and kd to a motion",
+    "motor_type": "leave it out, or have [motor] type of the daemon's configuration changed; then"
+    " litegripd --check says which types it drives, and which figures it lacks of the others",
 }
 _HINT = "leave it out, or have the daemon's configuration or calibration changed"
 
@@ -83,8 +85,9 @@ def check_expected(expected: Mapping[str, Any], hello: Mapping[str, Any], path: 
         value = getattr(found, name)
         if wanted is None or value is None or _is_same(name, wanted, value):
             continue
+        said, more = _said(name, wanted)
         raise CommandError(
-            f"the daemon at {path} has {name} {value}, not {wanted}",
+            f"the daemon at {path} has {name} {value}, not {said}{more}",
             reason="wrong_gripper",
             data={"parameter": name, "hint": _HINTS.get(name, _HINT)},
         )
@@ -100,6 +103,18 @@ def _is_same(name: str, wanted: Any, value: Any) -> bool:
         except (TypeError, ValueError):
             return False
     return bool(wanted == value)
+
+
+def _said(name: str, wanted: Any) -> tuple[str, str]:
+    """Return what a program says in words, and what is wrong with that itself, if anything."""
+    if name != "motor_type":
+        return str(wanted), ""
+    for one in DM_Motor_Type:
+        if wanted in (one, one.name):
+            return one.name, ""
+    return str(
+        wanted
+    ), f", which is none of the SDK's types: {', '.join(DM_Motor_Type.__members__)}"
 
 
 def _number_of(motor_type: str) -> int | None:

@@ -51,20 +51,26 @@ class GripperStatus(Enum):
 
 
 class DM_Motor_Type(IntEnum):  # noqa: N801 - the vendor's name
-    """Motors of the maker's family, by the numbers of its own drivers."""
+    """Motors of the maker's family, by the numbers of its own drivers.
 
-    DM4310 = 0
-    DM4310_48V = 1
-    DM4340 = 2
-    DM4340_48V = 3
-    DM6006 = 4
-    DM8006 = 5
-    DM8009 = 6
-    DM10010L = 7
-    DM10010 = 8
-    DMH3510 = 9
-    DMH6215 = 10
-    DMG6220 = 11
+    The daemon drives some of them; its `[motor] type` says which it has.
+    """
+
+    DM3507 = 0
+    DM4310 = 1
+    DM4310_48V = 2
+    DM4340 = 3
+    DM4340_48V = 4
+    DM6006 = 5
+    DM6248P = 6
+    DM8006 = 7
+    DM8009 = 8
+    DM10010L = 9
+    DM10010 = 10
+    DMH3510 = 11
+    DMH6215 = 12
+    DMS3519 = 13
+    DMG6220 = 14
 
 
 class Control_Mode(IntEnum):  # noqa: N801 - the vendor's name

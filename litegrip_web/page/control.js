@@ -5,6 +5,7 @@ import { askZero } from "./zero.js";
 
 const TTL_S = 3;
 const RENEW_EVERY_MS = 1000;
+const CONTINUOUS_N = 20; // the vendor's recommendation
 const LEASE = { ttl_s: TTL_S, purpose: "the page in a browser", on_lost: "hold" };
 
 export class Control {
@@ -33,6 +34,8 @@ export class Control {
       this.#move("grasp", "motion.grasp", { force_n: this.#force, until: "verdict" }));
     on("set-force", () => this.#do("set force", "motion.set_force", { force_n: this.#force }));
     on("zero", () => askZero(this.#panel));
+    on("rescale", () => askZero(this.#panel));
+    panel.node("force").oninput = () => this.#showForce();
     on("teach", () => this.#teach());
     on("keep", () => this.#keep());
     on("play", () => this.#play());
@@ -52,10 +55,13 @@ export class Control {
     return this.#has;
   }
 
-  /* A connection to the daemon has begun. */
-  begin(operate) {
+  /* A connection to the daemon has begun; `ranges` are those of its configuration. */
+  begin(operate, ranges) {
     this.#operates = operate;
     this.#set(false);
+    const force = this.#panel.node("force");
+    [force.min, force.max] = ranges.force_n;
+    this.#showForce();
     if (operate) this.#listNames();
   }
 
@@ -74,8 +80,7 @@ export class Control {
 
   show(state) {
     const slider = this.#panel.node("slider");
-    const travel = this.#panel.hello?.gripper.travel_mm;
-    if (travel) slider.max = travel.toFixed(1);
+    slider.max = this.#panel.travel.toFixed(1);
     const isBusy = this.#isDragging || state.job !== null;
     if (!isBusy && state.opening_mm !== null && document.activeElement !== slider) {
       slider.value = state.opening_mm;
@@ -98,6 +103,10 @@ export class Control {
     return Number(this.#panel.node("force").value);
   }
 
+  #showForce() {
+    this.#panel.node("force-note").hidden = this.#force <= CONTINUOUS_N;
+  }
+
   #showTarget() {
     const slider = this.#panel.node("slider");
     const text = figure(Number(slider.value), 1, "mm");
@@ -109,6 +118,7 @@ export class Control {
     this.#has = has && this.#operates;
     this.#panel.node("motions").disabled = !this.#has;
     this.#panel.node("slider").disabled = !this.#has;
+    this.#panel.node("rescale").disabled = !this.#has;
     this.#panel.article.classList.toggle("controlled", this.#has);
     if (!this.#has) this.#showRecording(false);
   }

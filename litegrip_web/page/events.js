@@ -33,7 +33,7 @@ export class Events {
     text.textContent = inPageWords(event.message);
     line.append(when, text);
     line.dataset.kind = event.kind;
-    line.classList.toggle("warning", WARNINGS.has(event.kind));
+    line.classList.toggle("warning", event.data.warning || WARNINGS.has(event.kind));
     this.#place.prepend(line);
     while (this.#place.children.length > MOST) this.#place.lastChild.remove();
     if (event.kind === "job_ended") this.#tellOutcome(event, line, text);

@@ -26,6 +26,7 @@ const BUTTONS = {
   "motion.hold": "Hold",
   "motion.zero_gravity": "Let go",
   "calibration.zero": "Zero",
+  "calibration.rescale": "Correct the scale only",
   "trajectory.record_stop": "End and keep",
 };
 const NAMED = new RegExp(`\\b(${Object.keys(BUTTONS).join("|").replaceAll(".", "\\.")})\\b`, "g");

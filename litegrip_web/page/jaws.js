@@ -1,7 +1,7 @@
 /* The jaws to scale, from above: what is measured, what is commanded, and what is between them.
 
-   A millimetre is a unit of the drawing. In a simulated world the object can be dragged in and out,
-   and the jaws pushed. */
+   A millimetre is a unit of the drawing. Nothing is drawn before the daemon has told the travel.
+   In a simulated world the object can be dragged in and out, and the jaws pushed. */
 
 const SVG = "http://www.w3.org/2000/svg";
 const FINGER = 12;
@@ -20,7 +20,8 @@ function shape(kind, attributes, parent) {
 
 export class Jaws {
   /* `hands` has `onObject(isIn)` and `onPush(side, mm)`: what a pointer does in a simulated world. */
-  #travel = 0;
+  #travel = null;
+  #work = null;
   #nodes = {};
   #isHandy = false;
   #opening = null;
@@ -29,16 +30,16 @@ export class Jaws {
     this.svg = shape("svg", { class: "jaws", role: "img" }, place);
     this.svg.setAttribute("aria-label", "The jaws: opening unknown");
     this.hands = hands;
-    this.setTravel(120);
   }
 
-  /* Draw a gripper of another travel, in mm. */
-  setTravel(travel) {
-    if (travel === this.#travel) return;
+  /* Draw a gripper of another travel, in mm. `work` is where open goes to, null for the stop. */
+  setScale(travel, work) {
+    if (travel === this.#travel && work === this.#work) return;
     this.#travel = travel;
+    this.#work = work;
     const half = travel / 2 + FINGER + 4;
     this.svg.replaceChildren();
-    this.#fit(HEIGHT);
+    this.#fit();
     const svg = this.svg;
     shape("rect", { class: "rail", x: -half + 2, y: 2, width: 2 * half - 4, height: 8, rx: 2 }, svg);
     for (let mm = 0; mm <= travel; mm += 20) {
@@ -49,10 +50,11 @@ export class Jaws {
       const label = shape("text", { class: "scale", x: mm / 2, y: 75 }, svg);
       label.textContent = mm;
     }
+    if (work !== null) this.#drawWork(work);
     const tray = shape("g", { class: "tray" }, svg);
     shape("rect", { x: -half + 2, y: TRAY - 3, width: 2 * half - 4, height: 26, rx: 3 }, tray);
     const words = shape("text", { class: "scale", x: 0, y: TRAY + 12 }, tray);
-    words.textContent = "drag the object between the jaws, or out of them to here";
+    words.textContent = "drag the object in, or out to here";
     this.#nodes = {
       tray,
       item: shape("rect", { class: "item", y: 24, height: 28, rx: 3 }, svg),
@@ -64,8 +66,18 @@ export class Jaws {
     this.#listen();
   }
 
+  #drawWork(work) {
+    const mark = shape("g", { class: "work" }, this.svg);
+    const goes = `Open goes to ${work} mm, the work stroke, not to the stop`;
+    shape("title", {}, mark).textContent = goes;
+    for (const x of [-work / 2, work / 2]) shape("line", { x1: x, x2: x, y1: 10, y2: 69 }, mark);
+    const label = shape("text", { class: "scale", x: -work / 2, y: 75 }, mark);
+    label.textContent = `Open: ${work} mm`;
+  }
+
   /* Show an opening and where it is commanded to, in mm; null for what is unknown. */
   show({ opening, command, isGrasped, isStale }) {
+    if (this.#travel === null) return;
     this.#opening = opening;
     const { left, right, low, high } = this.#nodes;
     const known = opening ?? this.#travel;
@@ -82,19 +94,21 @@ export class Jaws {
     if (!this.#isHandy) this.#drawItem(isGrasped ? opening : null, true);
     const text = opening === null ? "unknown" : `${opening.toFixed(1)} mm`;
     const held = isGrasped ? ", something is held" : "";
-    this.svg.setAttribute("aria-label", `The jaws: opening ${text}${held}`);
+    const work = this.#work === null ? "" : `, open goes to ${this.#work} mm`;
+    this.svg.setAttribute("aria-label", `The jaws: opening ${text}${held}${work}`);
   }
 
   /* Show the object of a simulated world: its width in mm, and whether it is between the jaws. */
   setWorld(width, isIn, isHandy) {
     this.#isHandy = true;
     this.svg.classList.toggle("handy", isHandy);
-    this.#fit(isHandy ? HEIGHT_WITH_TRAY : HEIGHT);
+    this.#fit();
     if (this.#nodes.item.classList.contains("dragged")) return;
     this.#drawItem(width, isIn);
   }
 
-  #fit(height) {
+  #fit() {
+    const height = this.svg.classList.contains("handy") ? HEIGHT_WITH_TRAY : HEIGHT;
     const half = this.#travel / 2 + FINGER + 4;
     this.svg.setAttribute("viewBox", `${-half} 0 ${2 * half} ${height}`);
   }

@@ -15,11 +15,12 @@ const QUIET_MS = 1500;
 export class Panel {
   #nodes = {};
   #offsetS = 0;
-  #gripper = null;
+  #doubt;
   #lease = null;
   #health = null;
   #lastSampleMs = 0;
   #facts = new Map();
+  gripper = null;
   state = null;
 
   constructor(channel, token, place) {
@@ -74,15 +75,14 @@ export class Panel {
     try {
       const hello = await this.wire.call("hello", { client: "litegripd-web" });
       this.#offsetS = Date.now() / 1000 - hello.monotonic_s;
-      this.#gripper = hello.gripper;
-      this.hello = hello;
-      if (isNumber(hello.gripper.travel_mm)) this.jaws.setTravel(hello.gripper.travel_mm);
+      this.gripper = hello.gripper;
+      const { ranges } = await this.wire.call("config.get");
       const events = await this.wire.call("events.subscribe");
       this.events.begin(events.events, this.#offsetS);
       const states = await this.wire.call("state.subscribe", { hz: HZ });
       this.tell("");
       this.#show(states.state);
-      this.control.begin(operate);
+      this.control.begin(operate, ranges);
       this.world.begin(hello.simulated, operate);
       await this.#look();
     } catch (error) {
@@ -96,7 +96,8 @@ export class Panel {
     this.#nodes.mode.textContent = "no daemon";
     this.#nodes.mode.dataset.mode = "offline";
     this.#nodes.why.textContent = message;
-    this.#nodes.stopped.hidden = true;
+    this.#nodes.stopped.hidden = this.#nodes.doubted.hidden = true;
+    this.#doubt = undefined;
     this.article.classList.add("down");
     this.jaws.show({ opening: null, command: null, isGrasped: false, isStale: true });
     this.control.end();
@@ -125,15 +126,19 @@ export class Panel {
     this.events.add(event, this.#offsetS);
     if (event.kind === "lease" || event.kind === "lease_lost") await this.#look();
     if (event.kind === "calibration") {
-      const { gripper } = await this.wire.call("hello", { client: "litegripd-web" });
-      this.#gripper = gripper;
-      if (isNumber(gripper.travel_mm)) this.jaws.setTravel(gripper.travel_mm);
+      this.gripper = (await this.wire.call("hello", { client: "litegripd-web" })).gripper;
+      this.#doubt = undefined; // the next state asks why, again
     }
+  }
+
+  /* How far the jaws travel, in mm: as calibrated, otherwise as configured. */
+  get travel() {
+    return this.gripper.travel_mm ?? this.gripper.stroke_mm;
   }
 
   /* Return the opening in mm at a motor position; null without a calibration. */
   #openingAt(rad) {
-    const { closed_rad: closed, open_rad: open, travel_mm: travel } = this.#gripper ?? {};
+    const { closed_rad: closed, open_rad: open, travel_mm: travel } = this.gripper ?? {};
     if (![rad, closed, open, travel].every(isNumber) || open === closed) return null;
     return ((rad - closed) / (open - closed)) * travel;
   }
@@ -144,6 +149,7 @@ export class Panel {
     this.article.classList.remove("down", "quiet");
     const opening = state.stale ? null : state.opening_mm;
     const command = this.#openingAt(state.command_rad);
+    this.jaws.setScale(this.travel, state.work_stroke_mm ?? null);
     this.jaws.show({
       opening: state.opening_mm,
       command,
@@ -158,6 +164,7 @@ export class Panel {
       set: state.force_set_n,
     });
     this.#showMode(state);
+    this.#showDoubt(state.scale_doubt);
     this.control.show(state);
     this.#showFacts();
   }
@@ -175,6 +182,22 @@ export class Panel {
     text.textContent =
       `Stopped (${level}) at ${when} by ${by ?? "somebody unknown"}${reason ? `: ${reason}` : ""}. ` +
       "Nothing moves until it is cleared: here by who has control, or with 'litegripctl clear'.";
+  }
+
+  /* Say that the millimetres are probably wrong, as long as the daemon doubts them. */
+  async #showDoubt(doubt) {
+    if (doubt === this.#doubt) return;
+    this.#doubt = doubt;
+    const { doubted, "doubt-text": text } = this.#nodes;
+    doubted.hidden = doubt === null;
+    if (doubt === null) return;
+    text.textContent = `The millimetres are probably wrong (${doubt}).`;
+    try {
+      const { scale_warning: why } = await this.wire.call("calibration.get");
+      if (why) text.textContent = `The millimetres are probably wrong: ${why}.`;
+    } catch (error) {
+      text.textContent += ` Why is not known: ${error.message}`;
+    }
   }
 
   #reason(state) {

@@ -82,6 +82,7 @@ export class World {
 
   #show(world) {
     const { object } = world;
+    this.#panel.node("object").max = Math.floor(this.#panel.travel);
     if (object) this.#width = object.width_mm;
     const tray = this.#operates ? Number(this.#panel.node("object").value) : null;
     this.#panel.jaws.setWorld(object ? this.#width : tray, object !== null, this.#operates);

@@ -1,38 +1,79 @@
-/* Measuring the travel moves the jaws to both stops: so it asks first, and can be cancelled. */
+/* Measuring the travel moves the jaws to both stops: so it asks first, and can be cancelled.
+
+   How far the jaws open is asked, too: the scale follows from it. It can be corrected alone. */
 
 import { figure } from "./format.js";
 
-/* Ask, and measure when the answer is yes. */
+/* Ask, and measure or correct when the answer is yes. */
 export function askZero(panel) {
   const dialog = document.getElementById("zero");
-  const [start, cancel, mount, progress] = ["start", "cancel", "mount", "progress"].map((name) =>
-    document.getElementById(`zero-${name}`),
-  );
+  const [start, rescale, cancel, mount, stroke, uses, progress] = [
+    "start", "rescale", "cancel", "mount", "stroke", "uses", "progress",
+  ].map((name) => document.getElementById(`zero-${name}`));
+  const configured = panel.gripper.stroke_mm;
   let job = null;
-  progress.textContent = "";
-  start.disabled = false;
-  cancel.textContent = "Cancel";
-  start.onclick = async () => {
-    start.disabled = true;
-    cancel.textContent = "Stop measuring";
-    progress.textContent = "The jaws move.";
-    const params = { progress: true, stop_generation: panel.state?.stop_generation ?? 0 };
-    if (mount.value) params.mount = mount.value;
+
+  /* The measured opening, if the person gave another one than is configured. */
+  const given = () => {
+    const mm = Number(stroke.value);
+    return stroke.value === "" || mm === configured ? {} : { stroke_mm: mm };
+  };
+  const used = ({ stroke_mm: mm }) =>
+    mm === undefined ? `the configured ${configured} mm` : `${mm} mm (configured: ${configured} mm)`;
+  const showUses = () => {
+    uses.textContent = `The scale uses ${used(given())}. All lengths and speeds follow from it.`;
+  };
+
+  /* Do `act` with the answers, and show what it returns. */
+  const run = async (wrong, act) => {
+    if (!stroke.reportValidity()) return;
+    start.disabled = rescale.disabled = true;
+    const params = { ...given(), stop_generation: panel.state?.stop_generation ?? 0 };
     try {
-      const result = await panel.wire.call("calibration.zero", params, (step) => {
-        job = step.job;
-        progress.textContent = `${step.phase.replaceAll("_", " ")}: step ${step.step}, ${figure(step.torque_nm, 2, "N·m")}`;
-      });
-      progress.textContent = result.ok
-        ? `Measured: ${figure(result.travel_rad * result.rad_to_mm, 1, "mm")} of travel, saved.`
-        : `Not measured: ${result.message ?? result.outcome.replaceAll("_", " ")}`;
+      progress.textContent = await act(params);
     } catch (error) {
-      progress.textContent = `Not measured: ${error.message}`;
+      progress.textContent = `${wrong}: ${error.message}`;
     }
     job = null;
-    start.disabled = false;
+    start.disabled = rescale.disabled = false;
     cancel.textContent = "Done";
   };
+
+  const measure = async (params) => {
+    cancel.textContent = "Stop measuring";
+    progress.textContent = "The jaws move.";
+    if (mount.value) params.mount = mount.value;
+    const result = await panel.wire.call("calibration.zero", { ...params, progress: true }, (step) => {
+      job = step.job;
+      progress.textContent = `${step.phase.replaceAll("_", " ")}: step ${step.step}, ${figure(step.torque_nm, 2, "N·m")}`;
+    });
+    if (!result.ok) return `Not measured: ${result.message ?? result.outcome.replaceAll("_", " ")}`;
+    return (
+      `Measured: ${figure(result.travel_rad * result.rad_to_mm, 1, "mm")} of travel, saved. ` +
+      `The scale uses ${used(params)}. If a caliper shows another opening, enter it and press ` +
+      "“Correct the scale only”, now or later, or run 'litegripctl calibration rescale --stroke-mm MM'."
+    );
+  };
+
+  const correct = async (params) => {
+    const { travel_mm: travel } = await panel.wire.call("calibration.rescale", params);
+    const corrected = `Corrected: ${figure(travel, 1, "mm")} of travel; the scale uses ${used(params)}`;
+    try {
+      await panel.wire.call("calibration.save");
+    } catch (error) {
+      return `${corrected}. It is in use, but not saved: ${error.message}`;
+    }
+    return `${corrected}. It is saved.`;
+  };
+
+  stroke.value = configured;
+  stroke.oninput = showUses;
+  showUses();
+  progress.textContent = "";
+  start.disabled = rescale.disabled = false;
+  cancel.textContent = "Cancel";
+  start.onclick = () => run("Not measured", measure);
+  rescale.onclick = () => run("Not corrected", correct);
   cancel.onclick = async () => {
     if (start.disabled && job !== null) {
       try {

@@ -12,7 +12,7 @@ import math
 import os
 import pwd
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -25,6 +25,7 @@ from litegripd.model.gripper import (
     STROKE_MM,
     STROKE_RANGE_MM,
     SUPERSEDED_STROKE_MM,
+    why_not_driven,
 )
 from litegripd.model.plain import plain_of
 from litegripd.rpc.reports import Configuration
@@ -41,7 +42,7 @@ class Key:
 
     `kind` is the type of the value in TOML; `list` means CPUs, `tuple` users. `shown` is the
     default as written in a file. It is an example if no value means the same as leaving the key
-    out.
+    out. `why_not` says why a value that is none of the `choices` is rejected, if it knows more.
     """
 
     table: str
@@ -52,6 +53,7 @@ class Key:
     low: float = -math.inf
     high: float = math.inf
     choices: tuple[str, ...] = ()
+    why_not: Callable[[str], str | None] = lambda _: None
 
 
 TABLES = {
@@ -105,6 +107,7 @@ KEYS = (
         "The type of motor; one of another type is not enabled. Never tried on hardware:"
         f" {', '.join(row.name for row in MOTOR_TYPES.values() if row.is_untried)}.",
         choices=tuple(MOTOR_TYPES),
+        why_not=why_not_driven,
     ),
     Key(
         "motor",
@@ -547,7 +550,8 @@ def _check(where: str, table: str, key: str, value: Any) -> None:
     if known.kind in (int, float) and not known.low <= value <= known.high:
         raise ConfigError(f"{name} is {value}, it must be {known.low:g} to {known.high:g}")
     if known.choices and value not in known.choices:
-        raise ConfigError(f"{name} is {value!r}, it must be one of: {_listed(known.choices)}")
+        why = known.why_not(value) or f"it must be one of: {_listed(known.choices)}"
+        raise ConfigError(f"{name} is {value!r}, {why}")
     if known.kind is str and not value:
         raise ConfigError(f"{name} is empty; leave the key out for the default")
 

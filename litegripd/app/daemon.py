@@ -31,7 +31,6 @@ from litegripd.app.status import (
     daemon_version,
     log_event,
     make_log_handler,
-    warn_of_superseded,
     warn_of_untried,
 )
 from litegripd.app.systemd import Supervision
@@ -168,7 +167,6 @@ class Daemon:
         load_at_start(self._machine.controller, self._note_calibration)
         self._begin()
         warn_of_untried(self._machine.controller.gripper_id.motor_type)
-        warn_of_superseded(self._config)
         self._began_s = time.monotonic()
         return self._loop()
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from litegripd.app.config import Config, ConfigError, find, load, override
 from litegripd.app.daemon import Daemon, succeed
-from litegripd.app.status import daemon_version
+from litegripd.app.status import daemon_version, warn_of_superseded
 from litegripd.handover.predecessor import SUCCESSOR_OPTION
 from litegripd.io.log import BoundedHandler, PriorityFormatter, goes_to_journal
 from litegripd.io.sockets import InUseError
@@ -54,6 +54,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return EXIT_NOT_TAKEN if is_off is None else 0 if is_off else EXIT_NOT_OFF
     try:
         config = _config(arguments)
+        warn_of_superseded(config)
         if arguments.check:
             print(json.dumps(config.as_info(), indent=2))
             return 0

@@ -48,6 +48,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             can_id=arguments.can_id,
             master_id=arguments.master_id,
             watchdog_s=arguments.watchdog,
+            comm_loss_s=arguments.comm_loss,
+            unasked_hz=arguments.unasked_hz,
             motor_type=arguments.motor_type,
         )
         if arguments.link is not None:
@@ -109,17 +111,31 @@ def make_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--motor-type",
-        choices=tuple(MOTOR_TYPES),
         default=DM4310.name,
-        help="type of the motor (default: %(default)s)",
+        metavar="TYPE",
+        help=f"type of the motor: {', '.join(MOTOR_TYPES)} (default: %(default)s)",
     )
     parser.add_argument(
         "--watchdog",
         type=float,
         default=0.1,
         metavar="S",
-        help="time without a command after which the motor faults; 0.4 bears a busy machine "
-        "(default: %(default)s)",
+        help="time without a command after which the motor faults, in its register TIMEOUT; 0.4 "
+        "bears a busy machine (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--comm-loss",
+        type=float,
+        metavar="S",
+        help="time after which it really faults, whatever the register holds; 0.1, 0.4 and 0.9 "
+        "were seen, 0 is never (default: the register's)",
+    )
+    parser.add_argument(
+        "--unasked-hz",
+        type=float,
+        default=0.0,
+        metavar="HZ",
+        help="how often it reports by itself while it is enabled; about 10 was seen (default: 0)",
     )
     parser.add_argument("--can-id", type=_identifier, default=0x08, help="the motor's id")
     parser.add_argument("--master-id", type=_identifier, default=0x18, help="id of its answers")

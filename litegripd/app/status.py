@@ -124,7 +124,7 @@ def _log_motor(identity: MotorIdentity) -> None:
 _LATE_SHARE = 0.4
 """If one tick in a hundred starts later than this share of a period, health reports it."""
 _STANDSTILL_S = 0.1
-"""A single tick as late as this is reported, too: by then the motor has disarmed itself."""
+"""A single tick as late as this is reported, too: by then the motor may have disarmed itself."""
 
 
 def daemon_version() -> str:

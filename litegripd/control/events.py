@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields
 from typing import TypeAlias
 
 from litegripd.control.authority import Grant, Loss, LossCause
-from litegripd.control.heat import HeatChange
+from litegripd.control.heat import HeatChange, HeatGuard
 from litegripd.model.calibration import Calibration, scale_warning
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import GripperId
@@ -230,6 +230,17 @@ def heat_changed(change: HeatChange) -> Event:
     """Report that the coil's heat changes the limit of the torque."""
     data = {"from_nm": _finite(change.from_nm), "to_nm": _finite(change.to_nm)}
     return Event("heat", change.why, {**data, "coil_c": change.coil_c})
+
+
+def heat_foretold(force_n: float, bears_s: float, heat: HeatGuard) -> Event:
+    """Report, before a hold, that the coil bears its force for a limited time only."""
+    coil_c = heat.model.coil_c
+    at = "" if coil_c is None else f"at {coil_c:.0f} °C now, "
+    text = (
+        f"{force_n:g} N can be held for about {bears_s:.0f} s: the coil, {at}is at its limit of"
+        f" {heat.limit_c:.0f} °C then, and less force is held"
+    )
+    return Event("heat", text, {"force_n": force_n, "bears_s": round(bears_s, 1), "coil_c": coil_c})
 
 
 def calibrated(calibration: Calibration, file: str | None, gripper_id: GripperId) -> Event:

@@ -10,14 +10,14 @@ from collections import deque
 from dataclasses import dataclass
 
 from litegripd.model.gripper import DM4310, MotorType
-from litegripd.model.motor import Feedback
+from litegripd.model.motor import LATEST_DISARM_S, Feedback
 from litegripd.model.plain import Carried
 
 _WINDOW_S = 0.5  # the model advances by the mean loss of a window
 _RECENT_WINDOWS = 6  # "the last seconds"
 _SETTLED = 1.2  # the largest ratio of a window's loss to the one before
 _STALE_S = 0.5  # an older measurement does not describe the present
-_UNKNOWN_AFTER_S = 0.5  # in a longer gap the motor's own watchdog has disarmed it
+_UNKNOWN_AFTER_S = LATEST_DISARM_S  # in a longer gap the motor has disarmed itself
 _PLAUSIBLE_STEP_C = 2  # between two readings
 _PERSISTS_S, _PERSISTS_TICKS = 1.0, 10  # how long any other reading must last to be believed
 
@@ -266,6 +266,15 @@ class HeatGuard:
             self._learn(change, waited_s)
             self._changed_s, self.allowance_nm = now_s, change.to_nm
         return change
+
+    def bears_s(self, torque_nm: float) -> float | None:
+        """Return for how long a torque from now on leaves the coil below its limit, in s.
+
+        None if it does for an hour, and while no temperature is known.
+        """
+        if self.model.coil_c is None:
+            return None
+        return self.model.course(torque_nm).passes_s(self.limit_c, _HORIZON_S)
 
     def _lowered(self, coil_c: float, waited_s: float) -> HeatChange | None:
         course = self.model.course()

@@ -47,6 +47,13 @@ class Gains:
         kp = max(self.kp_nm_rad, REACHING_KP_NM_RAD)
         return Gains(kp, max(self.kd_nm_s_rad, LEAST_DAMPING_S * kp))
 
+    def following(self) -> "Gains":
+        """Return these gains within what reaches a target and is calm on every motor.
+
+        For a file's, where a caller names none: stiffer ones swing some grippers.
+        """
+        return Gains(min(self.kp_nm_rad, MOVING_KP_NM_RAD), self.kd_nm_s_rad).reaching()
+
 
 DEFAULT_GAINS = Gains(MOVING_KP_NM_RAD, MOVING_KD_NM_S_RAD)
 """Those of motions whose caller names none, and of holds without a calibration's."""

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
+from litegripd.control import events
 from litegripd.control.admission import (
     FAULTLESS,
     NO_FEEDBACK,
@@ -87,6 +88,7 @@ class MotionRequests:
 
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
+        self._foretold_n = 0.0
 
     def enable(self, owner: Owner, config: MotionConfig, detached: bool) -> Job | Refusal:
         """Begin to enable the motor."""
@@ -191,7 +193,10 @@ class MotionRequests:
             motor_type=motor_type,
             held=held,
         )
-        return controller.begin("grasp", action, owner, detached)
+        job = controller.begin("grasp", action, owner, detached)
+        self._foretold_n = 0.0
+        self._foretell_heat(request.force_n, request.hold_s, geometry)
+        return job
 
     def move_to(
         self,
@@ -257,30 +262,30 @@ class MotionRequests:
 
         A running grasp of the owner continues with the new force; another client's is not changed.
         """
-        controller, grip, running = (
-            self._controller,
-            self._controller.grip,
-            self._controller.jobs.running,
-        )
-        if grip is not None and running is not None and running.owner.client == owner.client:
-            grip.squeeze(force_n)
-            return running
-        geometry = self._ready()
-        feedback = controller.motor.feedback
-        if isinstance(geometry, Refusal) or feedback is None:
-            return geometry if isinstance(geometry, Refusal) else NO_FEEDBACK
-        refusal = force_refusal(force_n, geometry, controller.gripper_id.motor_type)
+        controller, grip = self._controller, self._controller.grip
+        running, geometry = controller.jobs.running, controller.geometry
+        motor_type = controller.gripper_id.motor_type
+        refusal = None if geometry is None else force_refusal(force_n, geometry, motor_type)
         if refusal is not None:
             return refusal
+        if grip is not None and running is not None and running.owner.client == owner.client:
+            self._squeeze(grip, force_n, geometry)
+            return running
+        ready, feedback = self._ready(), controller.motor.feedback
+        if isinstance(ready, Refusal) or feedback is None:
+            return ready if isinstance(ready, Refusal) else NO_FEEDBACK
         if grip is None:
-            settings = GripSettings.of(geometry, config, config.grasp_speed_mm_s, "torque")
-            in_flight_nm = min(
-                geometry.close_sign * feedback.torque_nm, geometry.torque_nm(force_n)
-            )
-            motor_type = controller.gripper_id.motor_type
+            settings = GripSettings.of(ready, config, config.grasp_speed_mm_s, "torque")
+            in_flight_nm = min(ready.close_sign * feedback.torque_nm, ready.torque_nm(force_n))
             grip = Grip(settings, force_n, in_flight_nm, motor_type, watched=False)
-        grip.squeeze(force_n)
+            self._foretold_n = 0.0
+        self._squeeze(grip, force_n, ready)
         return controller.settle("set_force", grip, owner, ForceResult(force_n))
+
+    def _squeeze(self, grip: Grip, force_n: float, geometry: Geometry | None) -> None:
+        grip.squeeze(force_n)
+        if geometry is not None:
+            self._foretell_heat(force_n, 0.0, geometry)
 
     def stream(
         self,
@@ -316,6 +321,19 @@ class MotionRequests:
         )
         action.set(point)
         return running or controller.begin("stream", action, owner, detached=False)
+
+    def _foretell_heat(self, force_n: float, hold_s: float, geometry: Geometry) -> None:
+        """Report that the coil does not bear a force for as long as it is held, once for a hold.
+
+        `hold_s` 0 is without an end. A force that is raised is reported again.
+        """
+        heat = self._controller.output.heat
+        bears_s = heat.bears_s(geometry.torque_nm(force_n))
+        is_long = bears_s is not None and (hold_s == 0.0 or hold_s > bears_s)
+        if bears_s is None or not is_long or force_n <= self._foretold_n:
+            return
+        self._foretold_n = force_n
+        self._controller.events.append(events.heat_foretold(force_n, bears_s, heat))
 
     def _held(self) -> Grip | None:
         """Return the hold of an object, None without one."""
@@ -470,6 +488,9 @@ class CalibrationRequests:
         calibration = controller.calibrated.calibration
         if calibration is None or not calibration.calibrated:
             return controller.calibrated.problem
+        refusal = stroke_refusal(stroke_mm, controller.gripper_id)
+        if refusal is not None:
+            return refusal
         stroke_mm = controller.gripper_id.stroke_mm if stroke_mm is None else stroke_mm
         try:
             rescaled = calibration.rescaled(stroke_mm)

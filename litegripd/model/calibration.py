@@ -17,6 +17,7 @@ from litegripd.model.gripper import (
     STROKE_MM,
     SUPERSEDED_STROKE_MM,
     Geometry,
+    why_not_driven,
 )
 from litegripd.model.motion_config import damping_conflict
 
@@ -325,6 +326,7 @@ def read_content(content: object) -> Calibration:
         geometry = Geometry(closed_rad, open_rad, rad_to_mm, nm_to_n)
     except ValueError as error:
         raise CalibrationError(str(error)) from None
+    _check_motor_type(content.get("motor_type"))
     kp_nm_rad, kd_nm_s_rad = _gains(content)
     return Calibration(
         geometry=geometry,
@@ -335,6 +337,13 @@ def read_content(content: object) -> Calibration:
         work_stroke_mm=work_stroke_mm,
         content=content,
     )
+
+
+def _check_motor_type(motor_type: object) -> None:
+    """Raise for a file of a motor that no daemon drives; what is no name counts as none."""
+    why_not = why_not_driven(motor_type) if isinstance(motor_type, str) and motor_type else None
+    if why_not is not None:
+        raise CalibrationError(f"motor_type is {reprlib.repr(motor_type)}, {why_not}")
 
 
 def _is_nested_deeper(value: object, levels: int) -> bool:

@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
 from typing import Literal, TypeAlias
 
+from litegrip_client.protocol.trajectory import MOST_FORCE_N
 from litegripd.model.motor import Ranges
 
 Mount: TypeAlias = Literal["normal", "reverse"]
@@ -127,12 +128,10 @@ model files)."""
 
 FASTEST_MM_S = 150.0
 """The highest speed that may be asked for (vendor's newest programs)."""
-FASTEST_RAD_S = 3.3
-"""The same at the motor, whatever a calibration says of millimetres. The DM4310's rotor and the
-fingers have 10 mJ at this speed (1.85e-3 kg·m²). It is 150 mm/s at 46 mm/rad, the smallest scale
-that was seen, and 174 mm/s at 52.69."""
-MOST_FORCE_N = 40.0
-"""What the fingers are rated for together; the vendor recommends 20 N for continuous work."""
+FASTEST_RAD_S = 2.9
+"""The same at the motor, whatever a calibration says of millimetres. Jaws overshoot by an eighth at
+most: then the DM4310's rotor and the fingers have 10 mJ (1.85e-3 kg·m² at 3.3 rad/s). It is 150
+mm/s at 51.7 mm/rad; the newest file that ships has 52.69."""
 
 
 @dataclass(frozen=True)
@@ -162,10 +161,10 @@ class MotorType:
     torque_constant_nm_a: float
     current_limit_a: float
     phase_resistance_ohm: float
-    winding_k_w: float = 2.8
-    winding_s: float = 60.0
-    housing_k_w: float = 1.5
-    housing_s: float = 750.0
+    winding_k_w: float
+    winding_s: float
+    housing_k_w: float
+    housing_s: float
     coil_limit_c: float = 80.0
 
     @cached_property
@@ -228,6 +227,10 @@ DM4310 = MotorType(
     torque_constant_nm_a=0.945,
     current_limit_a=10.26,
     phase_resistance_ohm=0.85,
+    winding_k_w=2.8,
+    winding_s=60.0,
+    housing_k_w=1.5,
+    housing_s=750.0,
 )
 
 DM4340 = MotorType(
@@ -248,10 +251,106 @@ DM4340 = MotorType(
     torque_constant_nm_a=3.78,
     current_limit_a=10.26,
     phase_resistance_ohm=0.85,
+    winding_k_w=2.8,
+    winding_s=60.0,
+    housing_k_w=1.5,
+    housing_s=750.0,
 )
 
-MOTOR_TYPES: Mapping[str, MotorType] = MappingProxyType({row.name: row for row in (DM4310, DM4340)})
-"""The types by the name that `[motor] type` has in the configuration."""
+FIGURES: Mapping[str, str] = MappingProxyType(
+    {
+        "ranges": "ranges of position, speed and torque",
+        "gear_ratio": "gear ratio",
+        "rated_nm": "rated torque",
+        "holding_nm": "torque of a long hold",
+        "peak_nm": "peak torque",
+        "rated_speed_rad_s": "rated speed",
+        "no_load_speed_rad_s": "no-load speed",
+        "rotor_inertia_kg_m2": "rotor inertia",
+        "breakaway_nm": "breakaway torque",
+        "coulomb_nm": "Coulomb friction",
+        "viscous_nm_s_rad": "viscous friction",
+        "braking_nm_s_rad": "braking while disabled",
+        "torque_constant_nm_a": "torque constant",
+        "current_limit_a": "current limit",
+        "phase_resistance_ohm": "phase resistance",
+        "winding_k_w": "thermal resistance of the winding",
+        "winding_s": "thermal time constant of the winding",
+        "housing_k_w": "thermal resistance of the housing",
+        "housing_s": "thermal time constant of the housing",
+    }
+)
+"""What has to be known of a type before a motor of it can be driven, in words."""
+
+
+@dataclass(frozen=True, slots=True)
+class IncompleteType:
+    """A type of the family of which not all figures are known: no motor of it can be driven.
+
+    `figures` are the known ones, by their names in `MotorType`. With all of them it is a row.
+    """
+
+    name: str
+    figures: Mapping[str, Ranges | float] = field(default_factory=dict)
+
+    @property
+    def known(self) -> tuple[str, ...]:
+        """The known figures in words."""
+        return tuple(words for figure, words in FIGURES.items() if figure in self.figures)
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """The missing figures in words."""
+        return tuple(words for figure, words in FIGURES.items() if figure not in self.figures)
+
+
+MOTOR_FAMILY: Mapping[str, MotorType | IncompleteType] = MappingProxyType(
+    {
+        row.name: row
+        for row in (
+            IncompleteType("DM3507"),
+            DM4310,
+            IncompleteType("DM4310_48V"),
+            IncompleteType("DM4310P", {"ranges": Ranges(12.5, 50.0, 10.0)}),
+            DM4340,
+            IncompleteType("DM4340_48V"),
+            IncompleteType("DM4340P", {"ranges": Ranges(12.5, 10.0, 28.0)}),
+            IncompleteType("DM6006"),
+            IncompleteType("DM6248P", {"ranges": Ranges(12.566, 20.0, 120.0)}),
+            IncompleteType("DM8006"),
+            IncompleteType("DM8009"),
+            IncompleteType("DM10010L"),
+            IncompleteType("DM10010"),
+            IncompleteType("DMH3510"),
+            IncompleteType("DMH6215"),
+            IncompleteType("DMS3519"),
+            IncompleteType("DMG6220"),
+        )
+    }
+)
+"""All types that the maker's drivers name (their enumeration, and DM4310P, DM4340P), with what is
+known of them. The ranges that an incomplete type has are from there, too."""
+
+MOTOR_TYPES: Mapping[str, MotorType] = MappingProxyType(
+    {name: row for name, row in MOTOR_FAMILY.items() if isinstance(row, MotorType)}
+)
+"""The types that can be driven, by the name that `[motor] type` has in the configuration."""
+
+
+def why_not_driven(name: str) -> str | None:
+    """Return why no motor of the type `name` can be driven, and what to do; None if one can."""
+    row, driven = MOTOR_FAMILY.get(name), " or ".join(MOTOR_TYPES)
+    if isinstance(row, MotorType):
+        return None
+    if row is None:
+        others = ", ".join(one for one in MOTOR_FAMILY if one not in MOTOR_TYPES)
+        return f"no type of the family; it must be {driven} (figures are missing of {others})"
+    known = f", except for its {', '.join(row.known)}" if row.known else ""
+    return (
+        f"a type of the family that cannot be driven, for its figures are not known{known};"
+        f" missing: {', '.join(row.missing)}; use a motor of type {driven}, or take the figures"
+        " from the maker and give the type a row (docs/architecture.md)"
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -199,6 +199,15 @@ class RegisterWrite:
 ZeroState: TypeAlias = Literal["idle", "pending", "done", "failed"]
 
 
+SOONEST_DISARM_S, LATEST_DISARM_S = 0.1, 0.9
+"""After so long without a command, at the soonest and at the latest, motors have been seen to
+disarm themselves (vendor's SDK 0.1, its manual 0.4, measured 0.9). Register TIMEOUT did not predict
+it: it read 0.4 s and 0 where 0.9 s were measured. Nothing may rely on the later end."""
+
+UNASKED_S = 0.1
+"""About so often do some motors report by themselves while they are enabled (vendor's studio)."""
+
+
 @dataclass(frozen=True, slots=True)
 class ZeroView:
     """The state of the latest setting of the motor's zero; "idle" before the first one.

@@ -2,7 +2,11 @@
 
 `Traffic` builds commands and status requests. `Silence` counts those without an answer; the phases
 decide what follows. `Standstill` measures how long the daemon itself sent nothing before the
-motor's watchdog reported a fault. Nothing here decides a phase or energises.
+motor's watchdog reported a fault.
+
+Some motors report by themselves, too, about 10 times a second while they are enabled. Such a frame
+looks like an answer. It is a measurement as good as any, but it does not show that the motor hears:
+one alone does not bring a lost motor back. Nothing here decides a phase or energises.
 
 `Plausibility` compares each measured position with what is physically possible since the last one.
 A doubtful position counts once the next one agrees. A command pulls to a position, so an encoder
@@ -19,7 +23,15 @@ from dataclasses import dataclass, replace
 
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import DM4310, MotorType
-from litegripd.model.motor import CanFrame, Feedback, MitCommand, Ranges, Status
+from litegripd.model.motor import (
+    SOONEST_DISARM_S,
+    UNASKED_S,
+    CanFrame,
+    Feedback,
+    MitCommand,
+    Ranges,
+    Status,
+)
 from litegripd.model.plain import Carried
 from litegripd.motor import codec
 from litegripd.motor.codec import status_request
@@ -37,7 +49,10 @@ REPEATED_AT_ONCE = 3
 REPEAT_INTERVAL_S = 0.005
 """The first repeats go out in every tick, the others at this interval. So at most seven commands
 lie in a queue, at any rate. A queue holds ten frames."""
-LOST_GIVES_UP_S = 1.0  # by then the motor's own watchdog has long disarmed it
+LOST_GIVES_UP_S = 1.0
+"""By then the motor's own watchdog has disarmed it, as far as is known: `LATEST_DISARM_S`."""
+ANSWERS_WITHIN_S = UNASKED_S / 2.0
+"""Of two reports that come within this time, the motor made at most one by itself."""
 DISABLE_GIVES_UP_S = 0.5
 
 
@@ -49,12 +64,14 @@ class Silence:
     """
 
     unanswered: Carried[int] = 0
-    NOT_CARRIED = ("repeats", "_ticks_apart", "_bus_is_usable", "_was_total")
+    NOT_CARRIED = ("repeats", "_reported_s", "_ticks_apart", "_bus_is_usable", "_was_total")
 
     def __init__(self, period_s: float) -> None:
         self.repeats = max(round(PATIENCE_S / period_s) - 1, 1)
         """How many unanswered commands are repeated before the motor counts as lost."""
         self._ticks_apart = max(round(REPEAT_INTERVAL_S / period_s), 1)
+        self._reported_s = float("-inf")
+        """When the motor last reported in the present phase."""
         self._bus_is_usable = True
         self._was_total = False
 
@@ -76,6 +93,20 @@ class Silence:
         """Count from zero; a motor that is searched because it was silent is still silent."""
         is_known = event in (Event.NO_ANSWER, Event.GAVE_UP)
         self.unanswered = SILENT_AFTER_POLLS + 1 if is_known else 0
+        self._reported_s = float("-inf")
+
+    def ends_with_report(self, phase: Phase, now_s: float, *, is_enabled: bool) -> bool:
+        """Take a report of a motor that is enabled or not; return True if it ends the silence.
+
+        An enabled motor that is lost may have made it by itself, until another one has come shortly
+        before.
+        """
+        before_s, self._reported_s = self._reported_s, now_s
+        is_shown = now_s - before_s < ANSWERS_WITHIN_S
+        if phase is Phase.LOST and is_enabled and not is_shown:
+            return False
+        self.unanswered = 0
+        return True
 
     def is_total(self, phase: Phase) -> bool:
         """Return True if the motor that is searched does not answer at all."""
@@ -112,7 +143,11 @@ _TICKS_BESIDE = 2
 
 
 class Standstill:
-    """Detects a tick so late that the motor's own watchdog ran out before it."""
+    """Detects a tick so late that the motor's own watchdog may have run out before it.
+
+    It may do so sooner or later than its register says. So every standstill counts that some motor
+    would not bear, until the motor reports that it is enabled after it.
+    """
 
     _ticked_s: Carried[float | None] = None
     _ended_s: Carried[float | None] = None
@@ -123,13 +158,22 @@ class Standstill:
         self._period_s = period_s
 
     def tick(self, now_s: float, watchdog_s: float) -> None:
-        """Take the time of a tick; `watchdog_s` is the motor's timeout, 0 if it is off."""
+        """Take the time of a tick; `watchdog_s` is what the motor's register says, 0 for off."""
         before_s, self._ticked_s = self._ticked_s, now_s
-        if before_s is None or watchdog_s <= 0.0:
+        if before_s is None:
             return
         lasted_s = now_s - before_s
-        if lasted_s > max(watchdog_s - _TICKS_BESIDE * self._period_s, self._period_s):
+        shortest_s = min(watchdog_s or SOONEST_DISARM_S, SOONEST_DISARM_S)
+        if lasted_s > max(shortest_s - _TICKS_BESIDE * self._period_s, self._period_s):
             self._ended_s, self._lasted_s = now_s, lasted_s
+
+    def note_enabled(self, now_s: float) -> None:
+        """Take a report of "enabled": the motor has borne a standstill that ended before this tick.
+
+        What came in the tick that ended it may be older.
+        """
+        if self._ended_s is not None and now_s > self._ended_s:
+            self._ended_s = None
 
     def before(self, now_s: float) -> float | None:
         """Return how long the daemon stood still shortly before `now_s`; None if it did not."""

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import DM4310, MOTOR_TYPES, MotorType
-from litegripd.model.motor import CanFrame, MotorIdentity, Ranges
+from litegripd.model.motor import SOONEST_DISARM_S, CanFrame, MotorIdentity, Ranges
 from litegripd.model.plain import Carried
 from litegripd.motor.codec import (
     ANSWER_WITHIN_S,
@@ -46,8 +46,9 @@ from litegripd.motor.codec import (
 TRIES_PER_REGISTER = 3
 
 LONGEST_WATCHDOG_S = 0.4
-"""The longest watchdog that motors are delivered with. A longer one counts as off: nobody waits
-that long for jaws that press."""
+"""The longest time that register TIMEOUT of a delivered motor was found to hold. A longer one
+counts as off: nobody waits that long for jaws that press. What the motor does with it is another
+matter (`LATEST_DISARM_S`), on which nothing here depends."""
 
 SMALLEST_RANGE, LARGEST_RANGE = 0.1, 1000.0
 """In rad, rad/s, N·m. Both ends are far beyond any motor of this kind."""
@@ -268,8 +269,8 @@ def warnings(identity: MotorIdentity, motor_type: MotorType = DM4310) -> list[st
         )
     if not 0.0 < identity.timeout_s <= LONGEST_WATCHDOG_S:
         found.append(
-            f"the motor's watchdog (register TIMEOUT) is {identity.timeout_s:g} s, 0 meaning off;"
-            " it is set before enabling"
+            f"the motor's register TIMEOUT, its watchdog, reads {identity.timeout_s:g} s, 0 meaning"
+            " off; it is set before enabling"
         )
     return found
 
@@ -281,11 +282,11 @@ def _known(values: dict[int, float | int | None], register: Register) -> float |
     return value
 
 
-WATCHDOG_S = 0.1
-"""Written (not saved) if the motor's own watchdog is off. That watchdog is the last protection
-when the daemon itself dies."""
+WATCHDOG_S = SOONEST_DISARM_S
+"""Written (not saved) if the motor's own watchdog is off by its register. That watchdog is the last
+protection when the daemon itself dies."""
 
-_WATCHDOG_UNITS = round(WATCHDOG_S / TIMEOUT_UNIT_S)
+WATCHDOG_UNITS = round(WATCHDOG_S / TIMEOUT_UNIT_S)
 _RANGES = {PMAX: "position_rad", VMAX: "velocity_rad_s", TMAX: "torque_nm"}
 _BY_NUMBER = {register.number: register for register in VERIFIED}
 
@@ -414,8 +415,8 @@ class Verifier:
         if sets_watchdog and self._must_set_watchdog(now_s, known):
             self._wrote_s = now_s
             self._awaited_writes += 1
-            self._open[TIMEOUT] = _Check({TIMEOUT.encode(_WATCHDOG_UNITS)})
-            frames.append(write_request(self._can_id, TIMEOUT, _WATCHDOG_UNITS))
+            self._open[TIMEOUT] = _Check({TIMEOUT.encode(WATCHDOG_UNITS)})
+            frames.append(write_request(self._can_id, TIMEOUT, WATCHDOG_UNITS))
         if not self._open:
             return frames
         in_order = sorted(self._open, key=lambda reg: (not self._open[reg].claims, _rank(reg)))
@@ -449,7 +450,7 @@ class Verifier:
 
 
 def is_watchdog_on(known: MotorIdentity) -> bool:
-    """Return True if the motor disarms itself soon enough when no commands come."""
+    """Return True if the motor disarms itself by its register, and that is not set too late."""
     return 0.0 < known.timeout_s <= LONGEST_WATCHDOG_S
 
 

@@ -176,8 +176,9 @@ class Motor:
             self._go(Event.IMPLAUSIBLE, now_s)
         if self._fresh:
             self._fresh = False
-            self._silence.unanswered = 0
-            self._take_status(now_s)
+            silence, is_enabled = self._silence, self.says_enabled
+            if silence.ends_with_report(self._phase, now_s, is_enabled=is_enabled):
+                self._take_status(now_s)
         elif self._phase is Phase.ENABLED and self._silence.unanswered:
             self.counters.missed_replies += 1
         self._watch_silence(now_s)
@@ -336,6 +337,7 @@ class Motor:
         if self._phase is Phase.DISABLING and now_s < self._entered_s + DISABLE_CONFIRM_AFTER_S:
             return
         if feedback.status == Status.ENABLED:
+            self._standstill.note_enabled(now_s)
             self._go(Event.SAW_ENABLED, now_s)
         elif is_fault(feedback.status):
             if self._phase not in FAULTY:

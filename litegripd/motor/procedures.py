@@ -4,8 +4,13 @@ from litegripd.model.errors import Refusal
 from litegripd.model.motor import CanFrame, EnableMotor, Feedback, Ranges, ZeroView, is_fault
 from litegripd.model.plain import Carried
 from litegripd.motor import codec
-from litegripd.motor.codec import VERIFIED, status_request
-from litegripd.motor.identity import Identification, is_watchdog_on
+from litegripd.motor.codec import TIMEOUT_UNIT_S, VERIFIED, status_request
+from litegripd.motor.identity import (
+    WATCHDOG_S,
+    WATCHDOG_UNITS,
+    Identification,
+    is_watchdog_on,
+)
 from litegripd.motor.phases import SILENT, Phase, fault_refusal
 
 RETRY_S = 0.02
@@ -34,12 +39,19 @@ class FaultClearing:
 
 _PREPARE_WITHIN_S = 0.4
 """Time for twenty tries of each register. With half of the frames lost each way, 98 % succeed."""
-_NO_WATCHDOG = Refusal(
-    "motor_unsuitable",
-    "the motor's watchdog (register TIMEOUT) is off, or longer than 0.4 s, and could not be"
-    " set, so the motor would keep pushing if the daemon died: set it with the maker's tool",
-    {"register": "TIMEOUT"},
-)
+
+
+def no_watchdog(read_units: int) -> Refusal:
+    """Return a refusal of a motor whose watchdog is off by its register, and cannot be set."""
+    meaning = f"{read_units * TIMEOUT_UNIT_S:g} s" if read_units else "off"
+    return Refusal(
+        "motor_unsuitable",
+        f"the motor's register TIMEOUT, its watchdog, reads {read_units} ({meaning}) after"
+        f" {WATCHDOG_UNITS} ({WATCHDOG_S * 1e3:.0f} ms) was written, so the motor might keep"
+        " pushing if the daemon died: set it with the maker's tool to 1 to 8000 (0.4 s), and save"
+        " it; a motor whose register cannot be set is not enabled",
+        {"register": "TIMEOUT", "value": read_units},
+    )
 
 
 _WRITTEN = Refusal(
@@ -113,7 +125,8 @@ class Arming:
             self.failure = self._known.problem()
         if self.failure is None and now_s - self._began_s > _PREPARE_WITHIN_S:
             is_off = verifier.has_written and not is_watchdog_on(identity)
-            self.failure = _NO_WATCHDOG if is_off else SILENT
+            read_units = round(identity.timeout_s / TIMEOUT_UNIT_S)
+            self.failure = no_watchdog(read_units) if is_off else SILENT
         if self.failure is not None:
             return []
         return verifier.step(now_s, identity, len(VERIFIED), sets_watchdog=True)

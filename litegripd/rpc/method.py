@@ -512,11 +512,11 @@ def config_param(name: str, description: str) -> Param:
     )
 
 
-def gain_params() -> tuple[Param, ...]:
+def gain_params(kp_default: str, kd_default: str) -> tuple[Param, ...]:
     """Return the parameters of a position command's stiffness and damping."""
-    kd = "Damping, at least kp · 0.002 s (default: the calibration's)."
+    kd = f"Damping, at least kp · 0.002 s (default: {kd_default})."
     return (
-        Param("kp", "number", "Stiffness (default: the calibration's).", minimum=5, maximum=500),
+        Param("kp", "number", f"Stiffness (default: {kp_default}).", minimum=5, maximum=500),
         Param("kd", "number", kd, minimum=0.1, maximum=5),
     )
 

@@ -151,6 +151,12 @@ def _read_object(words: Sequence[str]) -> Action:
     )
 
 
+def _read_comm_loss(words: Sequence[str]) -> Action:
+    _expect(words, 1, 1)
+    seconds = None if words == ["register"] else _number(words[0])
+    return lambda simulator: simulator.wire.gripper.set_comm_loss(seconds)
+
+
 def _read_inject(words: Sequence[str]) -> Action:
     _expect(words, 1, 1)
     can_id, mark, data = words[0].partition("#")
@@ -220,6 +226,16 @@ _ENTRIES = (
         "register N VALUE",
         "another node writes a register, such as 32 100, a speed filter of 100 Hz",
         _read_register,
+    ),
+    Entry(
+        "comm-loss S|register",
+        "disarm S seconds after a command whatever register 9 says; 0 is never",
+        _read_comm_loss,
+    ),
+    Entry(
+        "unasked HZ",
+        "let the motor report so often by itself while it is enabled",
+        _with_number(lambda simulator, rate_hz: simulator.wire.gripper.set_unasked(rate_hz)),
     ),
     Entry("power on|off", "switch the motor on or off altogether", _read_power),
     Entry(

@@ -10,10 +10,16 @@ import math
 import threading
 from dataclasses import replace
 
-from litegripd.model.gripper import DM4310, MOTOR_TYPES
+from litegripd.model.gripper import DM4310, MOTOR_TYPES, why_not_driven
 from litegripd.model.motor import CanFrame
 from litegripd.sim.motor import FAULTS, SimulatedMotor
-from litegripd.sim.plant import GrippedObject, Plant, SimulatorParameters, limits_of_mount
+from litegripd.sim.plant import (
+    UNASKED_MAX_HZ,
+    GrippedObject,
+    Plant,
+    SimulatorParameters,
+    limits_of_mount,
+)
 
 
 class SimulatedGripper:
@@ -86,6 +92,19 @@ class SimulatedGripper:
         with self._lock:
             return self._motor.receive(now_s, frame)
 
+    @property
+    def next_unasked_s(self) -> float:
+        """When the motor next reports by itself; infinite if it does not."""
+        return self._motor.next_unasked_s
+
+    def take_unasked(self, now_s: float) -> list[tuple[float, CanFrame]]:
+        """Let time pass until `now_s`; return, once, what the motor reported by itself, and when.
+
+        Raises `ValueError` for a time that is not finite.
+        """
+        with self._lock:
+            return self._motor.take_unasked(now_s)
+
     def advance(self, now_s: float) -> None:
         """Let time pass until `now_s`. Raises `ValueError` for a time that is not finite."""
         with self._lock:
@@ -148,6 +167,26 @@ class SimulatedGripper:
             raise ValueError(f"torque_nm must be finite, not {torque_nm!r}")
         with self._lock:
             self._plant.push(torque_nm)
+
+    def set_comm_loss(self, seconds: float | None) -> None:
+        """Let the motor disarm so long after a command; 0 is never, None what TIMEOUT holds.
+
+        Raises `ValueError` for a time that is negative or not finite.
+        """
+        if seconds is not None and (not math.isfinite(seconds) or seconds < 0):
+            raise ValueError(f"the time must be finite and not negative, but is {seconds!r} s")
+        with self._lock:
+            self._motor.set_comm_loss(seconds)
+
+    def set_unasked(self, rate_hz: float) -> None:
+        """Let the motor report so often by itself while it is enabled; 0 is never.
+
+        Raises `ValueError` for a rate outside 0 to 1000 Hz.
+        """
+        if not 0.0 <= rate_hz <= UNASKED_MAX_HZ:
+            raise ValueError(f"the rate must be 0 to {UNASKED_MAX_HZ:g} Hz, not {rate_hz!r}")
+        with self._lock:
+            self._motor.set_unasked(rate_hz)
 
     def set_supply(self, volts: float) -> None:
         """Set the voltage of the power stage (24 V is normal, 0 V is unplugged).
@@ -229,6 +268,8 @@ def build_gripper(
     can_id: int = 0x08,
     master_id: int = 0x18,
     watchdog_s: float = 0.1,
+    comm_loss_s: float | None = None,
+    unasked_hz: float = 0.0,
     motor_type: str = DM4310.name,
 ) -> SimulatedGripper:
     """Build a gripper of the nominal geometry from the few figures that a user chooses.
@@ -238,7 +279,7 @@ def build_gripper(
     """
     closed_rad, open_rad = limits_of_mount(mount)
     if motor_type not in MOTOR_TYPES:
-        raise ValueError(f"motor_type must be one of {', '.join(MOTOR_TYPES)}, not {motor_type!r}")
+        raise ValueError(f"motor_type is {motor_type!r}, {why_not_driven(motor_type)}")
     nominal = SimulatorParameters(closed_rad=closed_rad, open_rad=open_rad)
     opening_mm = nominal.initial_opening_mm
     if object_mm is not None:
@@ -254,6 +295,8 @@ def build_gripper(
         master_id=master_id,
         initial_opening_mm=opening_mm,
         watchdog_s=watchdog_s,
+        comm_loss_s=comm_loss_s,
+        unasked_hz=unasked_hz,
     )
     gripper = SimulatedGripper(parameters, seed=seed)
     if object_mm is not None:

@@ -51,8 +51,9 @@ class MotorWire:
 
     @property
     def next_s(self) -> float:
-        """When the next late frame arrives; infinite when none is under way."""
-        return self._late[0][0] if self._late else math.inf
+        """When the next frame comes that is late or that nobody asked for; infinite if none."""
+        late_s = self._late[0][0] if self._late else math.inf
+        return min(late_s, self.gripper.next_unasked_s)
 
     def carry(self, now_s: float, due_s: float, frame: CanFrame) -> list[Arrival]:
         """Send a frame to the motor; return the answers that are due at `due_s`, and no later."""
@@ -68,21 +69,14 @@ class MotorWire:
 
     def deliver(self, now_s: float, due_s: float, frame: CanFrame) -> list[Arrival]:
         """Hand a frame to the motor whatever the faults on the way to it; return as `carry`."""
-        answers = self.gripper.receive(now_s, frame)
-        if not self.from_motor.is_used:
-            return [(due_s, answer) for answer in answers]
-        found: list[Arrival] = []
-        for answer in answers:
-            for at_s, arriving in self.from_motor.arrivals(due_s, answer):
-                if at_s > due_s:
-                    self._keep(at_s, False, arriving)
-                else:
-                    found.append((at_s, arriving))
-        return found
+        return self._bring(due_s, self.gripper.receive(now_s, frame))
 
     def late(self, now_s: float) -> list[Arrival]:
-        """Let what is due by `now_s` arrive; return the answers among it, in their order."""
+        """Let what is due by `now_s` arrive; return what comes from the motor, in its order."""
         answers: list[Arrival] = []
+        if self.gripper.next_unasked_s <= now_s:
+            for at_s, frame in self.gripper.take_unasked(now_s):
+                answers += self._bring(at_s, [frame])
         while self._late and self._late[0][0] <= now_s:
             at_s, _, is_to_motor, frame = heapq.heappop(self._late)
             answers += self.deliver(at_s, at_s, frame) if is_to_motor else [(at_s, frame)]
@@ -91,6 +85,19 @@ class MotorWire:
     def lose_late(self) -> None:
         """Lose what is still under way."""
         self._late.clear()
+
+    def _bring(self, due_s: float, frames: list[CanFrame]) -> list[Arrival]:
+        """Return what comes at `due_s` of the motor's frames; keep what is late."""
+        if not self.from_motor.is_used:
+            return [(due_s, frame) for frame in frames]
+        found: list[Arrival] = []
+        for frame in frames:
+            for at_s, arriving in self.from_motor.arrivals(due_s, frame):
+                if at_s > due_s:
+                    self._keep(at_s, False, arriving)
+                else:
+                    found.append((at_s, arriving))
+        return found
 
     def _keep(self, at_s: float, is_to_motor: bool, frame: CanFrame) -> None:
         self._number += 1
@@ -276,6 +283,8 @@ class _Options:
     object_mm: float | None
     object_stiffness_nm_rad: float | None
     watchdog_s: float | None
+    comm_loss_s: float | None
+    unasked_hz: float | None
     motor_type: str | None
 
     def build(self) -> SimulatedGripper:
@@ -287,11 +296,13 @@ class _Options:
             if self.object_stiffness_nm_rad is None
             else self.object_stiffness_nm_rad,
             watchdog_s=0.1 if self.watchdog_s is None else self.watchdog_s,
+            comm_loss_s=self.comm_loss_s,
+            unasked_hz=self.unasked_hz or 0.0,
             motor_type=self.motor_type or DM4310.name,
         )
 
 
-_NO_OPTIONS = _Options(None, None, None, None, None, None)
+_NO_OPTIONS = _Options(*[None] * 8)
 
 
 @dataclass(frozen=True, slots=True)
@@ -313,7 +324,9 @@ class SimulatedBus(can.BusABC):
     - `mount`: "normal" (closing increases radians) or "reverse"
     - `seed`: an integer gives the reports a noise of at most one code; without it they are exact
     - `object_mm`, `object_stiffness_nm_rad`: an object between the jaws
-    - `watchdog_s`: time without a command after which the motor disarms, 0.1 unless given
+    - `watchdog_s`: time without a command in its register TIMEOUT, 0.1 unless given
+    - `comm_loss_s`: that after which it really disarms, 0 for never; TIMEOUT's unless given
+    - `unasked_hz`: how often it reports by itself while it is enabled, 0 unless given
     - `motor_type`: the type of the motor, DM4310 unless given
     - `gripper`: a ready-made `SimulatedGripper` instead of the options above
     - `monotonic_fn`: the clock, `time.monotonic` unless given; seconds, never backwards
@@ -334,6 +347,8 @@ class SimulatedBus(can.BusABC):
         object_mm: object = None,
         object_stiffness_nm_rad: object = None,
         watchdog_s: object = None,
+        comm_loss_s: object = None,
+        unasked_hz: object = None,
         motor_type: str | None = None,
         gripper: SimulatedGripper | None = None,
         monotonic_fn: Callable[[], float] | None = None,
@@ -344,8 +359,8 @@ class SimulatedBus(can.BusABC):
         if unknown:
             raise ValueError(
                 f"unknown option {', '.join(sorted(unknown))}; litegrip_sim takes mount, seed, "
-                f"object_mm, object_stiffness_nm_rad, watchdog_s, motor_type, gripper, "
-                f"monotonic_fn, receive_own_messages and bitrate"
+                f"object_mm, object_stiffness_nm_rad, watchdog_s, comm_loss_s, unasked_hz, "
+                f"motor_type, gripper, monotonic_fn, receive_own_messages and bitrate"
             )
         if not isinstance(channel, str) or not channel:
             raise ValueError(f"channel must be a name such as 'sim0', not {channel!r}")
@@ -357,6 +372,8 @@ class SimulatedBus(can.BusABC):
             object_mm=_number("object_mm", object_mm),
             object_stiffness_nm_rad=_number("object_stiffness_nm_rad", object_stiffness_nm_rad),
             watchdog_s=_number("watchdog_s", watchdog_s),
+            comm_loss_s=_number("comm_loss_s", comm_loss_s),
+            unasked_hz=_number("unasked_hz", unasked_hz),
             motor_type=motor_type,
         )
         self._node = Node(receive_own=bool(receive_own_messages))

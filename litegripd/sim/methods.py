@@ -239,7 +239,7 @@ def world_of(gripper: "SimulatedGripper") -> dict[str, Any]:
         "held": gripper.is_held,
         "powered": gripper.motor.is_powered,
         "coil_c": gripper.motor.coil_c,
-        "watchdog_s": gripper.parameters.watchdog_s,
+        "watchdog_s": gripper.motor.disarms_after_s,
     }
     return dict(world)
 

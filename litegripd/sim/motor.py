@@ -5,14 +5,15 @@ control modes 2 to 4 into such laws. Each mode has its own id for commands and i
 
 It behaves as field reports say that the real one does, including what surprises drivers: a
 set-point stored while disabled, a watchdog that register traffic does not feed, positions that
-wrap. It never speaks unasked. The mechanics are in `plant`; buses and clocks are elsewhere, time
-is an argument.
+wrap. It answers what it is asked; while it is enabled it may also report by itself. The mechanics
+are in `plant`; buses and clocks are elsewhere, time is an argument.
 """
 
 from __future__ import annotations
 
 import math
 import random
+from collections import deque
 from typing import NamedTuple
 
 from litegripd.model.motor import CanFrame
@@ -160,6 +161,7 @@ _SPECIAL = b"\xff" * 7
 _FREE = MitCommand(0.0, 0.0, 0.0, 0.0, 0.0)
 _HEAT_STEPS = 40  # temperatures and their trips every 10 ms
 _NEVER = 1 << 62
+_UNASKED_KEPT = 1000  # about what a receiver keeps
 
 
 class SimulatedMotor:
@@ -199,10 +201,14 @@ class SimulatedMotor:
         self._enabled = False
         self._powered = True
         self._fault = 0
+        self._comm_loss_s = parameters.comm_loss_s
+        self._unasked_hz = parameters.unasked_hz
+        self._unasked: deque[tuple[float, CanFrame]] = deque(maxlen=_UNASKED_KEPT)
         self._origin_s: float | None = None
         self._step = 0
         self._heat_step = _HEAT_STEPS
         self._watchdog_step = _NEVER
+        self._unasked_step = _NEVER
         self._cascade_step = _NEVER
 
     @property
@@ -247,7 +253,13 @@ class SimulatedMotor:
         # A time meant to fall on a step may be a rounding error before it.
         until = int((now_s - self._origin_s) * STEPS_PER_S + 1e-4)
         while self._step < until:
-            stop = min(until, self._heat_step, self._watchdog_step, self._cascade_step)
+            stop = min(
+                until,
+                self._heat_step,
+                self._watchdog_step,
+                self._unasked_step,
+                self._cascade_step,
+            )
             self._plant.run(stop - self._step)
             self._step = stop
             if stop == self._watchdog_step:
@@ -258,6 +270,9 @@ class SimulatedMotor:
                 self._check_limits()
             if stop == self._cascade_step:
                 self._run_cascade()
+            if stop == self._unasked_step:
+                self._unasked.append((self._time_s(stop), self._feedback()))
+                self._plan_unasked()
 
     def receive(self, now_s: float, frame: CanFrame) -> list[CanFrame]:
         """Take one frame off the bus at `now_s` and return the motor's immediate answers."""
@@ -269,6 +284,34 @@ class SimulatedMotor:
         if frame.can_id == REGISTER_CAN_ID:
             return self._receive_register(frame.data)
         return []
+
+    @property
+    def disarms_after_s(self) -> float:
+        """After how long without a command it disarms; 0 is never."""
+        return self._registers.timeout_s if self._comm_loss_s is None else self._comm_loss_s
+
+    @property
+    def next_unasked_s(self) -> float:
+        """When there is a report of its own to take; infinite if none is planned."""
+        if self._unasked:
+            return self._unasked[0][0]
+        return math.inf if self._unasked_step == _NEVER else self._time_s(self._unasked_step)
+
+    def take_unasked(self, now_s: float) -> list[tuple[float, CanFrame]]:
+        """Return, once, what the motor has reported by itself until `now_s`, with the times."""
+        self.advance(now_s)
+        unasked = list(self._unasked)
+        self._unasked.clear()
+        return unasked
+
+    def set_comm_loss(self, seconds: float | None) -> None:
+        """Let it disarm so long after its next command; 0 is never, None what TIMEOUT holds."""
+        self._comm_loss_s = seconds
+
+    def set_unasked(self, rate_hz: float) -> None:
+        """Let it report so often by itself while it is enabled; 0 is never."""
+        self._unasked_hz = rate_hz
+        self._plan_unasked()
 
     def set_supply(self, volts: float) -> None:
         """Set the voltage of the power stage; the logic has its own supply and keeps answering."""
@@ -341,8 +384,11 @@ class SimulatedMotor:
     def _special(self, code: int) -> None:
         if code == ENABLE:
             if not self._fault:
+                is_new = not self._enabled
                 self._enabled = True
                 self._apply()
+                if is_new:
+                    self._plan_unasked()
         elif code == DISABLE:
             self._disarm()
         elif code == ZERO:
@@ -432,7 +478,7 @@ class SimulatedMotor:
         self._cascade_step = self._step + PERIOD_STEPS
 
     def _feed_watchdog(self, now_s: float) -> None:
-        timeout_s = self._registers.timeout_s
+        timeout_s = self.disarms_after_s
         if not self._enabled or timeout_s == 0.0:
             self._watchdog_step = _NEVER
             return
@@ -440,13 +486,22 @@ class SimulatedMotor:
         expiry = math.ceil((elapsed_s + timeout_s) * STEPS_PER_S - 1e-4)
         self._watchdog_step = max(expiry, self._step + 1)
 
+    def _plan_unasked(self) -> None:
+        """Plan the next report that nobody asks for, if it makes any."""
+        is_planned = self._enabled and self._unasked_hz > 0.0
+        period_steps = max(round(STEPS_PER_S / self._unasked_hz), 1) if is_planned else 0
+        self._unasked_step = self._step + period_steps if is_planned else _NEVER
+
+    def _time_s(self, step: int) -> float:
+        return (self._origin_s or 0.0) + step * STEP_S
+
     def _trip(self, fault: int) -> None:
         self._fault = fault
         self._disarm()
 
     def _disarm(self) -> None:
         self._enabled = False
-        self._watchdog_step = self._cascade_step = _NEVER
+        self._watchdog_step = self._unasked_step = self._cascade_step = _NEVER
         self._plant.brake()
 
     def _check_limits(self) -> None:

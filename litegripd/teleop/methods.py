@@ -156,8 +156,8 @@ class Teleoperation:
         return status
 
     def _gains(self, settings: TeleopSettings) -> Gains:
-        """Return the caller's gains, else the calibration's, stiff enough to reach the leader."""
-        own, kp, kd = self._controller.gains.reaching(), settings.kp_nm_rad, settings.kd_nm_s_rad
+        """Return the caller's gains, else the calibration's within 55 to 100 N·m/rad."""
+        own, kp, kd = self._controller.gains.following(), settings.kp_nm_rad, settings.kd_nm_s_rad
         return Gains(own.kp_nm_rad if kp is None else kp, own.kd_nm_s_rad if kd is None else kd)
 
     def _ready(self) -> Geometry | Refusal:
@@ -278,7 +278,12 @@ _HOW = (
         maximum=55,
     ),
     Param(
-        "kp", "number", "A slave's stiffness, N·m/rad (default: the calibration's).", False, 1, 500
+        "kp",
+        "number",
+        "A slave's stiffness, N·m/rad (default: the calibration's, within 55 to 100).",
+        False,
+        1,
+        500,
     ),
     Param(
         "kd",

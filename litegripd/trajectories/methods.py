@@ -222,7 +222,7 @@ class TrajectoryMethods:
             UPLOAD,
             RECORDING,
             _SPEED,
-            *gain_params(),
+            *gain_params("100; less than 55 counts as 55", "2"),
             Param(
                 "torque_nm",
                 "number",

@@ -2,6 +2,7 @@
 
 import io
 import json
+import os
 import signal
 import sys
 from collections import deque
@@ -12,7 +13,7 @@ import pytest
 from rich.console import Console
 
 from litegrip_client.ctl.commands.state import state_line
-from litegrip_client.ctl.live import Scene, picture
+from litegrip_client.ctl.live import Scene, picture, undisturbed
 from litegrip_client.ctl.parser import for_gripper
 from litegrip_client.feeds import Event
 from tests.client.ctl_terminal import Terminal
@@ -165,6 +166,19 @@ def test_the_terminal_is_given_back_while_ctrl_z_stops_it(daemon: FakeDaemon) ->
     terminal.expect("besides this one")
     terminal.interrupt()
     assert terminal.end()[0] == 130
+
+
+def test_a_signal_waits_until_what_is_drawn_is_written() -> None:
+    """Its handler writes to the terminal, and a write in a write raises."""
+    came: list[int] = []
+    before = signal.signal(signal.SIGTSTP, lambda number, _frame: came.append(number))
+    try:
+        with undisturbed():
+            os.kill(os.getpid(), signal.SIGTSTP)
+            assert came == []
+        assert came == [signal.SIGTSTP]
+    finally:
+        signal.signal(signal.SIGTSTP, before)
 
 
 def test_a_daemon_that_goes_is_waited_for(tmp_path: Path) -> None:

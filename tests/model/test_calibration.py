@@ -132,6 +132,20 @@ def test_the_file_names_the_configured_type_in_place_of_another_known_one(
     assert content_of(calibration, motor_type="DM4340")["motor_type"] == after
 
 
+@pytest.mark.parametrize(
+    ("motor_type", "why"),
+    [("DM6248P", "missing: gear ratio"), ("DM1", "it must be DM4310 or DM4340")],
+)
+def test_a_file_of_a_motor_that_cannot_be_driven_is_refused(motor_type: str, why: str) -> None:
+    with pytest.raises(CalibrationError, match=f"motor_type is '{motor_type}', .*{why}"):
+        parse_calibration(changed(motor_type=motor_type))
+
+
+@pytest.mark.parametrize("motor_type", ["DM4310", "DM4340", "", None, 1])
+def test_any_other_file_is_taken_whatever_it_says_of_its_motor(motor_type: object) -> None:
+    assert parse_calibration(changed(motor_type=motor_type)).content["motor_type"] == motor_type
+
+
 def test_a_calibration_without_a_file_makes_the_vendors_whole_file() -> None:
     content = content_of(Calibration(BENCH))
     assert list(content) == list(FACTORY)

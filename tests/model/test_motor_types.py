@@ -1,12 +1,22 @@
 """The types of motor: each row makes sense, what follows from it, and who else names a type."""
 
 import re
+from dataclasses import MISSING, fields
 from pathlib import Path
 
 import pytest
 
+from litegrip_client import DM_Motor_Type
 from litegripd.app.build import METHODS
-from litegripd.model.gripper import DM4310, MOTOR_TYPES, MotorType
+from litegripd.model.gripper import (
+    DM4310,
+    FIGURES,
+    MOTOR_FAMILY,
+    MOTOR_TYPES,
+    IncompleteType,
+    MotorType,
+    why_not_driven,
+)
 from litegripd.sim.plant import SimulatorParameters
 
 ROOT = Path(__file__).parents[2]
@@ -85,3 +95,41 @@ def test_the_page_on_the_configuration_says_what_a_type_may_and_that_nobody_has_
     (row,) = [line for line in lines if line.startswith(f"| `{motor_type.name}`")]
     assert ("never tried" in row) == motor_type.is_untried
     assert f" {motor_type.peak_nm:g} N·m | {motor_type.most_force_n:g} N " in row
+
+
+def test_the_figures_are_all_that_a_row_must_have() -> None:
+    required = {one.name for one in fields(MotorType) if one.default is MISSING}
+    assert required - {"name", "is_untried"} == set(FIGURES)
+
+
+def test_the_family_has_each_type_that_the_sdk_names() -> None:
+    assert set(DM_Motor_Type.__members__) <= set(MOTOR_FAMILY)
+    assert set(MOTOR_FAMILY) - set(DM_Motor_Type.__members__) == {"DM4310P", "DM4340P"}
+    assert [one.value for one in DM_Motor_Type] == list(range(15))
+    assert all(name == row.name for name, row in MOTOR_FAMILY.items())
+
+
+@pytest.mark.parametrize(
+    "row", [row for row in MOTOR_FAMILY.values() if isinstance(row, IncompleteType)]
+)
+def test_what_is_missing_of_a_type_is_what_it_has_not(row: IncompleteType) -> None:
+    assert set(row.figures) < set(FIGURES)
+    assert {*row.known, *row.missing} == set(FIGURES.values())
+    assert len(row.missing) == len(FIGURES) - len(row.figures)
+    why = why_not_driven(row.name)
+    assert why is not None
+    assert f"missing: {', '.join(row.missing)}; use a motor of type DM4310 or DM4340" in why
+    page = (ROOT / "docs" / "configuration.md").read_text("utf-8")
+    (line,) = [line for line in page.splitlines() if f"`{row.name}`" in line]
+    assert line.endswith(f" | {', '.join(row.missing)} |")
+
+
+def test_a_type_with_all_its_figures_lacks_nothing() -> None:
+    figures = {name: getattr(DM4310, name) for name in FIGURES}
+    assert IncompleteType("like DM4310", figures).missing == ()
+    assert MotorType("DM4310", is_untried=False, **figures) == DM4310
+
+
+@every_type
+def test_a_type_with_a_row_can_be_driven(motor_type: MotorType) -> None:
+    assert why_not_driven(motor_type.name) is None

@@ -1,11 +1,9 @@
 """A communication loss that the daemon itself has caused is not blamed on the wiring."""
 
-import struct
-
 import pytest
 
 from litegripd.model.motor import MotorPhase, Status
-from tests.motor.helpers import world_with
+from litegripd.sim.plant import SimulatorParameters
 from tests.world import PERIOD_S, Client, World
 
 
@@ -71,16 +69,17 @@ def test_a_standstill_explains_one_loss_and_not_a_later_one() -> None:
     assert "check the CAN wiring" in message_of(client)
 
 
-@pytest.mark.parametrize(("units", "is_cause"), [(8000, False), (2000, True)])
-def test_how_long_is_too_long_is_for_the_motors_own_watchdog_to_say(
-    units: int, is_cause: bool
+@pytest.mark.parametrize(("loss_s", "is_cause"), [(0.1, True), (0.4, False), (0.9, False)])
+@pytest.mark.parametrize("units", [0, 2000, 8000])
+def test_how_long_is_too_long_is_for_the_motor_to_say_and_not_for_its_register(
+    units: int, loss_s: float, is_cause: bool
 ) -> None:
     """Three tenths of a second are nothing to a motor that waits for four."""
-    world = world_with(9, struct.pack("<I", units))
+    world = World(parameters=SimulatorParameters(watchdog_s=units * 50e-6, comm_loss_s=loss_s))
     client = world.enabled()
     stand_still(world, 0.3)
     assert world.in_phase(MotorPhase.ENABLED)
-    cut_off(world, 0.5)
+    cut_off(world, loss_s + 0.1)
     world.run_until(lambda: world.in_phase(MotorPhase.FAULT), 1.0)
     assert ("stood still" in message_of(client)) is is_cause
 

@@ -29,6 +29,7 @@ from litegrip_client import (
     teleop_topic,
     trajectory_dir,
 )
+from litegripd.model.gripper import FASTEST_RAD_S
 from tests.drop_in import Daemon, Site
 from tests.geometry import SPAN_MM, STROKE_MM, TRAVEL_RAD, WORK_MM
 from tests.sdk_compat.trajectories import push
@@ -238,12 +239,13 @@ def test_the_motor_is_never_faster_than_its_bound(daemon: Daemon, gripper: LiteG
             rad_to_mm=45.0,
         )
     )
+    most_mm_s = FASTEST_RAD_S * 45.0
+    assert most_mm_s < 149.0
+    told = f"at most {most_mm_s:.4g}: the motor turns at no more than {FASTEST_RAD_S:g} rad/s"
     for move in (gripper.open, gripper.close):
-        with pytest.raises(
-            CommandError, match=r"at most 148\.5: the motor turns at no more than 3\.3"
-        ):
+        with pytest.raises(CommandError, match=told):
             move(149.0)
-    assert gripper.close(148.0)
+    assert gripper.close(most_mm_s - 1.0)
 
 
 def test_a_calibration_by_hand_needs_a_hand(daemon: Daemon, gripper: LiteGrip) -> None:
@@ -263,7 +265,7 @@ def test_a_calibration_by_hand_needs_a_hand(daemon: Daemon, gripper: LiteGrip) -
     [
         {"mst_id": 0x18, "canfd_mode": False, "motor_type": "DM4310"},
         {"motor_type": DM_Motor_Type.DM4310},
-        {"motor_type": 0},
+        {"motor_type": 1},
         {"config": GripperConfig()},
         {"config": GripperConfig(can_id=8, mst_id=0x18, kp=100.0)},
     ],
@@ -281,7 +283,10 @@ def test_what_is_as_the_script_says_is_connected_to(
     [
         ({"mst_id": 0x19}, "mst_id 24, not 25"),
         ({"motor_type": "DM4340"}, "motor_type DM4310, not DM4340"),
-        ({"motor_type": DM_Motor_Type.DM4340}, "motor_type"),
+        ({"motor_type": DM_Motor_Type.DM4340}, "motor_type DM4310, not DM4340"),
+        ({"motor_type": 5}, "motor_type DM4310, not DM6006"),
+        ({"motor_type": "DM1"}, "not DM1, which is none of the SDK's types: DM3507, DM4310, "),
+        ({"motor_type": 99}, "not 99, which is none of the SDK's types: DM3507, DM4310, "),
         ({"config": GripperConfig(kp=150.0)}, "kp 100.0, not 150.0"),
         ({"config": GripperConfig(can_id=9)}, "can_id 0x08, not 0x09"),
     ],

@@ -154,6 +154,16 @@ def test_another_node_writes_registers(simulator: Simulator) -> None:
     assert simulator.injected == [write(32, 100.0), write(23, 54.0), write(9, 0)]
 
 
+def test_the_motor_bears_silence_and_reports_as_it_is_told(simulator: Simulator) -> None:
+    simulator.do("comm-loss 0.9")
+    simulator.do("unasked 10")
+    motor = simulator.gripper.motor
+    assert motor.disarms_after_s == 0.9
+    simulator.do("comm-loss register")
+    assert motor.disarms_after_s == 0.1
+    assert simulator.wire.next_s == float("inf")  # it is not enabled
+
+
 def test_help_tells_of_every_command(simulator: Simulator) -> None:
     said = simulator.do("help")
     assert said is not None
@@ -180,6 +190,9 @@ def test_help_tells_of_every_command(simulator: Simulator) -> None:
         ("turns 0.5", "'0.5' is no whole number"),
         ("heat 1000", "-50 to 300"),
         ("supply -1", "not negative"),
+        ("comm-loss soon", "'soon' is no number"),
+        ("comm-loss -1", "finite and not negative"),
+        ("unasked 5000", "0 to 1000 Hz"),
         ("jump inf", "must be finite"),
         ("push nan", "must be finite"),
         ("object 110", "does not fit between the jaws"),

@@ -222,7 +222,11 @@ def test_it_has_the_type_of_motor_that_is_asked_for() -> None:
         ({"object_mm": 3, "object_stiffness_nm_rad": 0}, "stiffness_nm_rad must be more than 0"),
         ({"object_stiffness_nm_rad": 5}, "needs object_mm"),
         ({"mount": "sideways"}, "mount must be one of"),
-        ({"motor_type": "DM1"}, "motor_type must be one of DM4310, DM4340"),
+        (
+            {"motor_type": "DM1"},
+            "motor_type is 'DM1', no type of the family; it must be DM4310 or DM4340",
+        ),
+        ({"motor_type": "DM6006"}, "motor_type is 'DM6006', .*missing: ranges"),
         ({"bitrate": 500_000}, "bitrate must be 1000000"),
         ({"channel": ""}, "channel must be a name"),
         ({"gripper": SimulatedGripper(), "seed": 1}, "not both"),

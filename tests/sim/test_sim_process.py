@@ -247,6 +247,10 @@ def test_the_process_on_a_bus_of_python_can_ends_cleanly() -> None:
     [
         (["--pty", "--object-mm", "500"], "less than 120 mm wide"),
         (["--pty", "--motor-type", "DM4340", "--can-id", "0"], "can_id must be 1 to 0x7FE"),
+        (["--pty", "--motor-type", "DM1"], "it must be DM4310 or DM4340"),
+        (["--pty", "--motor-type", "DM8009"], "missing: ranges of position"),
+        (["--pty", "--comm-loss", "-1"], "comm_loss_s must not be negative"),
+        (["--pty", "--unasked-hz", "1e6"], "unasked_hz must be at most 1000"),
         (["--pty", "--can-id", "0x7FF"], "can_id must be 1 to 0x7FE"),
         (["--pty", "--channel", "can0"], "belong to --interface"),
         (["--interface", "virtual"], "needs --channel"),
@@ -263,7 +267,7 @@ def test_bad_usage_is_explained_with_exit_code_2(
 
 @pytest.mark.parametrize(
     "arguments",
-    [[], ["--pty", "--interface", "virtual"], ["--mount", "up"], ["--pty", "--motor-type", "DM1"]],
+    [[], ["--pty", "--interface", "virtual"], ["--mount", "up"], ["--pty", "--watchdog", "x"]],
 )
 def test_the_parser_refuses_with_exit_code_2(arguments: list[str]) -> None:
     with pytest.raises(SystemExit) as ended:

@@ -141,7 +141,8 @@ class MotionMethods:
 
     @Method(
         "motion.open",
-        "Open until the mechanical stop ends the move, then hold.",
+        "Open until the mechanical stop ends the move, or to the calibration's work_stroke_mm, then"
+        " hold.",
         "The move's result and the state.",
         MoveResult,
         (speed_param("speed_mm_s"), *RUN_PARAMS),
@@ -255,7 +256,7 @@ class MotionMethods:
                 minimum=0,
                 maximum=3600,
             ),
-            *gain_params(),
+            *gain_params("100; less than 55 counts as 55", "2"),
             *RUN_PARAMS,
         ),
         role="operator",
@@ -345,7 +346,7 @@ class MotionMethods:
                 maximum=3,
                 maximum_of=lambda motor: motor.rated_nm,
             ),
-            *gain_params(),
+            *gain_params("the calibration's, within 55 to 100", "the calibration's"),
         ),
         role="operator",
         needs_lease=True,
@@ -364,7 +365,7 @@ class MotionMethods:
             valid_until_s=since_s + valid_s,
             speed_mm_s=call.params.get("speed_mm_s"),
             torque_nm=call.params.get("torque_nm", DEFAULT_CONTACT_NM),
-            gains=call.gains(self._controller.gains.reaching()),
+            gains=call.gains(self._controller.gains.following()),
         )
         return JobNumber(job=accepted(job).number)
 

@@ -128,7 +128,9 @@ GRIPPER_CASES = [
         "MST_ID was never set",
         advises="set register 7 (MST_ID) to 0x18",
     ),
-    Case("watchdog", facts(), "ok", "TIMEOUT 2000: the motor lets go 100 ms after a loss"),
+    Case(
+        "watchdog", facts(), "ok", "TIMEOUT 2000, on; by it the motor lets go 100 ms after a loss"
+    ),
     Case("watchdog", with_daemon(info_registers__TIMEOUT=8000), "ok", "400 ms"),
     Case("watchdog", with_daemon(info_registers={}), None),
     Case(

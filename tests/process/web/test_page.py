@@ -1,6 +1,7 @@
 """The page in a real browser: what is seen on it, and what is done."""
 
 import contextlib
+import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,6 +17,8 @@ from tests.process.web.page_process import CHANNEL, page
 expect.set_options(timeout=DEADLINE_S * 1000)
 
 OBJECT_MM = 40.0
+STROKE_MM = 85.0
+"""What is configured, if nothing else is said."""
 
 
 @contextlib.contextmanager
@@ -100,7 +103,8 @@ def test_a_grasp_of_another_program_is_watched(shown: Tab, client: Client) -> No
     assert right is not None
     assert rail is not None
     # To scale: the rail is as wide as the travel and the two fingers, but for its margins.
-    mm = rail["width"] / (120.1 + 2 * 12 + 4)
+    travel_mm = client.result("calibration.get")["travel_mm"]
+    mm = rail["width"] / (travel_mm + 2 * 12 + 4)
     assert (right["x"] - left["x"] - left["width"]) / mm == pytest.approx(OBJECT_MM, abs=1.5)
 
 
@@ -173,7 +177,7 @@ def test_keys_move_and_escape_stops_a_motion(operated: Tab, client: Client) -> N
     client.until(lambda state: bool(state["job"] and state["job"]["kind"] == "open"))
     operated.keyboard.press("Escape")
     state = client.until(lambda state: state["stop"] is not None)
-    assert state["opening_mm"] < 119
+    assert state["opening_mm"] < 79
     expect(part(operated, "stopped")).to_be_visible()
     operated.keyboard.press("c")
     expect(part(operated, "outcome")).to_contain_text("close: ")
@@ -209,7 +213,7 @@ def test_a_grasp_with_a_force_and_letting_go(operated: Tab, client: Client) -> N
     part(operated, "force").fill("99")
     button(operated, "Grasp").click()
     expect(part(operated, "outcome")).to_contain_text("force_n")
-    expect(part(operated, "outcome")).to_contain_text("30")
+    expect(part(operated, "outcome")).to_contain_text("0.5 to 40")
 
 
 def test_what_another_client_does_meanwhile_is_said(operated: Tab, client: Client) -> None:
@@ -310,10 +314,180 @@ def test_zeroing_asks_before_it_moves(operated: Tab, client: Client) -> None:
     kinds = [job["kind"] for job in client.result("job.list")["jobs"]]
     assert "zero" not in kinds
     button(operated, "Zero …").click()
+    operated.evaluate(KEEP_WHAT_IS_SENT)
     button(operated, "The jaws are free: move them").click()
-    expect(operated.locator("#zero-progress")).to_contain_text(re.compile(r"Measured: 1[12]\d"))
+    expect(operated.locator("#zero-progress")).to_contain_text(re.compile(r"Measured: 8\d"))
+    expect(operated.locator("#zero-progress")).to_contain_text(
+        "The scale uses the configured 85 mm"
+    )
+    expect(operated.locator("#zero-progress")).to_contain_text("calibration rescale --stroke-mm MM")
+    assert stroke_of(client) == pytest.approx(STROKE_MM)
+    assert "stroke_mm" not in sent(operated, "calibration.zero")  # the daemon knows it
     button(operated, "Done").click()
     expect(dialog).to_be_hidden()
+
+
+KEEP_WHAT_IS_SENT = """
+() => {
+  const send = WebSocket.prototype.send;
+  window.sent = [];
+  WebSocket.prototype.send = function (text) {
+    window.sent.push(JSON.parse(text));
+    send.call(this, text);
+  };
+}
+"""
+
+
+def sent(tab: Tab, method: str) -> dict[str, Any]:
+    """Return the parameters with which the page has called a method."""
+    lines: list[dict[str, Any]] = tab.evaluate("window.sent")
+    params: dict[str, Any] = next(line["params"] for line in lines if line["method"] == method)
+    return params
+
+
+def stroke_of(client: Client) -> float:
+    """Return how far the jaws open, by the calibration in use."""
+    travel_mm: float = client.result("calibration.get")["travel_mm"]
+    return travel_mm - 1.0
+
+
+def load(client: Client, travel_mm: float, work_mm: float | None = None) -> None:
+    """Have a calibration used by which the jaws travel so far, and open to `work_mm`."""
+    travel_rad = 1.65
+    content = {
+        "calibrated": True,
+        "zero_position_rad": 0.0,
+        "max_position_rad": -travel_rad,
+        "rad_to_mm": travel_mm / travel_rad,
+    }
+    if work_mm is not None:
+        content["work_stroke_mm"] = work_mm
+    client.result("calibration.load", content=content)
+
+
+def test_the_measured_opening_sets_the_scale(operated: Tab, client: Client) -> None:
+    enable(operated, client)
+    button(operated, "Zero …").click()
+    stroke, uses = operated.get_by_label("The jaws open"), operated.locator("#zero-uses")
+    expect(stroke).to_have_value("85")
+    expect(uses).to_contain_text("The scale uses the configured 85 mm")
+    stroke.fill("84.2")
+    expect(uses).to_contain_text("The scale uses 84.2 mm (configured: 85 mm)")
+    button(operated, "The jaws are free: move them").click()
+    expect(operated.locator("#zero-progress")).to_contain_text(
+        "saved. The scale uses 84.2 mm (configured: 85"
+    )
+    assert stroke_of(client) == pytest.approx(84.2)
+
+
+def test_a_stroke_that_cannot_be_is_refused_in_the_dialog(operated: Tab, client: Client) -> None:
+    enable(operated, client)
+    before_mm = stroke_of(client)
+    button(operated, "Zero …").click()
+    operated.get_by_label("The jaws open").fill("60")
+    for press in ("The jaws are free: move them", "Correct the scale only"):
+        button(operated, press).click()
+        progress = operated.get_by_role("dialog").locator("#zero-progress")
+        expect(progress).to_contain_text(re.compile("^Not (measured|corrected): .*85 mm"))
+        operated.evaluate("document.getElementById('zero-progress').textContent = ''")
+    assert stroke_of(client) == before_mm
+
+
+def test_the_scale_is_corrected_without_a_motion(
+    operated: Tab, simulated: DaemonProcess, client: Client
+) -> None:
+    enable(operated, client)
+    button(operated, "Zero …").click()
+    operated.get_by_label("The jaws open").fill("83")
+    button(operated, "Correct the scale only").click()
+    expect(operated.locator("#zero-progress")).to_contain_text("Corrected: 84.0 mm of travel")
+    expect(operated.locator("#zero-progress")).to_contain_text("It is saved.")
+    assert stroke_of(client) == pytest.approx(83)
+    assert "zero" not in [job["kind"] for job in client.result("job.list")["jobs"]]
+    expect(part(operated, "slider")).to_have_attribute("max", "84.0")
+    files = [json.loads(path.read_text()) for path in simulated.socket_path.parent.rglob("*.json")]
+    assert any(file.get("rad_to_mm", 0) == rad_to_mm(client) for file in files)
+
+
+def rad_to_mm(client: Client) -> float:
+    scale: float = client.result("calibration.get")["rad_to_mm"]
+    return scale
+
+
+def test_a_doubtful_scale_is_said_until_it_is_corrected(operated: Tab, client: Client) -> None:
+    warning = part(operated, "doubted")
+    expect(warning).to_be_hidden()
+    load(client, 120.0)
+    expect(warning).to_be_in_viewport()
+    expect(warning).to_contain_text("takes the jaws' travel for 120 mm, as earlier versions did")
+    expect(warning).to_contain_text("litegripctl calibration rescale corrects it")
+    line = part(operated, "events").locator("li.warning", has_text="as earlier versions did")
+    expect(line).to_have_count(1)
+    load(client, 121.0)  # doubtful for the same reason
+    expect(warning).to_contain_text("takes the jaws' travel for 121 mm")
+    expect(button(operated, "Correct the scale …")).to_be_disabled()
+    take_control(operated)
+    button(operated, "Correct the scale …").click()
+    button(operated, "Correct the scale only").click()
+    expect(operated.locator("#zero-progress")).to_contain_text("It is saved.")
+    expect(warning).to_be_hidden()
+    assert stroke_of(client) == pytest.approx(STROKE_MM)
+
+
+def test_who_only_looks_sees_a_doubtful_scale_from_the_start(
+    window: BrowserContext, simulated: DaemonProcess, client: Client
+) -> None:
+    load(client, 120.0)
+    with opened(window, simulated.socket_path) as tab:
+        expect(part(tab, "doubted")).to_contain_text("litegripctl calibration rescale")
+        expect(button(tab, "Correct the scale …")).to_be_hidden()
+
+
+def test_figures_follow_the_calibration(operated: Tab, client: Client) -> None:
+    ranges = client.result("config.get")["ranges"]
+    expect(part(operated, "force")).to_have_attribute("max", f"{ranges['force_n'][1]:g}")
+    for travel_mm, work_mm in ((80.0, 60.5), (90.0, None)):
+        load(client, travel_mm, work_mm)
+        expect(part(operated, "slider")).to_have_attribute("max", f"{travel_mm:.1f}")
+        expect(part(operated, "object")).to_have_attribute("max", f"{travel_mm:g}")
+        jaws = operated.locator("svg.jaws")
+        width = travel_mm + 2 * 12 + 8
+        expect(jaws).to_have_attribute("viewBox", re.compile(rf"^-{width / 2:g} 0 {width:g} "))
+        work = jaws.locator(".work")
+        if work_mm is None:
+            expect(work).to_have_count(0)
+            continue
+        expect(work.locator("text")).to_have_text("Open: 60.5 mm")
+        expect(work.locator("title")).to_contain_text("the work stroke, not to the stop")
+        expect(jaws).to_have_attribute("aria-label", re.compile("open goes to 60.5 mm"))
+        marks = [line.get_attribute("x1") for line in work.locator("line").all()]
+        assert marks == ["-30.25", "30.25"]
+
+
+def test_the_jaws_open_to_the_mark(operated: Tab, client: Client) -> None:
+    enable(operated, client)
+    button(operated, "Open").click()
+    expect(part(operated, "outcome")).to_contain_text("open: ")
+    expect(operated.locator(".work text")).to_have_text("Open: 80 mm")
+    mark = operated.locator(".work line").nth(1).bounding_box()
+    jaw = operated.locator(".jaws .jaw").nth(1).bounding_box()
+    assert mark is not None
+    assert jaw is not None
+    assert jaw["x"] == pytest.approx(mark["x"] + mark["width"] / 2, abs=4)
+
+
+def test_more_than_the_vendor_recommends_is_said(operated: Tab) -> None:
+    take_control(operated)
+    note, force = part(operated, "force-note"), part(operated, "force")
+    for force_n, is_said in ((10, False), (20, False), (20.5, True), (40, True), (5, False)):
+        force.fill(f"{force_n}")
+        expect(note).to_be_visible(visible=is_said)
+        assert force.evaluate("(node) => node.validity.valid")
+    expect(note).to_contain_text("at most 20 N for continuous work")
+    expect(note).to_contain_text("The coil's heat limits")
+    force.fill("41")
+    assert not force.evaluate("(node) => node.validity.valid")
 
 
 def test_measuring_can_be_cancelled(operated: Tab, client: Client) -> None:
@@ -337,7 +511,7 @@ def test_a_motion_is_taught_kept_and_replayed(operated: Tab, client: Client) -> 
     button(operated, "End and keep").click()
     expect(part(operated, "outcome")).to_contain_text("kept as wave")
     assert [kept["name"] for kept in client.result("trajectory.list")["trajectories"]] == ["wave"]
-    part(operated, "speed").fill("0.3")
+    part(operated, "speed").fill("0.1")
     button(operated, "Replay").click()
     expect(part(operated, "outcome")).to_contain_text("replay: completed")
 
