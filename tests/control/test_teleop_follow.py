@@ -10,6 +10,7 @@ import pytest
 
 from litegripd.control.limiter import Gains
 from litegripd.model.calibration import NOMINAL, SUPERSEDED
+from litegripd.model.gripper import FASTEST_RAD_S
 from litegripd.model.motion_config import REACHING_KP_NM_RAD, MotionConfig
 from litegripd.model.motor import Feedback, Status
 from litegripd.teleop.follower import FollowerCommand
@@ -99,6 +100,28 @@ def test_it_aligns_to_the_first_frame_at_a_bounded_speed_and_without_a_step(
     # speed at the motor: 50 mm/s are 1.42 times as fast there as on 120 mm, where this was tuned.
     faster = SUPERSEDED[0].rad_to_mm / MM_RAD
     assert max(steps) <= faster * STOP_LEAD_RAD + CODE_RAD
+
+
+@pytest.mark.parametrize("early_mm", [0.1 * number for number in range(7)])
+def test_a_leader_that_comes_towards_the_jaws_is_not_missed(early_mm: float) -> None:
+    """In a tick the two come nearer by more than the jaws align in one."""
+    follower = following(aligned=False)
+    began = 0.9 + early_mm / TRAVEL_MM
+    phases: list[str] = []
+    errors: list[float] = []
+
+    def note() -> None:
+        status = follower.status()
+        phases.append(status["phase"])
+        errors.append(status["openness"] - follower.world.openness)
+
+    follower.lead(lambda t: began - 0.86 * t, 0.4, each=note)  # 75 mm/s
+    met = next(at for at, error in enumerate(errors) if error < 0.0)
+    assert phases[met + 3 :] == ["following"] * len(phases[met + 3 :])
+    assert len(phases) - met > 10
+    commands = [command for _, command in follower.world.commands_since(0.0)]
+    steps = [abs(b.position_rad - a.position_rad) for a, b in pairwise(commands)]
+    assert max(steps) <= FASTEST_RAD_S * PERIOD_S + CODE_RAD
 
 
 def test_it_waits_for_the_first_frame_holding_where_it_is() -> None:
