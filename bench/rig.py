@@ -10,11 +10,11 @@ from dataclasses import replace
 from litegripd.app.machine import Machine
 from litegripd.control.detectors import StallDetector
 from litegripd.control.holds import Grip, GripSettings, Idle
-from litegripd.control.limiter import DEFAULT_GAINS, Gains
+from litegripd.control.limiter import DEFAULT_GAINS
 from litegripd.control.motions.base import Action, Enable, PlainAction, Step
 from litegripd.control.motions.grasp import Grasp, GraspRequest
 from litegripd.control.motions.move import Ramp
-from litegripd.model.calibration import Calibration
+from litegripd.model.calibration import NOMINAL, Calibration
 from litegripd.model.gripper import DM4310, Geometry, GripperId
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import CanFrame, EnableMotor, MotorPhase, MotorView
@@ -26,6 +26,7 @@ PERIOD_S = 0.005
 FRAME_TIME_S = 130e-6
 OWNER = Owner(client=1, pid=1, uid=1, program="grasps")
 DEFAULTS = MotionConfig()
+TRAVEL_MM = NOMINAL[0].travel_mm
 
 
 class Rig:
@@ -117,7 +118,6 @@ def ours(
     geometry: Geometry,
     request: GraspRequest,
     config: MotionConfig = DEFAULTS,
-    gains: Gains = DEFAULT_GAINS,
     period_s: float = PERIOD_S,
 ) -> Action:
     """Return a grasp as the daemon does it."""
@@ -125,7 +125,6 @@ def ours(
         request,
         geometry=geometry,
         config=config,
-        gains=gains,
         period_s=period_s,
         motor_type=DM4310,
     )

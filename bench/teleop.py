@@ -21,13 +21,14 @@ from pathlib import Path
 from typing import Any
 
 from bench.__main__ import call, enable, run_module, wait_for
+from bench.rig import TRAVEL_MM
 from bench.teleop_follow import SETTLE_S, WAYS, Motion, follow
 from litegripd.model.gripper import Geometry
 
 SWINGS = ((4.0, 60.0), (2.0, 60.0), (1.0, 60.0))
 """Seconds and millimetres of one to and fro."""
 OBJECT_MM = 50.0
-HAND = ("2.5", "30", "90")
+HAND = ("2.5", "14", "74")
 HEADER = f"{'':<24}{'lag ms':>8}{'rms mm':>8}{'worst mm':>10}{'peak N·m':>10}"
 _SAME_RAD = 1e-9
 
@@ -38,14 +39,16 @@ def swing(period_s: float, swing_mm: float) -> Motion:
     def motion(at_s: float) -> float:
         moving_s = max(at_s - SETTLE_S, 0.0)
         share = min(moving_s / period_s, 1.0)
-        return 0.5 + share * swing_mm / 240.0 * math.sin(2.0 * math.pi * moving_s / period_s)
+        return 0.5 + share * swing_mm / (2.0 * TRAVEL_MM) * math.sin(
+            2.0 * math.pi * moving_s / period_s
+        )
 
     return motion
 
 
 def onto_an_object(at_s: float) -> float:
     """Close at 100 mm/s to 20 mm below what is in the way, and stay."""
-    return max(0.6 - max(at_s - SETTLE_S, 0.0) * 100.0 / 120.0, (OBJECT_MM - 20.0) / 120.0)
+    return max(0.83 - max(at_s - SETTLE_S, 0.0) * 100.0 / TRAVEL_MM, (OBJECT_MM - 20.0) / TRAVEL_MM)
 
 
 def simulated() -> None:

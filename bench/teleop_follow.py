@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from bench.rig import DEFAULTS, PERIOD_S, Rig
+from bench.rig import DEFAULTS, PERIOD_S, TRAVEL_MM, Rig
 from litegripd.control.limiter import DEFAULT_GAINS
 from litegripd.control.motions.base import Action, PlainAction, Step
 from litegripd.model.gripper import Geometry
@@ -130,7 +130,7 @@ class Tracking:
 
 def follow(way: Way, motion: Motion, duration_s: float, object_mm: float | None = None) -> Tracking:
     """Follow a motion in virtual time."""
-    rig = Rig("normal", motion(0.0) * 120.0)
+    rig = Rig("normal", motion(0.0) * TRAVEL_MM)
     rig.looks = 4
     if object_mm is not None:
         rig.gripper.put_object(width_mm=object_mm, stiffness_nm_rad=250.0)

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from bench.rig import PERIOD_S, Rig
+from bench.rig import PERIOD_S, TRAVEL_MM, Rig
 from bench.teleop import swing
 from bench.teleop_follow import (
     ON_ITS_WAY_S,
@@ -98,7 +98,7 @@ class Moment:
 
 def follow(way: Way, network: Network, duration_s: float) -> list[Moment]:
     """Follow in virtual time; the first swing is not looked at."""
-    rig = Rig("normal", SWING(0.0) * 120.0)
+    rig = Rig("normal", SWING(0.0) * TRAVEL_MM)
     rig.looks = 4
     rig.run(0.5)
     began_s = rig.now_s + 1.0

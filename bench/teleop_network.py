@@ -23,10 +23,11 @@ from itertools import pairwise
 from pathlib import Path
 
 from bench.__main__ import run_module
+from bench.rig import TRAVEL_MM
+from litegripd.model.calibration import NOMINAL
 from tests.process.teleop_pair import LossyProxy, Samples, free_port, gripper, until
 
-TRAVEL_MM = 1.605 * 74.8
-MM_RAD = 74.8
+MM_RAD = NOMINAL[0].rad_to_mm
 CUT_S = 11.25
 """Half a swing of the hand more than whole ones: cut while the leader is open, mended while it is
 closed."""
@@ -127,7 +128,7 @@ def after_cut(leader: Course, rows: list[Row], cut_s: float, mended_s: float) ->
 
 
 def daemons_rows(samples: Samples) -> list[Row]:
-    closed_rad = 0.114
+    closed_rad = NOMINAL[0].closed_rad
     return [
         (row[4], row[3] * TRAVEL_MM, (closed_rad - row[2]) * MM_RAD, row[5])
         for row in samples.rows

@@ -14,6 +14,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from bench.rig import TRAVEL_MM
 from litegripd.trajectories.replay import Replay
 from tests.process.daemon_process import Client, daemon
 from tests.trajectories import Point, sampled, swing, uploaded
@@ -58,7 +59,7 @@ def _follow(points: list[Point], torque_nm: float) -> None:
             true_mm = geometry.opening_mm(world.gripper.position_rad)
             errors.append(abs(true_mm / geometry.travel_mm - wanted))
     rates = [abs(b[1] - a[1]) / (b[0] - a[0]) for a, b in pairwise(points)]
-    fastest_mm_s = 120.0 * max(rates)
+    fastest_mm_s = TRAVEL_MM * max(rates)
     middle, worst = statistics.median(errors) * 100.0, max(errors) * 100.0
     print(f"| {fastest_mm_s:.0f} | {middle:.2f} | {worst:.2f} | {torque_nm:g} |")
 
