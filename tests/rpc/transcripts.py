@@ -17,7 +17,7 @@ from litegripd.model.state import Restarted
 from tests.trajectories import lgt, pieces
 from tests.world import Client, World
 
-TAUGHT_THEN = {
+TAUGHT_THEN: dict[str, Any] = {
     "closed_rad": SUPERSEDED[0].closed_rad,
     "open_rad": SUPERSEDED[0].open_rad,
     "rad_to_mm": SUPERSEDED[0].rad_to_mm,
