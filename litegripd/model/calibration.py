@@ -113,8 +113,9 @@ class Calibration:
 
     @property
     def nominal(self) -> bool:
-        """True if its figures are a template's, which were measured on no gripper."""
-        return self.geometry in NOMINAL + SUPERSEDED
+        """True if its limits are a template's, which were measured on no gripper."""
+        limits = (self.geometry.closed_rad, self.geometry.open_rad)
+        return limits in ((other.closed_rad, other.open_rad) for other in NOMINAL + SUPERSEDED)
 
     @property
     def work_opening_mm(self) -> float | None:
@@ -133,7 +134,12 @@ class Calibration:
         return Calibration(self.geometry, work_stroke_mm=self.work_stroke_mm)
 
     def rescaled(self, stroke_mm: float) -> "Calibration":
-        """Return this calibration for jaws that open `stroke_mm`; the limits stay."""
+        """Return this calibration for jaws that open `stroke_mm`; the limits stay.
+
+        Raises `ValueError` for a stroke that no gripper has.
+        """
+        if stroke_mm <= 0.0:
+            raise ValueError(f"the stroke is {stroke_mm:g} mm, it must be above 0")
         geometry = replace(
             self.geometry, rad_to_mm=(stroke_mm + SPAN_INSET_MM) / self.geometry.travel_rad
         )
