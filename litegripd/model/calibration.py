@@ -74,11 +74,11 @@ SUPERSEDED = (
     Geometry(-1.491, 0.114, 74.8),
 )
 """Those of earlier versions, on 120 mm; files on users' disks have them."""
-NOMINAL_TRAVEL = (0.7, 1.3)
-"""The range of a travel as a share of the nominal one. Grippers of 1.31 to 1.84 rad were seen."""
+SEEN_TRAVEL_RAD = (1.27, 1.9)
+"""The travels that a gripper of the family may have; 1.314 to 1.840 rad were seen."""
 PLAUSIBLE_TRAVEL = (0.8, 1.25)
-"""The same for a travel that was measured before. Outside it something was between the jaws, or a
-stop was not one."""
+"""The range of a travel as a share of one that was measured before. Outside it something was
+between the jaws, or a stop was not one."""
 
 SCALE_TOLERANCE = 0.15
 """By how much the travel in mm may differ from the configured stroke."""
@@ -216,7 +216,9 @@ def measured(
 
 def plausible_travel_rad(before: Calibration) -> tuple[float, float]:
     """Return the travels (rad) that another measurement of this gripper may find."""
-    low, high = NOMINAL_TRAVEL if before.nominal else PLAUSIBLE_TRAVEL
+    if before.nominal:
+        return SEEN_TRAVEL_RAD
+    low, high = PLAUSIBLE_TRAVEL
     return low * before.geometry.travel_rad, high * before.geometry.travel_rad
 
 

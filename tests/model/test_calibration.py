@@ -403,8 +403,12 @@ def test_units_that_were_seen_are_plausible_after_a_template(
 ) -> None:
     low_rad, high_rad = plausible_travel_rad(Calibration(geometry))
     assert low_rad < travel_rad < high_rad
-    shares = (low_rad / geometry.travel_rad, high_rad / geometry.travel_rad)
-    assert shares == pytest.approx((0.7, 1.3))
+
+
+def test_after_a_template_an_object_between_the_jaws_is_no_closed_stop() -> None:
+    object_mm, travel_rad = 24.0, NOMINAL[0].travel_rad
+    low_rad, _ = plausible_travel_rad(Calibration(NOMINAL[0]))
+    assert travel_rad * (1.0 - object_mm / SPAN_MM) < low_rad
 
 
 def test_after_a_measurement_less_is_plausible() -> None:
