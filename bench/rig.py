@@ -28,6 +28,7 @@ PERIOD_S = 0.005
 FRAME_TIME_S = 130e-6
 OWNER = Owner(client=1, pid=1, uid=1, program="grasps")
 DEFAULTS = MotionConfig()
+TRAVEL_MM = NOMINAL[0].travel_mm
 
 
 class Rig:

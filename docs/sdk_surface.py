@@ -66,7 +66,8 @@ FIELDS: dict[Any, list[str]] = {
 """),
     GripperConfig: _names("""
     can_channel can_id mst_id canfd_mode motor_type calibrated pos_closed_rad pos_open_rad
-    rad_to_mm kp kd close_sign max_stroke_mm nm_to_n grasp_torque_threshold mount
+    rad_to_mm kp kd close_sign max_stroke_mm work_stroke_mm nm_to_n grasp_torque_threshold
+    mount
 """),
     Trajectory: _names("""
     duration openness_at samples save load

@@ -74,13 +74,14 @@ class ManualCalibration:
         """Take the present position as the open limit; return it, in rad."""
         return complete(self._core.mark_open())
 
-    def finish(self, save: bool = True) -> CalibrationData:
+    def finish(self, save: bool = True, *, stroke_mm: float | None = None) -> CalibrationData:
         """Use the calibration that the two marks make, and save it unless `save` is false.
 
-        It is saved as `LiteGrip.zero` does. Raises `CommandError` while a mark is missing or the
-        two cannot be right (then mark again), and when it could not be saved.
+        It is saved as `LiteGrip.zero` does, and `stroke_mm` is as there. Raises `CommandError`
+        while a mark is missing or the two cannot be right (then mark again), and when it could not
+        be saved.
         """
-        return complete(self._core.finish(save))
+        return complete(self._core.finish(save, stroke_mm=stroke_mm))
 
     def __enter__(self) -> ManualCalibration:
         complete(self._core.__aenter__())
@@ -218,14 +219,16 @@ class GripperActions:
     ) -> MoveResult:
         """Open the jaws to the mechanical stop, at `speed_mm_s` or `motion_config`'s.
 
-        A success is `ok` and `stalled`: pressed onto the stop. Raises as `GripperActions` does.
+        A success is `ok` and `stalled`: pressed onto the stop. If the calibration has a
+        `work_stroke_mm`, they move to that opening instead, and a success is `reached` and not
+        `stalled`. Raises as `GripperActions` does.
         """
         return complete(self._core.open(speed_mm_s, progress=progress))
 
     def close(
         self, speed_mm_s: float | None = None, *, progress: ProgressCallback | None = None
     ) -> MoveResult:
-        """Close the jaws to the mechanical stop; everything as for `open`."""
+        """Close the jaws to the mechanical stop; everything as for `open` onto the stop."""
         return complete(self._core.close(speed_mm_s, progress=progress))
 
     def grasp(
@@ -242,9 +245,10 @@ class GripperActions:
     ) -> GraspResult:
         """Close until an object stops the jaws, then hold it with `force_n`.
 
-        `force_n`: 0.5 to 30 N, `motion_config.force_n` by default; approximate. `hold_s`: seconds
-        until this returns; with 0 it does not return by itself while the object is held, and
-        an interrupt ends the waiting. The jaws then continue to hold with the same force, until
+        `force_n`: 0.5 to 40 N, `motion_config.force_n` by default; approximate. For continuous
+        work the vendor recommends 20 N: `health` says how long the coil bears more. `hold_s`:
+        seconds until this returns; with 0 it does not return by itself while the object is held,
+        and an interrupt ends the waiting. The jaws then continue to hold with the same force, until
         the next command or until the motor is disabled (`disconnect` disables it).
         With `until` "verdict" it returns as soon as it has detected an object or none, and
         `hold_s` must be left out.
@@ -340,7 +344,7 @@ class GripperActions:
         return complete(self._core.move_at_speed(target_mm, speed_mm_s, kp, kd, progress=progress))
 
     def set_force(self, force_n: float, duration: float = 0.3) -> bool:
-        """Squeeze with `force_n`, 0.5 to 30 N, ramped; return after `duration` seconds.
+        """Squeeze with `force_n`, 0.5 to 40 N, ramped; return after `duration` seconds.
 
         `duration` is 0 to 86 400 (a day). The force stays until the next motion. True if the jaws
         still hold then.
@@ -666,7 +670,11 @@ class GripperActions:
 
     @property
     def config(self) -> GripperConfig:
-        """Return limits, gains and ids as the daemon has them now; not to be changed from here."""
+        """Return limits, gains and ids as the daemon has them now; not to be changed from here.
+
+        Only `max_stroke_mm`, how far the jaws open, may be assigned: this object's `zero`,
+        `calibrate` and `manual_calibration` then use it.
+        """
         return complete(self._core.config())
 
     def load_calibration(
@@ -712,18 +720,34 @@ class GripperActions:
         """
         return complete(self._core.save_calibration(path))
 
+    def rescale_calibration(self, stroke_mm: float | None = None) -> CalibrationData:
+        """Correct the millimetres of the calibration in use: the jaws open `stroke_mm`.
+
+        That is what a caliper measures; `config.max_stroke_mm` by default. `rad_to_mm` follows, the
+        limits stay, and nothing moves. `save_calibration` saves it.
+        """
+        return complete(self._core.rescale_calibration(stroke_mm))
+
     def zero(
-        self, *, mount: str | None = None, progress: ProgressCallback | None = None
+        self,
+        *,
+        mount: str | None = None,
+        stroke_mm: float | None = None,
+        progress: ProgressCallback | None = None,
     ) -> CalibrationData:
         """Measure the travel by probing both stops, use it and save it.
 
         Keep hands and objects out of the jaws. The calibration in use, or `mount`,
-        determines which stop is the closed one. The probe uses `motion_config.calib_*`. The
-        daemon saves the result; this program saves it too if LITEGRIP_CALIB names a file. Prints
-        its progress, unless `progress` is given. Raises `HardwareError` when no plausible travel
-        was found, `CommandError` when it was not saved, and the errors of `GripperActions`.
+        determines which stop is the closed one. `stroke_mm` is how far the jaws open, as a caliper
+        measures it; `config.max_stroke_mm` by default. `rad_to_mm` follows from it, so if it is
+        wrong, all millimetres are: `rescale_calibration` corrects them. The probe uses
+        `motion_config.calib_*`. The daemon saves the result; this program saves it too if
+        LITEGRIP_CALIB names a file. Prints its progress, unless `progress` is given.
+
+        Raises `HardwareError` when no plausible travel was found, `CommandError` when it was not
+        saved, and the errors of `GripperActions`.
         """
-        return complete(self._core.zero(mount=mount, progress=progress))
+        return complete(self._core.zero(mount=mount, stroke_mm=stroke_mm, progress=progress))
 
     def calibrate(
         self,
@@ -736,6 +760,7 @@ class GripperActions:
         tau_limit: float | None = None,
         *,
         mount: str | None = None,
+        stroke_mm: float | None = None,
         progress: ProgressCallback | None = None,
     ) -> CalibrationData:
         """Measure the travel as `zero` does and use it, but do not save it.
@@ -753,6 +778,7 @@ class GripperActions:
                 max_iter,
                 tau_limit,
                 mount=mount,
+                stroke_mm=stroke_mm,
                 progress=progress,
             )
         )

@@ -16,6 +16,12 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
 
+class UnsetFloat(float):
+    """A default that nobody set: a number like any other, but not one to be sent."""
+
+    __slots__ = ()
+
+
 def number(name: str, value: Any) -> float:
     """Return `value` as a float; raises `CommandError` for what is no finite number."""
     try:

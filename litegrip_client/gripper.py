@@ -36,7 +36,8 @@ class LiteGrip(SdkGripper):
     belongs to this object: it changes nothing for other clients.
 
     `mst_id`, `motor_type` and `config` say what the daemon's gripper must be; `connect` raises
-    `CommandError` for another one. They change nothing. `canfd_mode` must be false: the motor
+    `CommandError` for another one. They change nothing; only `config.max_stroke_mm` is used by
+    `zero` and the other calibrations of this object. `canfd_mode` must be false: the motor
     speaks classic CAN.
 
     `GripperActions` describes all actions.
@@ -73,7 +74,7 @@ class LiteGrip(SdkGripper):
             disable_on_disconnect=disable_on_disconnect,
             expected=expected,
         )
-        super().__init__(Gripper(self._session, mount, motion_config))
+        super().__init__(Gripper(self._session, mount, motion_config, config))
 
     def __enter__(self) -> LiteGrip:
         try:

@@ -9,18 +9,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
-from litegrip_client.checks import integer, number
+from litegrip_client.checks import UnsetFloat, integer, number
 from litegrip_client.errors import CommandError
 
 
-class _Float(float):
-    """A default that nobody set: a number like any other, but not one to be sent."""
-
-    __slots__ = ()
-
-
 class _Int(int):
-    """The same for the whole numbers."""
+    """As `UnsetFloat`, for the whole numbers."""
 
     __slots__ = ()
 
@@ -48,42 +42,42 @@ class MotionConfig:
     out of its range when it is used.
     """
 
-    speed_mm_s: float = _Float(50.0)
-    grasp_speed_mm_s: float = _Float(50.0)
-    margin: float = _Float(0.05)
-    frame_interval: float = _Float(0.005)
-    sample_interval: float = _Float(0.05)
-    settle_s: float = _Float(0.3)
-    reach_tol: float = _Float(0.02)
+    speed_mm_s: float = UnsetFloat(50.0)
+    grasp_speed_mm_s: float = UnsetFloat(50.0)
+    margin: float = UnsetFloat(0.05)
+    frame_interval: float = UnsetFloat(0.005)
+    sample_interval: float = UnsetFloat(0.05)
+    settle_s: float = UnsetFloat(0.3)
+    reach_tol: float = UnsetFloat(0.02)
     stall_cycles: int = _Int(5)
-    stall_ratio: float = _Float(0.2)
-    stall_delta: float = _Float(0.0015)
-    max_lead_mm: float = _Float(4.0)
-    press_overshoot: float = _Float(0.05)
-    press_zone_mm: float = _Float(2.0)
-    stop_lead_mm: float = _Float(0.7)
-    stop_tol: float = _Float(0.02)
-    force_n: float = _Float(20.0)
-    hold_interval: float = _Float(0.2)
-    hold_kp: float = _Float(150.0)
-    hold_kd: float = _Float(2.0)
+    stall_ratio: float = UnsetFloat(0.2)
+    stall_delta: float = UnsetFloat(0.0015)
+    max_lead_mm: float = UnsetFloat(4.0)
+    press_overshoot: float = UnsetFloat(0.05)
+    press_zone_mm: float = UnsetFloat(2.0)
+    stop_lead_mm: float = UnsetFloat(0.7)
+    stop_tol: float = UnsetFloat(0.02)
+    force_n: float = UnsetFloat(20.0)
+    hold_interval: float = UnsetFloat(0.2)
+    hold_kp: float = UnsetFloat(150.0)
+    hold_kd: float = UnsetFloat(2.0)
     enable_retries: int = _Int(3)
-    enable_retry_interval: float = _Float(0.2)
-    calib_kp: float = _Float(20.0)
-    calib_kd: float = _Float(2.0)
-    calib_step_rad: float = _Float(0.05)
-    calib_tau_limit: float = _Float(2.0)
-    calib_stall_delta: float = _Float(0.0015)
+    enable_retry_interval: float = UnsetFloat(0.2)
+    calib_kp: float = UnsetFloat(20.0)
+    calib_kd: float = UnsetFloat(2.0)
+    calib_step_rad: float = UnsetFloat(0.05)
+    calib_tau_limit: float = UnsetFloat(2.0)
+    calib_stall_delta: float = UnsetFloat(0.0015)
     calib_stall_cycles: int = _Int(5)
     calib_max_iter: int = _Int(200)
     sleep_fn: Callable[[float], None] | None = field(default=time.sleep, repr=False)
     monotonic_fn: Callable[[], float] | None = field(default=time.monotonic, repr=False)
-    force_rate_n_s: float = field(default=_Float(20.0), kw_only=True)
-    stop_torque_nm: float = field(default=_Float(0.7), kw_only=True)
+    force_rate_n_s: float = field(default=UnsetFloat(20.0), kw_only=True)
+    stop_torque_nm: float = field(default=UnsetFloat(0.7), kw_only=True)
     stop_torque_cycles: int = field(default=_Int(3), kw_only=True)
-    stop_release_s: float = field(default=_Float(0.2), kw_only=True)
-    stop_speed_ratio: float = field(default=_Float(0.5), kw_only=True)
-    force_ramp_n_s: float = field(default=_Float(20.0), kw_only=True)
+    stop_release_s: float = field(default=UnsetFloat(0.2), kw_only=True)
+    stop_speed_ratio: float = field(default=UnsetFloat(0.5), kw_only=True)
+    force_ramp_n_s: float = field(default=UnsetFloat(20.0), kw_only=True)
 
     if not TYPE_CHECKING:  # with it, a type checker would allow any name
 
@@ -124,7 +118,7 @@ _READ_ONLY = {
 
 
 def _is_unset(value: object) -> bool:
-    return isinstance(value, _Float | _Int)
+    return isinstance(value, UnsetFloat | _Int)
 
 
 def _checked(name: str, value: Any) -> Any:

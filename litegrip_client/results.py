@@ -18,7 +18,10 @@ USABLE_BUS = ("up", "motor_silent")
 """States of a bus on which frames can be exchanged."""
 
 
-NEWER_FIELDS = ("clamp_n", "loss_detection", "loss_detection_from_n")
+NEWER_FIELDS = (
+    *("clamp_n", "loss_detection", "loss_detection_from_n"),
+    *("work_stroke_mm", "scale_doubt"),
+)
 """Fields that an older daemon does not send."""
 
 
@@ -55,6 +58,11 @@ class GripperState(StateNames):
     the difference; the least is 0 while the jaws search for an object that gave way.
     `loss_detection` is true if its loss would be noticed, `loss_detection_from_n` with which set
     force it would. All three are None without an object, and of a daemon that does not know them.
+
+    `work_stroke_mm` is the opening to which `open` goes, None for the open stop. `scale_doubt` says
+    why the calibration's millimetres are probably wrong: "superseded" if they are those of earlier
+    versions, which took the travel for 120 mm, "unusual" if no gripper was seen to have them; then
+    measure the jaws and call `rescale_calibration`.
     """
 
     seq: int
@@ -88,6 +96,8 @@ class GripperState(StateNames):
     limited: tuple[str, ...]
     calibrated: bool
     mount: str | None
+    work_stroke_mm: float | None
+    scale_doubt: str | None
     job: dict[str, Any] | None
     stop: dict[str, Any] | None
     stop_generation: int
@@ -102,6 +112,8 @@ class GripperState(StateNames):
         parts = [repr(self.mode)]
         parts += [f"{name}={value:{form}}" for name, value, form in figures if value is not None]
         parts += [name for name in ("stale", "is_grasped") if getattr(self, name)]
+        if self.scale_doubt is not None:
+            parts.append(f"scale_doubt={self.scale_doubt!r}")
         if self.job is not None:
             parts.append(f"job={self.job.get('kind')!r}")
         if self.stop is not None:
@@ -172,11 +184,11 @@ class MoveResult(ShortRepr):
     """How a motion ended; true if it ended as it should.
 
     For open and close that is pressed onto the mechanical stop: then `stalled` is true and
-    `reached` is not, because the target lies behind the stop. For the motions to a target it is
-    `reached` and not `stalled`. `outcome` names the end; `protected` is true if the torque guard
-    ended it, before the jaws pressed harder on what blocks them. `target_rad` is what was aimed
-    at, `limit_rad` the calibrated stop, `final_cmd_rad` the last position commanded, `steps` the
-    number of commands.
+    `reached` is not, because the target lies behind the stop. For the motions to a target, and for
+    open to a `work_stroke_mm`, it is `reached` and not `stalled`. `outcome` names the end;
+    `protected` is true if the torque guard ended it, before the jaws pressed harder on what blocks
+    them. `target_rad` is what was aimed at, `limit_rad` the calibrated stop, `final_cmd_rad` the
+    last position commanded, `steps` the number of commands.
     """
 
     ok: bool

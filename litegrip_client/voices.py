@@ -44,6 +44,10 @@ CALLS: Mapping[str, tuple[str, str]] = {
     "calibration.get": ("gripper.config", "litegripctl calibration"),
     "calibration.templates": ("list_templates()", "litegripctl calibration templates"),
     "calibration.load": ("gripper.load_calibration()", "litegripctl calibration load"),
+    "calibration.rescale": (
+        "gripper.rescale_calibration()",
+        "litegripctl calibration rescale",
+    ),
     "calibration.save": ("gripper.save_calibration()", "litegripctl calibration save"),
     "calibration.zero": ("gripper.zero()", "litegripctl zero"),
     "calibration.manual": ("gripper.manual_calibration()", "litegripctl calibration manual"),
@@ -68,6 +72,7 @@ CALLS: Mapping[str, tuple[str, str]] = {
 }
 """By method: the call of `LiteGrip` and the command that do the same; empty where there is none."""
 
+_STROKE = {"stroke_mm": ("stroke_mm", "--stroke-mm")}
 _SPEED = {"speed_mm_s": ("speed_mm_s", "--speed")}
 _TARGETS = {name: (name, f"TARGET ({name})") for name in ("opening_mm", "position_rad", "openness")}
 
@@ -97,7 +102,9 @@ ARGUMENTS: Mapping[str, Mapping[str, tuple[str, str]]] = {
     "stop": {"level": ("level", "--level"), "why": ("why", "--why")},
     "lease.take": {"why": ("why", "REASON")},
     "calibration.load": {"template": ("template", "normal|reverse")},
-    "calibration.zero": {"mount": ("mount", "--mount")},
+    "calibration.zero": {"mount": ("mount", "--mount"), **_STROKE},
+    "calibration.manual": _STROKE,
+    "calibration.rescale": _STROKE,
     "config.set": {"keep": ("keep", "--keep")},
     "recorder.dump": {"note": ("note", "--note")},
     "trajectory.record_start": {"rate_hz": ("rate_hz", "--rate")},
@@ -206,7 +213,8 @@ def _call(found: re.Match[str], voice: int) -> str:
 def _arguments(text: str, method: str | None, parameter: str | None, voice: int) -> str:
     """Name arguments in the place of parameters.
 
-    One that is a word of English, too, counts only at the beginning, where it is the subject.
+    One that is a word of English, too, counts only at the beginning, where it is the subject. A key
+    of the configuration keeps its name.
     """
     names = {**_OF_ALL, **ARGUMENTS.get(method or "", {})}
     plain = [name for name in names if "_" not in name and name == parameter]
@@ -215,5 +223,5 @@ def _arguments(text: str, method: str | None, parameter: str | None, voice: int)
         text = re.sub(rf"^{plain[0]}\b", names[plain[0]][voice], text)
     if not always:
         return text
-    pattern = rf"(?<![\w-])({'|'.join(always)})(?![\w=-])"
+    pattern = rf"(?<![\w-])({'|'.join(always)})(?![\w=-]| = | in \[)"
     return re.sub(pattern, lambda found: names[found[1]][voice], text)

@@ -7,6 +7,8 @@ import struct
 from collections.abc import Callable, Iterable
 from typing import Any, Protocol
 
+from litegripd.model.calibration import NOMINAL
+
 HEADER_BYTES = 66
 SAMPLE_BYTES = 40
 PIECE_BYTES = 8192
@@ -31,9 +33,9 @@ def lgt(
     count: int | None = None,
     sample_hz: float = 100.0,
     created_s: float = 1.7e9,
-    closed_rad: float = 0.114,
-    open_rad: float = -1.491,
-    rad_to_mm: float = 74.8,
+    closed_rad: float = NOMINAL[0].closed_rad,
+    open_rad: float = NOMINAL[0].open_rad,
+    rad_to_mm: float = NOMINAL[0].rad_to_mm,
     can_id: int = 8,
     mount: bytes = b"normal\0\0",
 ) -> bytes:

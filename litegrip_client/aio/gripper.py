@@ -483,7 +483,7 @@ class LiteGrip(Gripper):
             disable_on_disconnect=disable_on_disconnect,
             expected=expected,
         )
-        super().__init__(session, mount, motion_config)
+        super().__init__(session, mount, motion_config, config)
 
     async def __aenter__(self) -> LiteGrip:
         await self.connect()

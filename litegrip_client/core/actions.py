@@ -60,9 +60,15 @@ class GripperActions:
     the calibration prints, as in the vendor's SDK.
     """
 
-    def __init__(self, session: DaemonSession, motion_config: MotionConfig | None = None) -> None:
-        """Raise `CommandError` for what is no `MotionConfig`."""
+    def __init__(
+        self,
+        session: DaemonSession,
+        motion_config: MotionConfig | None = None,
+        config: GripperConfig | None = None,
+    ) -> None:
+        """Raise `CommandError` for what is no `MotionConfig`. `config` is the program's own."""
         self._session = session
+        self._own_config = config
         self._frames: SetpointStream | None = None
         self._kept_trajectories: Trajectories | None = None
         self._mount_due: str | None = None
@@ -175,14 +181,16 @@ class GripperActions:
     ) -> MoveResult:
         """Open the jaws to the mechanical stop, at `speed_mm_s` or `motion_config`'s.
 
-        A success is `ok` and `stalled`: pressed onto the stop. Raises as `GripperActions` does.
+        A success is `ok` and `stalled`: pressed onto the stop. If the calibration has a
+        `work_stroke_mm`, they move to that opening instead, and a success is `reached` and not
+        `stalled`. Raises as `GripperActions` does.
         """
         return await self._move("motion.open", given_numbers(speed_mm_s=speed_mm_s), progress)
 
     async def close(
         self, speed_mm_s: float | None = None, *, progress: ProgressCallback | None = None
     ) -> MoveResult:
-        """Close the jaws to the mechanical stop; everything as for `open`."""
+        """Close the jaws to the mechanical stop; everything as for `open` onto the stop."""
         return await self._move("motion.close", given_numbers(speed_mm_s=speed_mm_s), progress)
 
     async def grasp(
@@ -199,9 +207,10 @@ class GripperActions:
     ) -> GraspResult:
         """Close until an object stops the jaws, then hold it with `force_n`.
 
-        `force_n`: 0.5 to 30 N, `motion_config.force_n` by default; approximate. `hold_s`: seconds
-        until this returns; with 0 it does not return by itself while the object is held, and
-        an interrupt ends the waiting. The jaws then continue to hold with the same force, until
+        `force_n`: 0.5 to 40 N, `motion_config.force_n` by default; approximate. For continuous
+        work the vendor recommends 20 N: `health` says how long the coil bears more. `hold_s`:
+        seconds until this returns; with 0 it does not return by itself while the object is held,
+        and an interrupt ends the waiting. The jaws then continue to hold with the same force, until
         the next command or until the motor is disabled (`disconnect` disables it).
         With `until` "verdict" it returns as soon as it has detected an object or none, and
         `hold_s` must be left out.
@@ -299,7 +308,7 @@ class GripperActions:
         return await self._move("motion.move", target, progress)
 
     async def set_force(self, force_n: float, duration: float = 0.3) -> bool:
-        """Squeeze with `force_n`, 0.5 to 30 N, ramped; return after `duration` seconds.
+        """Squeeze with `force_n`, 0.5 to 40 N, ramped; return after `duration` seconds.
 
         `duration` is 0 to 86 400 (a day). The force stays until the next motion. True if the jaws
         still hold then.
@@ -698,10 +707,17 @@ class GripperActions:
     # Every action raises `BusyError` while a motion runs.
 
     async def config(self) -> GripperConfig:
-        """Return limits, gains and ids as the daemon has them now; not to be changed from here."""
+        """Return limits, gains and ids as the daemon has them now; not to be changed from here.
+
+        Only `max_stroke_mm`, how far the jaws open, may be assigned: this object's `zero`,
+        `calibrate` and `manual_calibration` then use it.
+        """
         from litegrip_client.calibration import GripperConfig  # noqa: PLC0415 - see above
 
-        return GripperConfig.from_wire(await self._session.wire.call("info.get"))
+        info = await self._session.wire.call("info.get")
+        if self._own_config is None:
+            self._own_config = GripperConfig()
+        return GripperConfig.from_wire(info, self._own_config)
 
     async def load_calibration(
         self, path: str | os.PathLike[str] | None = None, template: str | None = None
@@ -755,26 +771,45 @@ class GripperActions:
 
         return await calibrations.save_calibration(self._session, path)
 
+    async def rescale_calibration(self, stroke_mm: float | None = None) -> CalibrationData:
+        """Correct the millimetres of the calibration in use: the jaws open `stroke_mm`.
+
+        That is what a caliper measures; `config.max_stroke_mm` by default. `rad_to_mm` follows, the
+        limits stay, and nothing moves. `save_calibration` saves it.
+        """
+        from litegrip_client.calibration import CalibrationData  # noqa: PLC0415 - see above
+        from litegrip_client.core import calibrations  # noqa: PLC0415
+
+        view = await self._command("calibration.rescale", self._stroke(stroke_mm))
+        calibrations.warn_of_scale(view)
+        return CalibrationData.from_content(view["content"])
+
     async def zero(
         self,
         *,
         mount: str | None = None,
+        stroke_mm: float | None = None,
         progress: ProgressCallback | None = None,
     ) -> CalibrationData:
         """Measure the travel by probing both stops, use it and save it.
 
         Keep hands and objects out of the jaws. The calibration in use, or `mount`,
-        determines which stop is the closed one. The probe uses `motion_config.calib_*`. The
-        daemon saves the result; this program saves it too if LITEGRIP_CALIB names a file. Prints
-        its progress, unless `progress` is given. Raises `HardwareError` when no plausible travel
-        was found, `CommandError` when it was not saved, and the errors of `GripperActions`.
+        determines which stop is the closed one. `stroke_mm` is how far the jaws open, as a caliper
+        measures it; `config.max_stroke_mm` by default. `rad_to_mm` follows from it, so if it is
+        wrong, all millimetres are: `rescale_calibration` corrects them. The probe uses
+        `motion_config.calib_*`. The daemon saves the result; this program saves it too if
+        LITEGRIP_CALIB names a file. Prints its progress, unless `progress` is given.
+
+        Raises `HardwareError` when no plausible travel was found, `CommandError` when it was not
+        saved, and the errors of `GripperActions`.
         """
         from litegrip_client import calibration_files as files  # noqa: PLC0415 - see above
 
         target = files.environment_path()
         if target is not None:
             files.check_writable(target)
-        data = await self._probe(self._configured({"save": True}), mount, progress)
+        params = self._configured({"save": True, **self._stroke(stroke_mm)})
+        data = await self._probe(params, mount, progress)
         if target is not None:
             await self.save_calibration(target)
         return data
@@ -790,6 +825,7 @@ class GripperActions:
         tau_limit: float | None = None,
         *,
         mount: str | None = None,
+        stroke_mm: float | None = None,
         progress: ProgressCallback | None = None,
     ) -> CalibrationData:
         """Measure the travel as `zero` does and use it, but do not save it.
@@ -807,7 +843,7 @@ class GripperActions:
         for name, value in (("calib_stall_cycles", stall_cycles), ("calib_max_iter", max_iter)):
             if value is not None:
                 config[name] = integer(name, value)
-        params: dict[str, Any] = {"save": False}
+        params: dict[str, Any] = {"save": False, **self._stroke(stroke_mm)}
         if config:
             params["config"] = config
         return await self._probe(params, mount, progress)
@@ -819,7 +855,13 @@ class GripperActions:
         """
         from litegrip_client.core.calibrations import ManualCalibration  # noqa: PLC0415 - see above
 
-        return ManualCalibration(self._session, self._end_frames)
+        return ManualCalibration(self._session, self._end_frames, self._stroke)
+
+    def _stroke(self, stroke_mm: float | None) -> dict[str, float]:
+        """Return the parameter for how far the jaws open; empty leaves it to the daemon."""
+        if stroke_mm is None and self._own_config is not None:
+            stroke_mm = self._own_config.assigned_stroke_mm
+        return given_numbers(stroke_mm=stroke_mm)
 
     async def _probe(
         self, params: dict[str, Any], mount: str | None, progress: ProgressCallback | None

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from typing import Any
 
 from litegrip_client import calibration_files as files
@@ -57,7 +57,16 @@ async def use(command: Command, data: CalibrationData) -> bool:
 
 async def _load(command: Command, params: dict[str, Any]) -> bool:
     answer = await command("calibration.load", params, ACTION_TIMEOUT_S)
+    warn_of_scale(answer)
     return answer["loaded"] is True
+
+
+def warn_of_scale(view: Mapping[str, Any]) -> None:
+    """Log why the millimetres of a calibration are probably wrong, if they are."""
+    if view.get("scale_warning"):
+        from litegrip_client.voices import in_python  # noqa: PLC0415 - seldom needed
+
+        warn(in_python(str(view["scale_warning"])))
 
 
 async def _load_found(session: DaemonSession, command: Command) -> bool:
@@ -68,6 +77,7 @@ async def _load_found(session: DaemonSession, command: Command) -> bool:
             return True
         raise
     if answer["loaded"] is True and answer["factory"] is not True:
+        warn_of_scale(answer)
         return True
     for reason in answer["skipped"]:
         warn(f"the daemon passed over: {reason}")
@@ -105,10 +115,12 @@ class ManualCalibration:
         self,
         session: DaemonSession,
         before: Callable[[], Awaitable[None]],
+        stroke: Callable[[float | None], dict[str, float]],
     ) -> None:
-        """`before` is awaited before it begins."""
+        """`before` is awaited before it begins; `stroke` makes a parameter of a stroke."""
         self._session = session
         self._before = before
+        self._stroke = stroke
         self._running = False
 
     async def mark_closed(self) -> float:
@@ -119,16 +131,17 @@ class ManualCalibration:
         """Take the present position as the open limit; return it, in rad."""
         return float((await self._step("open"))["open_rad"])
 
-    async def finish(self, save: bool = True) -> CalibrationData:
+    async def finish(self, save: bool = True, *, stroke_mm: float | None = None) -> CalibrationData:
         """Use the calibration that the two marks make, and save it unless `save` is false.
 
-        It is saved as `LiteGrip.zero` does. Raises `CommandError` while a mark is missing or the
-        two cannot be right (then mark again), and when it could not be saved.
+        It is saved as `LiteGrip.zero` does, and `stroke_mm` is as there. Raises `CommandError`
+        while a mark is missing or the two cannot be right (then mark again), and when it could not
+        be saved.
         """
         target = files.environment_path() if save else None
         if target is not None:
             files.check_writable(target)
-        result = await self._step("finish", save=save)
+        result = await self._step("finish", save=save, **self._stroke(stroke_mm))
         self._running = False
         data = CalibrationData.from_result(result)
         if target is not None:
@@ -195,11 +208,15 @@ class ProbePrinter:
         self._reports += 1
 
     def end(self, data: CalibrationData, path: str | None) -> None:
-        """Print what was measured, and where the daemon saved it."""
+        """Print what was measured, with which stroke, and where the daemon saved it."""
         saved = "not saved" if path is None else f"saved by the daemon to {path}"
         _print(
             f"closed {data.zero_position_rad:+.4f} rad, open {data.max_position_rad:+.4f} rad, "
             f"travel {data.travel_range_rad:.4f} rad, {data.rad_to_mm:.2f} mm/rad; {saved}"
+        )
+        _print(
+            f"taken: the jaws open {data.stroke_mm:.5g} mm (config.max_stroke_mm). If a caliper"
+            " says otherwise: gripper.rescale_calibration(MM), then gripper.save_calibration()"
         )
 
 

@@ -17,6 +17,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: what is seldom needed takes its time to import
     from typing import Any
 
+    from litegrip_client.calibration import GripperConfig
     from litegrip_client.core.session import Wire
     from litegrip_client.motion_config import MotionConfig
 
@@ -25,10 +26,14 @@ class Gripper(GripperActions):
     """The actions, the connection, the lease, the stop, and what can be asked."""
 
     def __init__(
-        self, session: DaemonSession, mount: str | None, motion_config: MotionConfig | None
+        self,
+        session: DaemonSession,
+        mount: str | None,
+        motion_config: MotionConfig | None,
+        config: GripperConfig | None = None,
     ) -> None:
         """Raise `CommandError` for what cannot be a mount or a `MotionConfig`."""
-        super().__init__(session, motion_config)
+        super().__init__(session, motion_config, config)
         session.connects_first(self.connect)
         self._template: str | None = None
         if mount is not None:

@@ -116,7 +116,7 @@ def _look(scene: Scene, connection: Connection) -> None:
 
 _BAR_WIDTH = 40
 _STYLES = {"ok": "bold green", "degraded": "bold yellow", "down": "bold red"}
-_ALARMING = {"stop", "age"}
+_ALARMING = {"SCALE", "stop", "age"}
 
 
 def picture(scene: Scene, name: str, for_gripper: Callable[[str], str] = str) -> RenderableType:
@@ -233,14 +233,14 @@ def show(scenes: Iterable[Scene], name: str, for_gripper: Callable[[str], str]) 
     keyboard = _Keyboard()
     with (
         Live(console=Console(), screen=True, auto_refresh=False) as live,
-        _giving_back(live, keyboard),
+        _giving_back(live, keyboard) as interruptions,
     ):
         for scene in scenes:
             if keyboard.is_q_pressed():
                 return
             now_s = time.monotonic()
             if now_s - shown_s >= _SHORTEST_S:
-                with undisturbed():
+                with interruptions.writing():
                     live.update(picture(scene, name, for_gripper), refresh=True)
                 shown_s = now_s
 
@@ -277,35 +277,58 @@ class _Keyboard:
         return False
 
 
-_GIVES_BACK = (signal.SIGTERM, signal.SIGTSTP)
+class Interruptions:
+    """Handlers of signals that never run while the terminal is being written to.
+
+    They write to it as well, and a write in a write raises.
+    """
+
+    def __init__(self) -> None:
+        self._writes = False
+        self._due: list[Callable[[], None]] = []
+
+    def handler(self, act: Callable[[], None]) -> Callable[..., None]:
+        """Return a handler that acts at once, or after the present `writing`."""
+
+        def handle(*_: object) -> None:
+            if self._writes:
+                self._due.append(act)
+            else:
+                act()
+
+        return handle
+
+    @contextlib.contextmanager
+    def writing(self) -> Iterator[None]:
+        """Let what interrupts wait until the end of the block."""
+        self._writes = True
+        try:
+            yield
+        finally:
+            self._writes = False
+            while self._due:
+                self._due.pop(0)()
 
 
 @contextlib.contextmanager
-def undisturbed() -> Iterator[None]:
-    """Hold back the signals whose handlers write to the terminal, which is being written to."""
-    signal.pthread_sigmask(signal.SIG_BLOCK, _GIVES_BACK)
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, _GIVES_BACK)
-
-
-@contextlib.contextmanager
-def _giving_back(live: Live, keyboard: _Keyboard) -> Iterator[None]:
+def _giving_back(live: Live, keyboard: _Keyboard) -> Iterator[Interruptions]:
     """Give the terminal back on SIGTERM, and while Ctrl-Z stops this program."""
+    interruptions = Interruptions()
 
-    def pause(*_: object) -> None:
+    def pause() -> None:
         live.stop()
         keyboard.stop()
         os.kill(os.getpid(), signal.SIGSTOP)
         keyboard.start()
         live.start(refresh=True)
 
-    handlers = {signal.SIGTERM: lambda *_: sys.exit(_TERMINATED), signal.SIGTSTP: pause}
-    before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
+    acts = {signal.SIGTERM: lambda: sys.exit(_TERMINATED), signal.SIGTSTP: pause}
+    before = {
+        number: signal.signal(number, interruptions.handler(act)) for number, act in acts.items()
+    }
     keyboard.start()
     try:
-        yield
+        yield interruptions
     finally:
         keyboard.stop()
         for number, handler in before.items():

@@ -6,7 +6,9 @@ know single commands.
 
 from __future__ import annotations
 
+import contextlib
 import json
+import math
 import shlex
 import sys
 from argparse import Namespace
@@ -148,6 +150,26 @@ def ask(question: str) -> str | None:
         say("")
         return None
     return line.strip().lower()
+
+
+def ask_stroke(configured_mm: float) -> float | None:
+    """Return how far the jaws open, as a person measured it; None for what is configured.
+
+    Raises `EOFError` at the end of input.
+    """
+    question = f"how far do the jaws open, by a caliper, in mm? [{configured_mm:g}]"
+    again = ""
+    while True:
+        answer = ask(f"{again}{question}")
+        if answer is None:
+            raise EOFError
+        if not answer:
+            return None
+        with contextlib.suppress(ValueError):
+            stroke_mm = float(answer.removesuffix("mm"))
+            if 0.0 < stroke_mm < math.inf:
+                return stroke_mm
+        again = "please answer a number above 0, or press Enter: "
 
 
 def confirm(question: str) -> bool:

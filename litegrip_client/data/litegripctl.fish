@@ -50,8 +50,8 @@ function _shtab_litegripctl_using
   test "$_shtab_litegripctl_cmdpath" = "$argv"
 end
 
-set -g _shtab_litegripctl_commands state watch events enable disable clear-fault open close grasp release move force slack hold teleop 'teleop master' 'teleop slave' 'teleop status' 'teleop stop' stop clear clients lease 'lease show' 'lease take' jobs job cancel zero calibration 'calibration show' 'calibration templates' 'calibration load' 'calibration save' 'calibration manual' config 'config get' 'config set' register record play trajectories 'trajectories list' 'trajectories get' 'trajectories put' 'trajectories delete' 'trajectories keep' 'trajectories export' dump plot doctor health metrics fleet restart install-units info sim 'sim show' 'sim object' 'sim push' 'sim hold' 'sim fault' 'sim heat' 'sim reset' completion discover
-set -g _shtab_litegripctl_opts_with_value --as --by --can --channel --config --count --duration --force --force-limit --grip-id --hold --host --hz --kind --last --level --link --mount --note --output --port --rate --reflect-force --reflect-gain --repeat --retries --root --seconds --slip --socket --speed --stiffness --tolerance --torque-limit --watchdog --why --width -c -o
+set -g _shtab_litegripctl_commands state watch events enable disable clear-fault open close grasp release move force slack hold teleop 'teleop master' 'teleop slave' 'teleop status' 'teleop stop' stop clear clients lease 'lease show' 'lease take' jobs job cancel zero calibration 'calibration show' 'calibration templates' 'calibration load' 'calibration save' 'calibration manual' 'calibration rescale' config 'config get' 'config set' register record play trajectories 'trajectories list' 'trajectories get' 'trajectories put' 'trajectories delete' 'trajectories keep' 'trajectories export' dump plot doctor health metrics fleet restart install-units info sim 'sim show' 'sim object' 'sim push' 'sim hold' 'sim fault' 'sim heat' 'sim reset' completion discover
+set -g _shtab_litegripctl_opts_with_value --as --by --can --channel --config --count --duration --force --force-limit --grip-id --hold --host --hz --kind --last --level --link --mount --note --output --port --rate --reflect-force --reflect-gain --repeat --retries --root --seconds --slip --socket --speed --stiffness --stroke-mm --tolerance --torque-limit --watchdog --why --width -c -o
 
 complete -c litegripctl -e
 complete -c litegripctl -f
@@ -116,7 +116,7 @@ complete -c litegripctl -n '_shtab_litegripctl_using grasp' -s h -l help -d 'sho
 complete -c litegripctl -n '_shtab_litegripctl_using grasp' -s c -l channel -xka "(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)" -d 'the daemon'"'"'s channel (default: $LITEGRIP_CHANNEL, else can0)'
 complete -c litegripctl -n '_shtab_litegripctl_using grasp' -l socket -xka "(__fish_complete_path (commandline -ct))" -d 'the daemon'"'"'s socket'
 complete -c litegripctl -n '_shtab_litegripctl_using grasp' -l json -d 'print results and errors as JSON'
-complete -c litegripctl -n '_shtab_litegripctl_using grasp' -l force -x -d 'in newtons, 0.5 to 30 (default: the daemon'"'"'s)'
+complete -c litegripctl -n '_shtab_litegripctl_using grasp' -l force -x -d 'in newtons, 0.5 to 40 (default: the daemon'"'"'s)'
 complete -c litegripctl -n '_shtab_litegripctl_using grasp' -l speed -x -d 'in mm/s (default: the daemon'"'"'s)'
 complete -c litegripctl -n '_shtab_litegripctl_using grasp' -l width -x -d 'how wide the object must be, in mm; give both'
 complete -c litegripctl -n '_shtab_litegripctl_using grasp' -l tolerance -x -d 'how far the width may be off, in mm; give both'
@@ -250,6 +250,7 @@ complete -c litegripctl -n '_shtab_litegripctl_using zero' -s c -l channel -xka 
 complete -c litegripctl -n '_shtab_litegripctl_using zero' -l socket -xka "(__fish_complete_path (commandline -ct))" -d 'the daemon'"'"'s socket'
 complete -c litegripctl -n '_shtab_litegripctl_using zero' -l json -d 'print results and errors as JSON'
 complete -c litegripctl -n '_shtab_litegripctl_using zero' -l mount -xka "normal reverse" -d 'which way the jaws close (default: as in the calibration in use)'
+complete -c litegripctl -n '_shtab_litegripctl_using zero' -l stroke-mm -x -d 'how far the jaws open, as a caliper measures it (default: as configured)'
 complete -c litegripctl -n '_shtab_litegripctl_using zero' -l no-save -d 'use what was found, but do not store it'
 complete -c litegripctl -n '_shtab_litegripctl_using zero' -s y -l yes -d 'do not ask before moving'
 complete -c litegripctl -n '_shtab_litegripctl_using; and test $_shtab_litegripctl_npos -eq 0' -a calibration -d 'show, load, store the calibration, or make it by hand'
@@ -287,6 +288,13 @@ complete -c litegripctl -n '_shtab_litegripctl_using calibration manual' -s h -l
 complete -c litegripctl -n '_shtab_litegripctl_using calibration manual' -s c -l channel -xka "(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)" -d 'the daemon'"'"'s channel (default: $LITEGRIP_CHANNEL, else can0)'
 complete -c litegripctl -n '_shtab_litegripctl_using calibration manual' -l socket -xka "(__fish_complete_path (commandline -ct))" -d 'the daemon'"'"'s socket'
 complete -c litegripctl -n '_shtab_litegripctl_using calibration manual' -l json -d 'print results and errors as JSON'
+complete -c litegripctl -n '_shtab_litegripctl_using calibration manual' -l stroke-mm -x -d 'how far the jaws open, as a caliper measures it (default: as configured)'
+complete -c litegripctl -n '_shtab_litegripctl_using calibration; and test $_shtab_litegripctl_npos -eq 0' -a rescale -d 'correct its millimetres, and store it'
+complete -c litegripctl -n '_shtab_litegripctl_using calibration rescale' -s h -l help -d 'show this help message and exit'
+complete -c litegripctl -n '_shtab_litegripctl_using calibration rescale' -s c -l channel -xka "(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)" -d 'the daemon'"'"'s channel (default: $LITEGRIP_CHANNEL, else can0)'
+complete -c litegripctl -n '_shtab_litegripctl_using calibration rescale' -l socket -xka "(__fish_complete_path (commandline -ct))" -d 'the daemon'"'"'s socket'
+complete -c litegripctl -n '_shtab_litegripctl_using calibration rescale' -l json -d 'print results and errors as JSON'
+complete -c litegripctl -n '_shtab_litegripctl_using calibration rescale' -l stroke-mm -x -d 'how far the jaws open, as a caliper measures it (default: as configured)'
 complete -c litegripctl -n '_shtab_litegripctl_using; and test $_shtab_litegripctl_npos -eq 0' -a config -d 'show or change the daemon'"'"'s defaults for motions'
 complete -c litegripctl -n '_shtab_litegripctl_using config' -s h -l help -d 'show this help message and exit'
 complete -c litegripctl -n '_shtab_litegripctl_using config' -s c -l channel -xka "(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)" -d 'the daemon'"'"'s channel (default: $LITEGRIP_CHANNEL, else can0)'

@@ -59,6 +59,7 @@ _shtab_litegripctl_calibration_commands() {
   local _commands=(
     load:'use another calibration'
     manual:'calibrate by hand'
+    rescale:'correct its millimetres, and store it'
     save:'store the calibration in use'
     show:'show the calibration in use (default)'
     templates:'show the nominal calibrations, one for each mount'
@@ -156,10 +157,22 @@ _shtab_litegripctl_calibration_manual_options=(
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
   "--json[print results and errors as JSON]"
+  "--stroke-mm[how far the jaws open, as a caliper measures it (default\: as configured)]:MM:"
 )
 
 # guard to ensure default positional specs are added only once per session
 _shtab_litegripctl_calibration_manual_defaults_added=0
+
+_shtab_litegripctl_calibration_rescale_options=(
+  "(- : *)"{-h,--help}"[show this help message and exit]"
+  {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
+  "--socket[the daemon\'s socket]:PATH:_files"
+  "--json[print results and errors as JSON]"
+  "--stroke-mm[how far the jaws open, as a caliper measures it (default\: as configured)]:MM:"
+)
+
+# guard to ensure default positional specs are added only once per session
+_shtab_litegripctl_calibration_rescale_defaults_added=0
 
 _shtab_litegripctl_calibration_save_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
@@ -375,7 +388,7 @@ _shtab_litegripctl_force_options=(
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
   "--json[print results and errors as JSON]"
-  ":in newtons, 0.5 to 30:"
+  ":in newtons, 0.5 to 40:"
 )
 
 # guard to ensure default positional specs are added only once per session
@@ -386,7 +399,7 @@ _shtab_litegripctl_grasp_options=(
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
   "--json[print results and errors as JSON]"
-  "--force[in newtons, 0.5 to 30 (default\: the daemon\'s)]:N:"
+  "--force[in newtons, 0.5 to 40 (default\: the daemon\'s)]:N:"
   "--speed[in mm\/s (default\: the daemon\'s)]:MM_S:"
   "--width[how wide the object must be, in mm\; give both]:MM:"
   "--tolerance[how far the width may be off, in mm\; give both]:MM:"
@@ -900,6 +913,7 @@ _shtab_litegripctl_zero_options=(
   "--socket[the daemon\'s socket]:PATH:_files"
   "--json[print results and errors as JSON]"
   "--mount[which way the jaws close (default\: as in the calibration in use)]:mount:(normal reverse)"
+  "--stroke-mm[how far the jaws open, as a caliper measures it (default\: as configured)]:MM:"
   "--no-save[use what was found, but do not store it]"
   {-y,--yes}"[do not ask before moving]"
 )
@@ -991,6 +1005,7 @@ _shtab_litegripctl_calibration() {
       case $line[1] in
         load) _arguments -C -s $_shtab_litegripctl_calibration_load_options ;;
         manual) _arguments -C -s $_shtab_litegripctl_calibration_manual_options ;;
+        rescale) _arguments -C -s $_shtab_litegripctl_calibration_rescale_options ;;
         save) _arguments -C -s $_shtab_litegripctl_calibration_save_options ;;
         show) _arguments -C -s $_shtab_litegripctl_calibration_show_options ;;
         templates) _arguments -C -s $_shtab_litegripctl_calibration_templates_options ;;

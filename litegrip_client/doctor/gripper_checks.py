@@ -10,6 +10,7 @@ from typing import Any
 
 from litegrip_client.doctor.findings import Daemon, Facts, Finding, error, ok, warning
 from litegrip_client.results import USABLE_BUS
+from litegrip_client.sdk.fields import STROKE_MM
 
 MIT_MODE = 1
 CAN_BR_1_MBIT_S = 4
@@ -29,6 +30,8 @@ BIT_RATES = {0: "125 kbit/s", 1: "200 kbit/s", 2: "250 kbit/s", 3: "500 kbit/s",
 
 IMPLAUSIBLE_OUTSIDE_RAD = 1.0
 """Further outside the calibrated travel the daemon moves no jaws, for none can be there."""
+
+SUPERSEDED_STROKE_MM = 120.0
 
 _DAY_S = 86_400.0
 _SET = "with the maker's tool, while the daemon does not run"
@@ -170,7 +173,7 @@ def ranges(facts: Facts) -> Finding | None:
 
 
 def calibration(facts: Facts) -> Finding | None:
-    """Check that the travel is known, and was measured on this gripper."""
+    """Check that the travel is known, was measured on this gripper, and is right in mm."""
     daemon = facts.daemon
     if daemon is None:
         return None
@@ -181,7 +184,25 @@ def calibration(facts: Facts) -> Finding | None:
             advice=f"load the mount's template: {facts.ctl} calibration load normal (or reverse);"
             f" then measure: {facts.ctl} enable && {facts.ctl} zero",
         )
-    text = f"mount {gripper.get('mount')}, travel {gripper.get('travel_mm', 0.0):.1f} mm"
+    text = (
+        f"mount {gripper.get('mount')}, travel {gripper.get('travel_mm', 0.0):.1f} mm"
+        f"{_work_stroke(gripper)}"
+    )
+    doubt = daemon.state.get("scale_doubt")
+    if doubt == "superseded" and not source.get("nominal"):
+        return warning(
+            f"{text}: the scale of earlier versions, which took the travel for 120 mm; all mm are"
+            " too large",
+            f"{facts.ctl} calibration rescale",
+            "that needs no other measurement; if a caliper says that the jaws do not open"
+            f" {gripper.get('stroke_mm', STROKE_MM):g} mm, add --stroke-mm MM",
+        )
+    if doubt == "unusual":
+        return warning(
+            f"{text}: {gripper.get('rad_to_mm', 0.0):.4g} mm/rad, as no gripper was seen to have",
+            advice="measure how far the jaws open, by a caliper, then:"
+            f" {facts.ctl} calibration rescale --stroke-mm MM",
+        )
     if source.get("nominal"):
         return warning(
             f"{text}, nominal: it was not measured on this gripper",
@@ -191,6 +212,29 @@ def calibration(facts: Facts) -> Finding | None:
     if file is None:
         return warning(f"{text}, in no file: lost at a restart", f"{facts.ctl} calibration save")
     return ok(f"{text}, {_age(facts.now_s, source.get('saved_s'))}, {file}")
+
+
+def _work_stroke(gripper: Mapping[str, Any]) -> str:
+    work_mm = gripper.get("work_stroke_mm")
+    return "" if work_mm is None else f", open goes to {work_mm:g} mm"
+
+
+def stroke(facts: Facts) -> Finding | None:
+    """Check that the configured stroke is not the placeholder of earlier versions."""
+    daemon = facts.daemon
+    content = facts.configuration.content if facts.configuration is not None else None
+    found = content if daemon is None else daemon.info.get("configuration")
+    stroke_mm = ((found or {}).get("gripper") or {}).get("stroke_mm")
+    if stroke_mm is None:
+        return None
+    if stroke_mm != SUPERSEDED_STROKE_MM:
+        return ok(f"the jaws open {stroke_mm:g} mm, as configured")
+    file = (found or {}).get("file") or "the configuration"
+    return warning(
+        f"stroke_mm = {stroke_mm:g} under [gripper] in {file} is the placeholder of earlier"
+        f" versions, and counts as {STROKE_MM:g} mm",
+        advice=f"remove stroke_mm from {file}, or set it to what a caliper measures",
+    )
 
 
 def position(facts: Facts) -> Finding | None:

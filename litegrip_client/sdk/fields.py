@@ -6,6 +6,15 @@ import time
 
 TYPE_CHECKING = False
 
+STROKE_MM = 85.0
+"""How far the jaws of the gripper that ships open, by a caliper."""
+SPAN_INSET_MM = 1.0
+"""A probe presses this far into the open stop: the two limits span the stroke and this."""
+RAD_TO_MM = (STROKE_MM + SPAN_INSET_MM) / 1.14
+"""The vendor's figure for a gripper that nobody calibrated; calibrated ones have 45 to 80."""
+NM_TO_N = 10.0
+"""N per N·m, unless a calibration has another figure: the vendor's, never measured."""
+
 STILL_RAD_S = 0.05
 """Slower jaws count as still: three steps of the motor's reported velocity (30/2047 rad/s)."""
 
@@ -113,8 +122,13 @@ class CalibrationNames:
 
     @property
     def travel_mm(self) -> float:
-        """The stroke in mm."""
+        """The travel in mm."""
         return self.travel_range_rad * self.rad_to_mm
+
+    @property
+    def stroke_mm(self) -> float:
+        """How far the jaws open with this scale, as a caliper measures it."""
+        return self.travel_mm - SPAN_INSET_MM
 
 
 class ConfigNames:
@@ -148,17 +162,7 @@ class ConfigNames:
 
     @property
     def travel_mm(self) -> float | None:
-        """The calibrated stroke in mm; None until calibrated."""
+        """The calibrated travel in mm; None until calibrated."""
         if self.pos_closed_rad is None or self.pos_open_rad is None or self.rad_to_mm is None:
             return None
         return abs(self.pos_closed_rad - self.pos_open_rad) * self.rad_to_mm
-
-    @property
-    def max_stroke_mm(self) -> float | None:
-        """`travel_mm`."""
-        return self.travel_mm
-
-    @property
-    def nm_to_n(self) -> float:
-        """Squeezing force per torque of the motor, N per N·m: approximate, the vendor's figure."""
-        return 10.0

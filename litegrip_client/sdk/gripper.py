@@ -7,6 +7,7 @@ import time
 from litegrip_client.actions import BlockingGripper
 from litegrip_client.checks import number
 from litegrip_client.errors import CANTimeoutError, CommandError, ParameterError
+from litegrip_client.sdk.fields import NM_TO_N, SPAN_INSET_MM
 from litegrip_client.sdk.refused import refusal
 
 TYPE_CHECKING = False
@@ -132,9 +133,9 @@ class SdkGripper(BlockingGripper):
         return float(self._fresh().torque_nm or 0.0)
 
     def get_force(self) -> float:
-        """Return the force in N, squeezing positive; 10 N for 1 N·m (approximate)."""
+        """Return the force in N, squeezing positive; `config.nm_to_n` for 1 N·m (approximate)."""
         state = self._fresh()
-        return float(state.torque_nm or 0.0) * 10.0 if state.force_n is None else state.force_n
+        return float(state.torque_nm or 0.0) * NM_TO_N if state.force_n is None else state.force_n
 
     def get_temperature(self) -> tuple[float, float]:
         """Return the temperatures of driver (MOSFET) and coil, in °C."""
@@ -245,7 +246,8 @@ class SdkGripper(BlockingGripper):
         """Measure the travel while the jaws are moved by hand, and use it; nothing is saved.
 
         The jaws are loose for `duration` seconds: push them to both stops. The two extremes become
-        the limits, and the mount in use says which is the closed one. Then the jaws hold, and
+        the limits, the mount in use says which is the closed one, and `config.max_stroke_mm` how
+        far the jaws open. Then the jaws hold, and
         `settle_time` seconds later this returns. The motor must be enabled. `sample_interval` is
         checked and not used: every period counts.
 
@@ -263,8 +265,7 @@ class SdkGripper(BlockingGripper):
 
 
 LEAST_TRAVEL_RAD = 0.3
-"""Less is no travel that a hand has pushed from stop to stop (1.6 rad as sold)."""
-STROKE_MM = 120.0
+"""Less is no travel that a hand has pushed from stop to stop (1.3 to 1.8 rad as sold)."""
 _HZ = 200.0
 
 
@@ -308,7 +309,9 @@ def calibrate_by_hand(
         zero_position_rad=closed_rad,
         max_position_rad=open_rad,
         travel_range_rad=travel_rad,
-        rad_to_mm=(present.travel_mm or STROKE_MM) / travel_rad,
+        rad_to_mm=(present.max_stroke_mm + SPAN_INSET_MM) / travel_rad,
+        work_stroke_mm=present.work_stroke_mm,
+        nm_to_n=present.nm_to_n,
         kp=present.kp,
         kd=present.kd,
         calibration_time=time.time(),

@@ -95,8 +95,8 @@ class DefaultParams:
     KD = 2.0
     FORCE_N = 20.0
     SPEED_MM_S = 50.0
-    MAX_STROKE_MM = 120.0
-    RAD_TO_MM = 74.8
+    MAX_STROKE_MM = 85.0
+    RAD_TO_MM = 86.0 / 1.14
     NM_TO_N = 10.0
 
 

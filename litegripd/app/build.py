@@ -35,7 +35,7 @@ from litegripd.io.sockets import Places, occupy, runtime_directory
 from litegripd.model.calibration import from_plain
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import MotorType
-from litegripd.model.motion_config import MotionConfigError
+from litegripd.model.motion_config import MotionConfig, MotionConfigError
 from litegripd.model.state import HelperTask, TaskResult
 from litegripd.recorder.recorder import Dumps, Recorder, RecorderMethods, memory_bytes, tick_slots
 from litegripd.rpc.jsonrpc import encode
@@ -367,13 +367,36 @@ def _use_config(controller: Controller, result: TaskResult) -> None:
     kept = result.value["config"]
     if kept is None:
         return
+    path = result.value["path"]
+    config = _usable(controller, kept, path)
+    if config is not None:
+        controller.config, controller.config_is_kept = config, True
+        _log.info("motion configuration: %s", path)
+
+
+def _usable(controller: Controller, kept: Mapping[str, object], path: str) -> MotionConfig | None:
+    """Return the configuration with what was kept, but for fields that may not be so any more."""
+    before, period_s = controller.config, controller.period_s
+    fields, rest = before.as_fields(period_s), dict(kept)
+    for _ in range(len(fields)):
+        found = _changed(before, rest, period_s, controller.gripper_id.motor_type)
+        if isinstance(found, MotionConfig):
+            return found
+        refused = [name for name in rest if name[:40] == found.field]
+        for name in refused:
+            counts = f"; {fields[name]:g} counts" if name in fields else ""
+            _log.error("in the kept motion configuration %s, %s%s", path, found, counts)
+            del rest[name]
+        if not refused:
+            break
+    _log.error("the kept motion configuration %s is not used: %s", path, found)
+    return None
+
+
+def _changed(
+    config: MotionConfig, values: Mapping[str, object], period_s: float, motor_type: MotorType
+) -> MotionConfig | MotionConfigError:
     try:
-        controller.config = controller.config.changed(
-            kept, controller.period_s, controller.gripper_id.motor_type
-        )
+        return config.changed(values, period_s, motor_type)
     except MotionConfigError as error:
-        path = result.value["path"]
-        _log.error("the kept motion configuration %s is not used: %s", path, error)
-        return
-    controller.config_is_kept = True
-    _log.info("motion configuration: %s", result.value["path"])
+        return error

@@ -241,11 +241,7 @@ class DaemonFacts:
                 ' which second_master = "tolerate" lets it do'
             )
         if geometry is None:
-            is_coming = controller.calibrated.is_coming
-            what = (
-                "the calibration is still being read" if is_coming else "no calibration is loaded"
-            )
-            found.append(what)
+            found.append(_why_uncalibrated(controller.calibrated))
         elif is_usable:
             misplaced = position_refusal(self._machine.motor.view(), geometry)
             found += [] if misplaced is None else [misplaced.message]
@@ -293,6 +289,13 @@ class DaemonFacts:
             "kp": controller.gains.kp_nm_rad,
             "kd": controller.gains.kd_nm_s_rad,
         }
+
+
+def _why_uncalibrated(calibrated: CalibrationInUse) -> str:
+    if calibrated.is_coming:
+        return "the calibration is still being read"
+    is_refused = calibrated.problem.reason == "calibration_unreadable"
+    return calibrated.problem.message if is_refused else "no calibration is loaded"
 
 
 def _process_complaints(parts: Parts) -> list[str]:

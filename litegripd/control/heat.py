@@ -169,6 +169,12 @@ class HeatModel:
             return None
         return math.sqrt(max(recent_w) / self.motor_type.watts_per_nm2)
 
+    def lasting_nm(self, limit_c: float) -> float:
+        """Return the torque at which the coil ends at `limit_c`, 0 where it is warmer at rest."""
+        motor = self.motor_type
+        k_per_nm2 = self._share * (motor.winding_k_w + motor.housing_k_w) * motor.watts_per_nm2
+        return math.sqrt(max(limit_c - self._base_c, 0.0) / k_per_nm2)
+
     def course(self, torque_nm: float | None = None) -> Course:
         """Return the future of the coil at a torque, or with the loss of the last seconds."""
         motor = self.motor_type
@@ -239,12 +245,14 @@ class HeatGuard:
     _was_raised: Carried[bool] = False
     _raise_every_s: Carried[float] = _RAISE_EVERY_S
     _top_nm: Carried[float] = 0.0  # the applied torque when the limiting began
-    NOT_CARRIED = ("limit_c", "least_nm", "_raised_lasts_s")
+    NOT_CARRIED = ("lasting_nm", "limit_c", "least_nm", "_raised_lasts_s")
 
     def __init__(self, motor_type: MotorType = DM4310) -> None:
         self.limit_c = motor_type.coil_limit_c
         self.least_nm = motor_type.least_useful_nm
         self.model = HeatModel(motor_type)
+        self.lasting_nm = math.inf
+        """The torque that the coil bears without an end; infinite while no reading is known."""
         self._raised_lasts_s = _RAISED_LASTS * motor_type.winding_s
 
     def update(self, now_s: float, feedback: Feedback, torque_bound_nm: float) -> HeatChange | None:
@@ -259,6 +267,7 @@ class HeatGuard:
         if coil_c is None or self.model.windows == self._windows:
             return None
         self._windows = self.model.windows
+        self.lasting_nm = self.model.lasting_nm(self.limit_c)
         asked_nm, self._asked_nm = self._asked_nm, 0.0
         waited_s = now_s - self._changed_s
         change = self._lowered(coil_c, waited_s) or self._raised(coil_c, waited_s, asked_nm)

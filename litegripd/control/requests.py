@@ -328,10 +328,11 @@ class MotionRequests:
 
         `hold_s` 0 is without an end. A force that is raised is reported again.
         """
-        heat = self._controller.output.heat
-        bears_s = heat.bears_s(geometry.torque_nm(force_n))
-        is_long = bears_s is not None and (hold_s == 0.0 or hold_s > bears_s)
-        if bears_s is None or not is_long or force_n <= self._foretold_n:
+        heat, torque_nm = self._controller.output.heat, force_n / geometry.nm_to_n
+        if torque_nm <= heat.lasting_nm or force_n <= self._foretold_n:
+            return
+        bears_s = heat.bears_s(torque_nm)
+        if bears_s is None or 0.0 < hold_s <= bears_s:
             return
         self._foretold_n = force_n
         self._controller.events.append(events.heat_foretold(force_n, bears_s, heat))

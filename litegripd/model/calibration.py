@@ -74,11 +74,11 @@ SUPERSEDED = (
     Geometry(-1.491, 0.114, 74.8),
 )
 """Those of earlier versions, on 120 mm; files on users' disks have them."""
-NOMINAL_TRAVEL = (0.7, 1.3)
-"""The range of a travel as a share of the nominal one. Grippers of 1.31 to 1.84 rad were seen."""
+SEEN_TRAVEL_RAD = (1.27, 1.9)
+"""The travels that a gripper of the family may have; 1.314 to 1.840 rad were seen."""
 PLAUSIBLE_TRAVEL = (0.8, 1.25)
-"""The same for a travel that was measured before. Outside it something was between the jaws, or a
-stop was not one."""
+"""The range of a travel as a share of one that was measured before. Outside it something was
+between the jaws, or a stop was not one."""
 
 SCALE_TOLERANCE = 0.15
 """By how much the travel in mm may differ from the configured stroke."""
@@ -113,8 +113,9 @@ class Calibration:
 
     @property
     def nominal(self) -> bool:
-        """True if its figures are a template's, which were measured on no gripper."""
-        return self.geometry in NOMINAL + SUPERSEDED
+        """True if its limits are a template's, which were measured on no gripper."""
+        limits = (self.geometry.closed_rad, self.geometry.open_rad)
+        return limits in ((other.closed_rad, other.open_rad) for other in NOMINAL + SUPERSEDED)
 
     @property
     def work_opening_mm(self) -> float | None:
@@ -133,7 +134,12 @@ class Calibration:
         return Calibration(self.geometry, work_stroke_mm=self.work_stroke_mm)
 
     def rescaled(self, stroke_mm: float) -> "Calibration":
-        """Return this calibration for jaws that open `stroke_mm`; the limits stay."""
+        """Return this calibration for jaws that open `stroke_mm`; the limits stay.
+
+        Raises `ValueError` for a stroke that no gripper has.
+        """
+        if stroke_mm <= 0.0:
+            raise ValueError(f"the stroke is {stroke_mm:g} mm, it must be above 0")
         geometry = replace(
             self.geometry, rad_to_mm=(stroke_mm + SPAN_INSET_MM) / self.geometry.travel_rad
         )
@@ -210,7 +216,9 @@ def measured(
 
 def plausible_travel_rad(before: Calibration) -> tuple[float, float]:
     """Return the travels (rad) that another measurement of this gripper may find."""
-    low, high = NOMINAL_TRAVEL if before.nominal else PLAUSIBLE_TRAVEL
+    if before.nominal:
+        return SEEN_TRAVEL_RAD
+    low, high = PLAUSIBLE_TRAVEL
     return low * before.geometry.travel_rad, high * before.geometry.travel_rad
 
 

@@ -26,6 +26,9 @@ from litegripd.control.limiter import Gains
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import DM4310, MotorType
 from litegripd.model.motion_config import (
+    MOVING_KD_NM_S_RAD,
+    MOVING_KP_NM_RAD,
+    REACHING_KP_NM_RAD,
     MotionConfig,
     MotionConfigError,
     damping_conflict,
@@ -512,13 +515,19 @@ def config_param(name: str, description: str) -> Param:
     )
 
 
-def gain_params(kp_default: str, kd_default: str) -> tuple[Param, ...]:
-    """Return the parameters of a position command's stiffness and damping."""
-    kd = f"Damping, at least kp · 0.002 s (default: {kd_default})."
+def gain_params(kp: str, kd: str) -> tuple[Param, ...]:
+    """Return the parameters of a position command's stiffness and damping, with their defaults."""
     return (
-        Param("kp", "number", f"Stiffness (default: {kp_default}).", minimum=5, maximum=500),
-        Param("kd", "number", kd, minimum=0.1, maximum=5),
+        Param("kp", "number", f"Stiffness, N·m/rad ({kp}).", minimum=5, maximum=500),
+        Param("kd", "number", f"Damping, at least kp · 0.002 s ({kd}).", minimum=0.1, maximum=5),
     )
+
+
+def usual_gain_params() -> tuple[Param, ...]:
+    """Return those of a motion that reaches its target whatever a calibration's gains are."""
+    least = f"less than {REACHING_KP_NM_RAD:g} counts as {REACHING_KP_NM_RAD:g}"
+    kp, kd = f"default {MOVING_KP_NM_RAD:g}; {least}", f"default {MOVING_KD_NM_S_RAD:g}"
+    return gain_params(kp, kd)
 
 
 def target_params() -> tuple[Param, ...]:

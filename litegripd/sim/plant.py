@@ -297,7 +297,7 @@ class Plant:
         if p.encoder_counts_per_rad:
             self._seen, _ = self._count(self._s, self._s, 0.0)
         self._most = math.inf
-        self._energy_nm2_s = 0.0
+        self._heat_nm2 = 0.0
         self._object_at = math.inf
         self.jam(jammed=False)
         self.put(None)
@@ -366,8 +366,8 @@ class Plant:
 
     def take_mean_square_torque(self, duration_s: float) -> float:
         """Return the mean of the squared torque over the last `duration_s`, and restart."""
-        mean = self._energy_nm2_s / duration_s
-        self._energy_nm2_s = 0.0
+        mean = self._heat_nm2 * STEP_S / duration_s
+        self._heat_nm2 = 0.0
         return mean
 
     def drive(
@@ -457,7 +457,7 @@ class Plant:
         moving_drag, still_drag = self._drags
         filtered, speed_decay, seen = self._filtered, self._speed_decay, self._seen
         limit, has_steps = min(limit, self._most), self._p.encoder_counts_per_rad > 0.0
-        heat = 0.0
+        heat = self._heat_nm2  # added to step by step: its rounding is the same for all slices
         done = 0
         for done in range(1, steps + 1):  # noqa: B007 - read after an early end
             wanted = kp * (position - seen) + kd * (velocity - filtered) + feed_forward
@@ -496,7 +496,7 @@ class Plant:
             measured = torque + (measured - torque) * filter_decay
             heat += torque * torque
         self._s, self._v, self._torque, self._measured = s, v, torque, measured
-        self._energy_nm2_s += heat * STEP_S
+        self._heat_nm2 = heat
         self._filtered, self._seen = filtered, seen
 
     def _count(self, s: float, seen: float, filtered: float) -> tuple[float, float]:

@@ -258,6 +258,8 @@ class TeleopFollower(TeleopAction):
         self._force_reporter = ForceReporter(link, course.sender)
         self._phase: Phase = "waiting"
         self._reference_rad: float | None = None
+        self._ahead_rad = 0.0
+        """By how much the leader was ahead of the reference in the tick before, while aligning."""
         self._leading = FollowerCommand(
             course.geometry,
             course.config,
@@ -384,9 +386,11 @@ class TeleopFollower(TeleopAction):
             return lead(self._reference_rad, 0.0, feedback)
         target_rad = self._target_rad(openness)
         if self._intake.begins != self._begins:
-            self._begins = self._intake.begins
+            self._begins, self._ahead_rad = self._intake.begins, 0.0
             self._enter("aligning")
         if self._phase != "following":
+            if self._phase != "aligning":
+                self._ahead_rad = 0.0
             self._enter("aligning")
             self._align(target_rad, elapsed_s, here_rad)
             return lead(self._reference_rad, 0.0, feedback)
@@ -398,8 +402,12 @@ class TeleopFollower(TeleopAction):
         geometry, config = self._course.geometry, self._course.config
         from_rad = self._reference_rad if self._reference_rad is not None else here_rad
         from_rad = self._leading.within_reach(from_rad, here_rad)
-        step_rad = geometry.to_rad(config.speed_mm_s) * elapsed_s
-        self._reference_rad = clamp_lead(target_rad, from_rad, step_rad)
+        step_rad, ahead_rad = geometry.to_rad(config.speed_mm_s) * elapsed_s, target_rad - from_rad
+        if self._ahead_rad * ahead_rad < 0.0 and abs(ahead_rad) <= FASTEST_RAD_S * elapsed_s:
+            self._reference_rad = target_rad  # it came towards the jaws, and passed them
+        else:
+            self._reference_rad = clamp_lead(target_rad, from_rad, step_rad)
+        self._ahead_rad = target_rad - self._reference_rad
         if self._reference_rad == target_rad:
             self._enter("following")
 

@@ -15,7 +15,7 @@ from litegripd.control.admission import (
 from litegripd.control.controller import Controller
 from litegripd.control.limiter import Gains
 from litegripd.model.errors import Refusal
-from litegripd.model.gripper import Geometry
+from litegripd.model.gripper import FASTEST_RAD_S, Geometry
 from litegripd.model.motion_config import MotionConfig, damping_conflict, fast_conflict
 from litegripd.model.state import Event, Job, Owner
 from litegripd.model.teleop import (
@@ -296,7 +296,7 @@ _HOW = (
         "dq_max",
         "number",
         "Most of the leader's velocity that is fed forward, rad/s; 0: none"
-        f" (default {DEFAULT_DQ_MAX_RAD_S:g}).",
+        f" (default {DEFAULT_DQ_MAX_RAD_S:g}; never more than {FASTEST_RAD_S:g}).",
         minimum=0,
         maximum=30,
         maximum_of=lambda motor: motor.ranges.velocity_rad_s,

@@ -21,8 +21,8 @@ from litegripd.rpc.method import (
     Param,
     Shape,
     accepted,
-    gain_params,
     later,
+    usual_gain_params,
 )
 from litegripd.rpc.sessions import Session
 from litegripd.trajectories.capture import Capture
@@ -222,7 +222,7 @@ class TrajectoryMethods:
             UPLOAD,
             RECORDING,
             _SPEED,
-            *gain_params("100; less than 55 counts as 55", "2"),
+            *usual_gain_params(),
             Param(
                 "torque_nm",
                 "number",

@@ -18,6 +18,7 @@ from litegripd.app.config import (
     override,
 )
 from litegripd.io.can.bus import BusSettings
+from litegripd.model.gripper import STROKE_MM
 
 EXAMPLE = """
 [bus]                      # handed to python-can
@@ -30,7 +31,7 @@ can_id = 0x08
 # master_id = 0x18         # found by itself when left out
 [gripper]
 # mount = "normal"         # or a calibration file; without either the daemon's own chain of files
-stroke_mm = 120.0
+stroke_mm = 85.0
 [control]
 rate_hz = 200
 priority = 50              # SCHED_FIFO, 0 = ordinary
@@ -50,7 +51,7 @@ def test_without_a_file_the_defaults_count() -> None:
     config = load("can3", None)
     assert config.bus == BusSettings("socketcan", "can3", 1_000_000, {})
     assert config.motor == MotorConfig("DM4310", 0x08, None)
-    assert config.gripper == GripperConfig(None, 120.0)
+    assert config.gripper == GripperConfig(None, STROKE_MM)
     assert config.control == ControlConfig(200, 50, ())
     assert config.rpc == RpcConfig(None, "litegrip")
     assert config.access == Access("operator", {}, {})

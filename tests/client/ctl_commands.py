@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from litegrip_client.ctl.parser import Parser, whole_parser
 
 ACTIONS = {
-    "calibration": ["show", "templates", "load", "save", "manual"],
+    "calibration": ["show", "templates", "load", "save", "manual", "rescale"],
     "config": ["get", "set"],
     "lease": ["show", "take"],
     "trajectories": ["list", "get", "put", "delete", "keep", "export"],
@@ -49,6 +49,7 @@ LINES: tuple[str, ...] = (
     "calibration load normal",
     "calibration save",
     "calibration manual",
+    "calibration rescale",
     "config get",
     "config set force_n=11",
     "register PMAX",

@@ -10,6 +10,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from tests.geometry import SPAN_MM, STROKE_MM, WORK_MM
+
 DEADLINE_S = 20.0
 
 STATE: dict[str, Any] = {
@@ -44,6 +46,8 @@ STATE: dict[str, Any] = {
     "limited": [],
     "calibrated": True,
     "mount": "reverse",
+    "work_stroke_mm": None,
+    "scale_doubt": None,
     "job": None,
     "stop": None,
     "stop_generation": 3,
@@ -77,6 +81,8 @@ GRASP = {
     "state": STATE,
 }
 
+RAD_TO_MM = SPAN_MM / 1.617457
+"""That of a gripper of the bench, 53.17."""
 CONTENT = {
     "channel": "can0",
     "can_id": 8,
@@ -86,7 +92,8 @@ CONTENT = {
     "zero_position_rad": 0.104334,
     "max_position_rad": -1.513123,
     "travel_range_rad": 1.617457,
-    "rad_to_mm": 74.19,
+    "rad_to_mm": RAD_TO_MM,
+    "work_stroke_mm": WORK_MM,
     "motor_type": "DM4310",
     "kp": 100.0,
     "kd": 2.0,
@@ -101,11 +108,13 @@ CALIBRATION = {
     "closed_rad": 0.104334,
     "open_rad": -1.513123,
     "travel_rad": 1.617457,
-    "travel_mm": 120.0,
-    "rad_to_mm": 74.19,
+    "travel_mm": SPAN_MM,
+    "rad_to_mm": RAD_TO_MM,
+    "work_stroke_mm": WORK_MM,
     "kp": 100.0,
     "kd": 2.0,
     "file": "/var/lib/litegripd/can0_calibration.json",
+    "scale_warning": None,
     "content": CONTENT,
 }
 
@@ -116,7 +125,7 @@ ZERO = {
     "closed_rad": 0.104334,
     "open_rad": -1.513123,
     "travel_rad": 1.617457,
-    "rad_to_mm": 74.19,
+    "rad_to_mm": RAD_TO_MM,
     "content": CONTENT,
     "path": "/var/lib/litegripd/can0_calibration.json",
     "message": None,
@@ -136,11 +145,13 @@ HELLO = {
     "gripper": {
         "calibrated": True,
         "mount": "normal",
-        "travel_mm": 120.0,
+        "travel_mm": SPAN_MM,
         "closed_rad": 0.104334,
         "open_rad": -1.513123,
-        "rad_to_mm": 74.19,
-        "stroke_mm": 120.0,
+        "rad_to_mm": RAD_TO_MM,
+        "nm_to_n": 10.0,
+        "stroke_mm": STROKE_MM,
+        "work_stroke_mm": WORK_MM,
         "kp": 100.0,
         "kd": 2.0,
     },
@@ -212,6 +223,7 @@ class FakeDaemon:
         self.handlers: dict[str, Handler] = {
             "hello": lambda request: HELLO,
             "state.get": lambda request: STATE,
+            "info.get": lambda request: HELLO,
             "lease.acquire": lambda request: {"lease": "e:1", "number": 1, "state": STATE},
             "lease.release": lambda request: {"released": True},
             "lease.renew": lambda request: {"number": 1},

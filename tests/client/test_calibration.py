@@ -11,7 +11,8 @@ from litegrip_client import (
     ProtocolError,
     UnitConversion,
 )
-from tests.client.fake_daemon import CONTENT, HELLO, ZERO, FakeDaemon
+from tests.client.fake_daemon import CONTENT, HELLO, RAD_TO_MM, ZERO, FakeDaemon
+from tests.geometry import SPAN_MM, STROKE_MM, WORK_MM
 
 
 def test_a_calibration_has_the_keys_of_its_file() -> None:
@@ -22,10 +23,10 @@ def test_a_calibration_has_the_keys_of_its_file() -> None:
 
 
 def test_a_template_has_only_geometry() -> None:
-    content = {"zero_position_rad": -1.5, "max_position_rad": 0.25, "rad_to_mm": 74.8}
+    content = {"zero_position_rad": -1.5, "max_position_rad": 0.25, "rad_to_mm": 49.1}
     data = CalibrationData.from_content(content)
     assert (data.mount, data.travel_range_rad, data.calibrated) == ("reverse", 1.75, True)
-    assert (data.channel, data.can_id, data.kp) == (None, None, None)
+    assert (data.channel, data.can_id, data.kp, data.work_stroke_mm) == (None, None, None, None)
 
 
 @pytest.mark.parametrize("content", [{}, {"rad_to_mm": 1.0, "max_position_rad": 1.0}, None])
@@ -58,10 +59,11 @@ def test_the_gripper_as_the_daemon_drives_it(daemon: FakeDaemon, gripper: LiteGr
     daemon.handlers["info.get"] = lambda request: {**HELLO, "registers": {}}
     config = gripper.config
     assert (config.pos_closed_rad, config.pos_open_rad) == (0.104334, -1.513123)
-    assert (config.rad_to_mm, config.kp, config.kd) == (74.19, 100.0, 2.0)
+    assert (config.rad_to_mm, config.kp, config.kd) == (RAD_TO_MM, 100.0, 2.0)
     assert (config.close_sign, config.calibrated) == (1, True)
     assert (config.channel, config.can_id, config.mst_id) == ("can0", 8, 24)
-    assert config.travel_mm == pytest.approx(120.0, abs=0.01)
+    assert config.travel_mm == pytest.approx(SPAN_MM)
+    assert (config.max_stroke_mm, config.work_stroke_mm) == (STROKE_MM, WORK_MM)
     with pytest.raises(CommandError, match=r"config\.kp cannot be set"):
         config.kp = 150.0
 

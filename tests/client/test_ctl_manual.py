@@ -9,7 +9,7 @@ import pytest
 from tests.client.ctl_terminal import Terminal
 from tests.client.fake_daemon import FakeDaemon, Request
 from tests.client.helpers import Ctl
-from tests.client.test_ctl_calibration import IN_USE, MEASURED, TRAVEL
+from tests.client.test_ctl_calibration import AGAIN, IN_USE, MEASURED, TAKEN, TRAVEL, WIDTH
 
 CLOSED = "push the jaws closed, to the stop, then press Enter: "
 OPEN = "pull the jaws open, to the stop, then press Enter: "
@@ -53,6 +53,9 @@ def recorded(daemon: FakeDaemon, *arguments: str, **streams: Any) -> Terminal:
     terminal.type("\n")
     terminal.expect("open at -1.5130 rad")
     terminal.expect("travel 1.6170 rad, mount normal")
+    if "--stroke-mm" not in arguments:
+        terminal.expect(WIDTH)
+        terminal.type("\n")
     terminal.expect(SAVE)
     return terminal
 
@@ -67,7 +70,11 @@ def test_both_stops_are_recorded_and_used(
     terminal.type(f"{answer}\n")
     code, shown = terminal.end()
     assert code == 0
-    assert shown.endswith(f"manual: measured\n{TRAVEL}stored in /var/lib/x.json\n")
+    assert shown.endswith(
+        f"manual: measured\n{TRAVEL}{TAKEN}stored in /var/lib/x.json\n".replace(
+            "litegripctl", f"litegripctl --socket {daemon.path}"
+        )
+    )
     assert steps == [
         {"step": "begin"},
         {"step": "closed"},
@@ -124,6 +131,59 @@ def test_marks_that_are_refused_are_made_anew(
     assert terminal.end()[0] == 0
     marking = ["closed", "open", "finish"]
     assert [step["step"] for step in steps] == ["begin", *marking, *marking]
+
+
+def test_it_asks_how_far_the_jaws_open(daemon: FakeDaemon, steps: list[dict[str, Any]]) -> None:
+    terminal = begun(daemon)
+    for question, text in ((CLOSED, "\n"), (OPEN, "\n"), (WIDTH, "wide\n"), (AGAIN, "84.5\n")):
+        terminal.expect(question)
+        terminal.type(text)
+    terminal.expect(SAVE)
+    terminal.type("y\n")
+    assert terminal.end()[0] == 0
+    assert steps[-1] == {"step": "finish", "save": True, "stroke_mm": 84.5}
+
+
+def test_who_has_said_how_far_they_open_is_not_asked(
+    daemon: FakeDaemon, steps: list[dict[str, Any]]
+) -> None:
+    terminal = recorded(daemon, "--stroke-mm", "84.5")
+    terminal.type("y\n")
+    assert terminal.end()[0] == 0
+    assert steps[-1] == {"step": "finish", "save": True, "stroke_mm": 84.5}
+
+
+def test_no_answer_to_how_far_they_open_cancels(
+    daemon: FakeDaemon, steps: list[dict[str, Any]]
+) -> None:
+    terminal = begun(daemon)
+    for question, text in ((CLOSED, "\n"), (OPEN, "\n"), (WIDTH, "\x04")):
+        terminal.expect(question)
+        terminal.type(text)
+    assert terminal.end() == (1, f"\nlitegripctl: cancelled: {AS_BEFORE}, the jaws hold\n")
+    assert steps[-1] == {"step": "cancel"}
+
+
+def test_a_stroke_that_is_refused_is_asked_for_again(
+    daemon: FakeDaemon, steps: list[dict[str, Any]]
+) -> None:
+    terminal = recorded(daemon, "--stroke-mm", "120")
+    answer = daemon.handlers["calibration.manual"]
+
+    def refuse(request: Request) -> Any:
+        answer(request)
+        daemon.handlers["calibration.manual"] = answer
+        return request.fail("out_of_limits", -32011, "stroke_mm is 120", field="stroke_mm")
+
+    daemon.handlers["calibration.manual"] = refuse
+    terminal.type("y\n")
+    terminal.expect("--stroke-mm is 120")
+    for question, text in ((WIDTH, "85\n"), (SAVE, "y\n")):
+        terminal.expect(question)
+        terminal.type(text)
+    assert terminal.end()[0] == 0
+    assert [step["step"] for step in steps] == ["begin", "closed", "open", "finish", "finish"]
+    assert [step.get("stroke_mm") for step in steps[-2:]] == [120.0, 85.0]
 
 
 def test_no_is_an_answer(daemon: FakeDaemon, steps: list[dict[str, Any]]) -> None:

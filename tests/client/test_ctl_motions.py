@@ -11,6 +11,7 @@ from litegrip_client.ctl.render import progress
 from tests.client.ctl_terminal import Terminal
 from tests.client.fake_daemon import MOVE, STATE, FakeDaemon, Request
 from tests.client.helpers import Ctl, interrupt_main_thread
+from tests.geometry import SPAN_MM
 
 HELD_STATE = {**STATE, "opening_mm": 48.2, "is_grasped": True, "force_set_n": 20.0}
 OPEN_STATE = {**STATE, "opening_mm": 0.4, "is_grasped": False, "force_set_n": None}
@@ -29,7 +30,7 @@ GRASP: dict[str, Any] = {
 }
 MOVED = {**MOVE, "outcome": "reached", "reached": True, "stalled": False}
 SQUEEZING = {"job": 5, "force_n": 15.0, "state": HELD_STATE}
-CALIBRATION = {"calibrated": True, "travel_mm": 120.0}
+CALIBRATION = {"calibrated": True, "travel_mm": SPAN_MM}
 LET_GO = "let go with: litegripctl release"
 
 
@@ -61,7 +62,7 @@ LET_GO = "let go with: litegripctl release"
         ),
         (["release"], "motion.move", {"opening_mm": 45.25}),
         (["release", "--by", "4.5"], "motion.move", {"opening_mm": 39.75}),
-        (["release", "--by", "500"], "motion.move", {"opening_mm": 120.0}),
+        (["release", "--by", "500"], "motion.move", {"opening_mm": SPAN_MM}),
     ],
 )
 def test_what_is_asked(

@@ -2,7 +2,6 @@
 
 import io
 import json
-import os
 import signal
 import sys
 from collections import deque
@@ -13,7 +12,7 @@ import pytest
 from rich.console import Console
 
 from litegrip_client.ctl.commands.state import state_line
-from litegrip_client.ctl.live import Scene, picture, undisturbed
+from litegrip_client.ctl.live import Interruptions, Scene, picture
 from litegrip_client.ctl.parser import for_gripper
 from litegrip_client.feeds import Event
 from tests.client.ctl_terminal import Terminal
@@ -170,15 +169,15 @@ def test_the_terminal_is_given_back_while_ctrl_z_stops_it(daemon: FakeDaemon) ->
 
 def test_a_signal_waits_until_what_is_drawn_is_written() -> None:
     """Its handler writes to the terminal, and a write in a write raises."""
-    came: list[int] = []
-    before = signal.signal(signal.SIGTSTP, lambda number, _frame: came.append(number))
-    try:
-        with undisturbed():
-            os.kill(os.getpid(), signal.SIGTSTP)
-            assert came == []
-        assert came == [signal.SIGTSTP]
-    finally:
-        signal.signal(signal.SIGTSTP, before)
+    came: list[str] = []
+    interruptions = Interruptions()
+    handler = interruptions.handler(lambda: came.append("now"))
+    with interruptions.writing():
+        handler(signal.SIGTSTP, None)
+        assert came == []
+    assert came == ["now"]
+    handler(signal.SIGTSTP, None)
+    assert came == ["now", "now"]
 
 
 def test_a_daemon_that_goes_is_waited_for(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from litegrip_client import (
     MoveProgress,
     StoppedError,
 )
-from tests.client.fake_daemon import CALIBRATION, CONTENT, ZERO, FakeDaemon, Request
+from tests.client.fake_daemon import CALIBRATION, CONTENT, RAD_TO_MM, ZERO, FakeDaemon, Request
 from tests.client.helpers import interrupt_main_thread
 
 
@@ -27,7 +27,7 @@ def test_zero_measures_and_saves_with_the_tunables(daemon: FakeDaemon, gripper: 
     gripper.motion_config.calib_kp = 15.0
     data = gripper.zero()
     assert (data.zero_position_rad, data.max_position_rad) == (0.104334, -1.513123)
-    assert (data.rad_to_mm, data.mount, data.channel) == (74.19, "normal", "can0")
+    assert (data.rad_to_mm, data.mount, data.channel) == (RAD_TO_MM, "normal", "can0")
     params = daemon.requests[-1].params
     assert (params["save"], params["config"]) == (True, {"calib_kp": 15.0})
     assert (params["stop_generation"], params["progress"], "mount" in params) == (3, True, False)
@@ -63,6 +63,12 @@ def probing(request: Request) -> Any:
     return ZERO
 
 
+TAKEN = (
+    "taken: the jaws open 85 mm (config.max_stroke_mm). If a caliper says otherwise:"
+    " gripper.rescale_calibration(MM), then gripper.save_calibration()"
+)
+
+
 def test_zero_prints_how_far_it_is(
     daemon: FakeDaemon, gripper: LiteGrip, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -73,7 +79,8 @@ def test_zero_prints_how_far_it_is(
         "[probe_open] 0/200 cmd=+0.1000 pos=+0.2000 tau=+0.300",
         "[probe_open] 10/200 cmd=+0.1000 pos=+0.2000 tau=+0.300",
         "[probe_closed] 0 cmd=+0.1000 pos=+0.2000 tau=+0.300",
-        f"closed +0.1043 rad, open -1.5131 rad, travel 1.6175 rad, 74.19 mm/rad; {saved}",
+        f"closed +0.1043 rad, open -1.5131 rad, travel 1.6175 rad, 53.17 mm/rad; {saved}",
+        TAKEN,
     ]
 
 
@@ -158,7 +165,7 @@ def test_by_hand_to_the_end(
     with gripper.manual_calibration() as manual:
         assert manual.mark_closed() == 0.104334
         assert manual.mark_open() == -1.513123
-        assert manual.finish().rad_to_mm == 74.19
+        assert manual.finish().rad_to_mm == RAD_TO_MM
     assert steps() == [
         {"step": "begin"},
         {"step": "closed"},

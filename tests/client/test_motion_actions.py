@@ -15,6 +15,7 @@ from litegrip_client import (
 )
 from tests.client.fake_daemon import GRASP, MOVE, STATE, FakeDaemon, Request
 from tests.client.helpers import interrupt_main_thread, last_params
+from tests.geometry import SPAN_MM
 
 # Grasp
 
@@ -169,11 +170,11 @@ def test_a_target_outside_the_travel_tells_the_travel(
     daemon: FakeDaemon, gripper: LiteGrip
 ) -> None:
     daemon.handlers["motion.move"] = lambda request: request.fail(
-        "out_of_limits", -32011, limit=[0.0, 120.0]
+        "out_of_limits", -32011, limit=[0.0, SPAN_MM]
     )
     with pytest.raises(CommandError) as caught:
         gripper.goto(500.0)
-    assert caught.value.data["limit"] == [0.0, 120.0]
+    assert caught.value.data["limit"] == [0.0, SPAN_MM]
 
 
 # Force, and loose jaws

@@ -36,7 +36,7 @@ KNOWN = re.compile(
 )
 """What begins as the system's programs are called."""
 
-PLACEHOLDER = re.compile(r"(?<![$\w])(?!PMAX|VMAX|TMAX)[A-Z]{3,}(?!\w)")
+PLACEHOLDER = re.compile(r"(?<![$\w])(?!PMAX|VMAX|TMAX)[A-Z]{2,}(?!\w)")
 UNKNOWN = {
     "usermod --append --groups litegrip USER": "who is to use the grippers",
     "litegripctl trajectories keep NAME": "how a recording is to be called",
@@ -44,6 +44,8 @@ UNKNOWN = {
     "litegripctl record NAME": "how it is to be called",
     "litegripctl lease take REASON": "why somebody takes it",
     "litegripctl cancel JOB": "the message names several",
+    "litegripctl calibration rescale --stroke-mm MM": "what a caliper measures",
+    "litegripctl -c can0 calibration rescale --stroke-mm MM": "what a caliper measures",
     "litegripd CHANNEL --socket /tmp/s": "only a socket was named",
 }
 """Commands with a word that only their reader knows, and what that is."""

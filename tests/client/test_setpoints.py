@@ -16,6 +16,7 @@ from litegrip_client import (
 )
 from tests.client.fake_daemon import DEADLINE_S, MOVE, STATE, FakeDaemon, Request
 from tests.client.helpers import Clock, in_thread
+from tests.geometry import SPAN_MM
 
 pytestmark = pytest.mark.usefixtures("jobs")
 
@@ -142,7 +143,7 @@ def test_a_refusal_of_a_later_one_is_raised_and_the_next_is_answered_again(
     daemon: FakeDaemon, gripper: LiteGrip, clock: Clock, jobs: list[int], inside: bool
 ) -> None:
     reason = {"reason": "out_of_limits"}
-    data = {"retryable": False, "limit": [0.0, 120.0], **(reason if inside else {})}
+    data = {"retryable": False, "limit": [0.0, SPAN_MM], **(reason if inside else {})}
     refusal = {"message": "too far", "data": data, **({} if inside else reason)}
     refuse_notifications(daemon, refusal)
     with gripper.stream() as stream:
@@ -153,7 +154,7 @@ def test_a_refusal_of_a_later_one_is_raised_and_the_next_is_answered_again(
             "out_of_limits",
             "too far",
         )
-        assert error.data["limit"] == [0.0, 120.0]
+        assert error.data["limit"] == [0.0, SPAN_MM]
         stream.set_target(10.0)
     assert jobs == [11, 12]
 

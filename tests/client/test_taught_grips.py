@@ -105,7 +105,7 @@ def test_grips_that_cannot_be_used_are_none_with_a_warning(
     ("changes", "why"),
     [
         ({"force_n": 0.0}, "force_n is 0.0"),
-        ({"force_n": 30.5}, "at most 30"),
+        ({"force_n": 40.5}, "at most 40"),
         ({"force_n": float("nan")}, "NaN is not JSON"),
         ({"force_n": True}, "force_n is True"),
         ({"force_n": 10**400}, "force_n is 1000"),

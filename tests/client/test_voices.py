@@ -156,7 +156,7 @@ def of(method: str, **given: object) -> tuple[str, str, str]:
 
 
 def test_a_value_is_named_by_what_the_reader_has_typed() -> None:
-    range_ = "is 900, it must be 0.1 to 500"
+    range_ = "is 900, it must be 0.1 to 150"
     wire, python, shell = of("motion.open", speed_mm_s=900)
     assert wire == f"motion.open: speed_mm_s {range_}"
     assert (python, shell) == (f"speed_mm_s {range_}", f"--speed {range_}")

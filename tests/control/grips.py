@@ -11,7 +11,7 @@ from tests.world import Client, World
 FORCE_CODE_N = 0.5
 
 
-def gripper(mount: str = "normal", opening_mm: float = 100.0) -> tuple[World, Client]:
+def gripper(mount: str = "normal", opening_mm: float = 72.0) -> tuple[World, Client]:
     """Return an enabled gripper whose jaws are open so far."""
     closed_rad, open_rad = limits_of_mount(mount)
     parameters = SimulatorParameters(
@@ -29,7 +29,7 @@ def squeeze_n(world: World) -> float:
 
 
 def picked(
-    width_mm: float = 50.0,
+    width_mm: float = 36.0,
     force_n: float = 8.0,
     held_s: float = 1.0,
     *,
@@ -44,7 +44,7 @@ def picked(
     client.result("motion.grasp", force_n=force_n, until="verdict")
     world.run(held_s)
     if release:
-        client.result("motion.move", opening_mm=100)
+        client.result("motion.move", opening_mm=72)
         world.run(0.2)
     number: int = client.result("trajectory.record_stop")["recording"]
     return world, client, number
@@ -87,7 +87,7 @@ def on_another(
     **item: float,
 ) -> tuple[World, Client]:
     """Teach a pick on one gripper, and bring it to another one with another object."""
-    _, teacher, number = picked(50.0, force_n, release=release)
+    _, teacher, number = picked(36.0, force_n, release=release)
     content, grip_bytes = both(teacher, recording=number)
     world, client = gripper(mount)
     if width_mm is not None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from litegripd.app.build import build_service
 from litegripd.model.teleop import Arrival
-from tests.control.teleop_scene import MM_RAD, TeleopWorld
+from tests.control.teleop_scene import MM_RAD, OBJECT_MM, TeleopWorld
 from tests.world import PERIOD_S, Client, FixedFacts
 
 FORCE = struct.Struct(">8sQ3d")
@@ -94,13 +94,13 @@ def pair(
     *,
     delay_s: float = 0.0,
     mounts: tuple[str, str] = ("normal", "normal"),
-    object_mm: float | None = 50.0,
+    object_mm: float | None = OBJECT_MM,
     reflect: bool = True,
     gain: float | None = None,
     **follows: object,
 ) -> Pair:
-    """Return a pair that has aligned, 60 mm open."""
-    leader, follower = (TeleopWorld(mount, 60.0) for mount in mounts)
+    """Return a pair that has aligned, half open."""
+    leader, follower = (TeleopWorld(mount) for mount in mounts)
     follower.service = build_service(
         follower.controller, FixedFacts(), PERIOD_S, epoch="00ff", links=follower.wires
     )

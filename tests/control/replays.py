@@ -2,10 +2,12 @@
 
 from typing import Any
 
+from litegripd.model.calibration import NOMINAL
 from litegripd.trajectories.replay import Replay
 from tests.trajectories import Point, sampled, swing, uploaded
 from tests.world import Client, World
 
+TRAVEL_MM = NOMINAL[0].travel_mm
 SLOW = sampled(swing(period_s=8.0), 4.0)
 TOLERANCE = 0.01
 """Of the travel: what the jaws may be off their path."""

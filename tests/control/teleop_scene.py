@@ -10,13 +10,20 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from litegripd.app.build import build_service
+from litegripd.model.calibration import NOMINAL
+from litegripd.model.motion_config import MOVING_KP_NM_RAD, MotionConfig
 from litegripd.model.teleop import Arrival, LinkOptions, LinkStatus
 from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from tests.world import PERIOD_S, Client, FixedFacts, World
 
-MM_RAD = 74.8
+MM_RAD = NOMINAL[0].rad_to_mm
 CODE_RAD = 25.0 / 65535
-TRAVEL_MM = 1.605 * MM_RAD
+TRAVEL_MM = NOMINAL[0].travel_mm
+HALF_MM, OBJECT_MM = TRAVEL_MM / 2.0, TRAVEL_MM * 5.0 / 12.0
+"""Where a follower begins, and what is a little less wide."""
+MAX_LEAD_RAD = MotionConfig().travel_nm / MOVING_KP_NM_RAD
+STOP_LEAD_RAD = MotionConfig().stop_nm / MOVING_KP_NM_RAD
+"""The largest leads with the usual stiffness: those of the settings mean torques."""
 
 
 def packed(openness: float, at_s: float, position_mm: float = 0.0, force_n: float = 0.0) -> bytes:
@@ -74,7 +81,7 @@ class Wires:
 class TeleopWorld(World):
     """A world whose links are the test's."""
 
-    def __init__(self, mount: str = "normal", opening_mm: float = 60.0, **more: Any) -> None:
+    def __init__(self, mount: str = "normal", opening_mm: float = HALF_MM, **more: Any) -> None:
         closed_rad, open_rad = limits_of_mount(mount)
         parameters = SimulatorParameters(
             closed_rad=closed_rad, open_rad=open_rad, initial_opening_mm=opening_mm
@@ -138,11 +145,11 @@ class Follower:
         return self.world.commands_since(self.world.now_s)[-1][1]
 
     @property
-    def lead_mm(self) -> float:
+    def lead_rad(self) -> float:
         """By how much the command leads what the daemon measured."""
         feedback = self.world.controller.motor.feedback
         assert feedback is not None
-        return abs(float(self.command().position_rad) - feedback.position_rad) * MM_RAD
+        return abs(float(self.command().position_rad) - feedback.position_rad)
 
     def reported(self) -> list[str]:
         self.client.read()
@@ -151,7 +158,7 @@ class Follower:
 
 
 def following(
-    mount: str = "normal", opening_mm: float = 60.0, aligned: bool = True, **params: Any
+    mount: str = "normal", opening_mm: float = HALF_MM, aligned: bool = True, **params: Any
 ) -> Follower:
     """Return a follower that has aligned to a leader as open as itself."""
     world = TeleopWorld(mount, opening_mm)

@@ -6,7 +6,7 @@ from itertools import pairwise
 import pytest
 
 from litegripd.control.events import JobBook
-from litegripd.model.gripper import Geometry
+from litegripd.model.calibration import NOMINAL
 from litegripd.model.motor import Feedback, MotorPhase, MotorView
 from litegripd.motor import codec
 from litegripd.trajectories.capture import Capture
@@ -115,7 +115,7 @@ def test_there_is_one_sample_for_each_due_time(rate_hz: float) -> None:
 def test_ticks_that_are_early_and_late_make_no_misses(first: float, jitter: float) -> None:
     """Whatever the phase is that the first measurement gives."""
     offsets = [first, *([jitter, -jitter] * 250)]
-    capture = Capture(Geometry(0.114, -1.491, 74.8), 200.0, 10_000, PERIOD_S, 1, -1e-9)
+    capture = Capture(NOMINAL[0], 200.0, 10_000, PERIOD_S, 1, -1e-9)
     for tick in range(400):
         at_s = PERIOD_S * (tick + 1 + offsets[tick])
         view = MotorView(MotorPhase.ENABLED, Feedback(1, -0.5, 0.0, 0.0, 30, 30, at_s))
@@ -198,10 +198,12 @@ def test_others_drive_while_it_watches() -> None:
     assert client.result("trajectory.status")["zero_gravity"] is False
     assert client.result("trajectory.status")["job"] is None
     other = world.client()
-    other.result("motion.move", opening_mm=100)
+    other.result("motion.move", opening_mm=72)
     other.result("motion.close")
     samples = taken(client)
-    assert max(sample[1] for sample in samples) == pytest.approx(100 / 120, abs=0.02)
+    assert max(sample[1] for sample in samples) == pytest.approx(
+        72 / NOMINAL[0].travel_mm, abs=0.02
+    )
     assert min(sample[1] for sample in samples) < 0.02
     assert world.state.mode == "holding"
 

@@ -79,7 +79,7 @@ def test_a_recording_beside_others_ends_with_its_client() -> None:
 def test_another_calibration_breaks_it_off() -> None:
     world, client = recording(zero_gravity=False)
     world.run(0.2)
-    content = {"zero_position_rad": 0.1, "max_position_rad": -1.4, "rad_to_mm": 74.0}
+    content = {"zero_position_rad": 0.1, "max_position_rad": -1.4, "rad_to_mm": 57.0}
     client.result("calibration.load", content=content)
     world.run(0.1)
     assert "calibration" in client.result("trajectory.status")["error"]

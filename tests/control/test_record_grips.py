@@ -9,26 +9,28 @@ import pytest
 from litegrip_client.protocol.trajectory import MOST_GRIPS, grips_of
 from litegripd.control.events import JobBook
 from litegripd.control.holds import Grip, GripSettings
+from litegripd.model.calibration import NOMINAL
 from litegripd.model.errors import Refusal
-from litegripd.model.gripper import DM4310, DM4340, Geometry
+from litegripd.model.gripper import DM4310, DM4340
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.state import Owner
 from litegripd.trajectories.capture import GripNotes
 from tests.control.grips import beside, both, gripper, grips, picked
+from tests.control.replays import TRAVEL_MM
 from tests.trajectories import fetched, points_of, send
 from tests.world import World
 
 
 def test_a_grip_is_noted_with_its_contact_its_force_and_who_commanded_it() -> None:
-    _, client, number = picked(50.0, 8.0)
+    _, client, number = picked(36.0, 8.0)
     (grip,) = grips(client, recording=number)
     assert grip["force_n"] == 8.0
-    assert grip["width_mm"] == pytest.approx(50.0, abs=1.0)
-    assert grip["openness"] == pytest.approx(50.0 / 120.0, abs=0.02)
+    assert grip["width_mm"] == pytest.approx(36.0, abs=0.7)
+    assert grip["openness"] == pytest.approx(36.0 / TRAVEL_MM, abs=0.02)
     assert grip["source"] == "motion.grasp by program101"
     assert grip["closing_s"] == pytest.approx(0.2, abs=0.05)
     samples = points_of(fetched(client, recording=number))
-    standing = [t for t, openness, *_ in samples if openness < 51.0 / 120.0]
+    standing = [t for t, openness, *_ in samples if openness < 36.7 / TRAVEL_MM]
     assert grip["start_s"] == pytest.approx(standing[0] + 0.11, abs=0.06)
     assert grip["end_s"] - grip["start_s"] == pytest.approx(1.0, abs=0.05)
 
@@ -43,7 +45,7 @@ def test_the_file_beside_names_the_trajectory_it_belongs_to() -> None:
 
 def test_one_that_is_kept_under_a_name_has_its_grips_with_it() -> None:
     world, client = gripper()
-    world.gripper.put_object(width_mm=50.0)
+    world.gripper.put_object(width_mm=36.0)
     client.result("trajectory.record_start", zero_gravity=False)
     client.result("motion.grasp", until="verdict")
     world.run(0.3)
@@ -58,13 +60,13 @@ def test_one_that_is_kept_under_a_name_has_its_grips_with_it() -> None:
 
 def test_one_that_is_held_already_begins_with_the_recording() -> None:
     world, client = gripper()
-    world.gripper.put_object(width_mm=50.0)
+    world.gripper.put_object(width_mm=36.0)
     client.result("motion.grasp", until="verdict", force_n=6)
     world.run(0.5)
     other = world.client()
     other.result("trajectory.record_start", zero_gravity=False)
     world.run(0.5)
-    client.result("motion.move", opening_mm=80)
+    client.result("motion.move", opening_mm=58)
     number = other.result("trajectory.record_stop")["recording"]
     (grip,) = grips(other, recording=number)
     assert (grip["closing_s"], grip["start_s"], grip["force_n"]) == (0.0, 0.0, 6.0)
@@ -75,7 +77,7 @@ def test_one_that_is_held_already_begins_with_the_recording() -> None:
 def test_one_that_a_replay_has_left_is_its() -> None:
     world, client, number = picked(release=False)
     content, grip_bytes = both(client, recording=number)
-    client.result("motion.move", opening_mm=100)
+    client.result("motion.move", opening_mm=72)
     send(client, content, name="pick", grip_bytes=grip_bytes)
     other = world.client()
     assert other.result("trajectory.play", name="pick", force="replay")["ok"]
@@ -88,7 +90,7 @@ def test_one_that_a_replay_has_left_is_its() -> None:
 
 def test_a_force_that_is_changed_makes_another_grip_without_a_gap() -> None:
     world, client = gripper()
-    world.gripper.put_object(width_mm=50.0)
+    world.gripper.put_object(width_mm=36.0)
     client.result("trajectory.record_start", zero_gravity=False)
     client.result("motion.grasp", until="verdict", force_n=6)
     world.run(0.5)
@@ -103,7 +105,7 @@ def test_a_force_that_is_changed_makes_another_grip_without_a_gap() -> None:
 
 def test_a_grip_that_is_lost_ends_there() -> None:
     world, client = gripper()
-    world.gripper.put_object(width_mm=50.0)
+    world.gripper.put_object(width_mm=36.0)
     client.result("trajectory.record_start", zero_gravity=False)
     client.result("motion.grasp", until="verdict")
     world.run(0.5)
@@ -117,11 +119,11 @@ def test_a_grip_that_is_lost_ends_there() -> None:
 def test_of_a_hand_nothing_is_claimed_whatever_it_pushes_on() -> None:
     """Slack jaws that stand still may be pushed onto something, or just not be pushed."""
     world, client = gripper()
-    world.gripper.put_object(width_mm=50.0)
+    world.gripper.put_object(width_mm=36.0)
     client.result("trajectory.record_start")
     world.gripper.push(0.8)
     world.run(2.0)
-    assert world.gripper.opening_mm < 51.0
+    assert world.gripper.opening_mm < 37.0
     answer = client.result("trajectory.record_stop")
     assert answer["grips"] == 0
     assert fetched(client, recording=answer["recording"], format="grip") == b""
@@ -130,26 +132,28 @@ def test_of_a_hand_nothing_is_claimed_whatever_it_pushes_on() -> None:
 def test_a_way_by_hand_and_a_grip_by_command_are_one_recording() -> None:
     """As the documentation says how a grip is taught with a force."""
     world, client = gripper()
-    world.gripper.put_object(width_mm=40.0)
+    world.gripper.put_object(width_mm=29.0)
     client.result("trajectory.record_start", zero_gravity=False)
     client.result("motion.zero_gravity")
     sign = world.gripper.parameters.close_sign
     world.gripper.push(0.3 * sign)
-    world.run_until(lambda: world.gripper.opening_mm < 70.0)
+    world.run_until(lambda: world.gripper.opening_mm < 51.0)
     world.gripper.push(0.0)
     world.run(0.3)
     client.result("motion.grasp", until="verdict", force_n=8)
     world.run(0.5)
-    client.result("motion.move", opening_mm=90)
+    client.result("motion.move", opening_mm=65)
     content, grip_bytes = both(
         client, recording=client.result("trajectory.record_stop")["recording"]
     )
     other, others_client = gripper("reverse", 80.0)
-    other.gripper.put_object(width_mm=48.0, stiffness_nm_rad=80.0)
+    other.gripper.put_object(width_mm=35.0, stiffness_nm_rad=80.0)
     send(others_client, content, name="pick", grip_bytes=grip_bytes)
-    result = others_client.result("trajectory.play", name="pick", force="replay")
+    # The hand was faster than a replay may be.
+    params = {"name": "pick", "force": "replay", "speed": 0.5}
+    result = others_client.result("trajectory.play", **params)
     assert (result["ok"], result["grips"]) == (True, 1)
-    assert result["width_difference_mm"] == pytest.approx(8.0, abs=2.0)
+    assert result["width_difference_mm"] == pytest.approx(6.0, abs=1.4)
 
 
 def test_a_squeeze_that_has_met_nothing_is_no_grip() -> None:
@@ -180,7 +184,7 @@ def test_a_grip_that_no_file_can_hold_is_counted() -> None:
     """Files go from gripper to gripper; a stronger motor may grip harder than they can say."""
     world = World(motor_type=DM4340)
     client = world.enabled()
-    world.gripper.put_object(width_mm=50.0)
+    world.gripper.put_object(width_mm=36.0)
     client.result("trajectory.record_start", zero_gravity=False)
     rate = {"force_rate_n_s": 200.0}
     assert client.result("motion.grasp", force_n=40.0, until="verdict", config=rate)["ok"]
@@ -190,7 +194,7 @@ def test_a_grip_that_no_file_can_hold_is_counted() -> None:
 
 
 def test_more_grips_than_are_kept_are_counted() -> None:
-    geometry, jobs, notes = Geometry(0.114, -1.491, 74.8), JobBook(), GripNotes()
+    geometry, jobs, notes = NOMINAL[0], JobBook(), GripNotes()
     owner = Owner(1, 2, 3, "pick\x07place " + "é" * 200)
     settings = GripSettings.of(geometry, MotionConfig(), 50.0, "torque")
     for number in range(MOST_GRIPS + 5):

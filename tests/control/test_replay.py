@@ -4,9 +4,13 @@ from itertools import pairwise
 
 import pytest
 
+from litegripd.model.calibration import NOMINAL
+from litegripd.model.gripper import FASTEST_MM_S
+from litegripd.model.motion_config import MOVING_KP_NM_RAD, REACHING_KP_NM_RAD
 from tests.control.replays import (
     SLOW,
     TOLERANCE,
+    TRAVEL_MM,
     followed,
     openness,
     playing,
@@ -17,6 +21,9 @@ from tests.control.replays import (
 )
 from tests.trajectories import fetched, sampled, send, swing, uploaded
 from tests.world import PERIOD_S
+
+MM_RAD = NOMINAL[0].rad_to_mm
+WIDE_MM = 0.92 * TRAVEL_MM
 
 
 @pytest.mark.parametrize("mount", ["normal", "reverse"])
@@ -36,8 +43,8 @@ def test_the_openness_follows_whatever_mount_it_was_taught_on(mount: str, taught
 @pytest.mark.parametrize(
     "content",
     [
-        {"zero_position_rad": 0.05, "max_position_rad": -1.2, "rad_to_mm": 80.0},
-        {"zero_position_rad": 0.114, "max_position_rad": -0.9, "rad_to_mm": 74.8},
+        {"zero_position_rad": -0.05, "max_position_rad": -1.3, "rad_to_mm": 66.0},
+        {"zero_position_rad": 0.0, "max_position_rad": -1.0, "rad_to_mm": 80.0},
     ],
 )
 def test_the_openness_follows_by_another_calibration(content: dict[str, float]) -> None:
@@ -80,7 +87,7 @@ def test_it_takes_as_long_as_its_speed_says(speed: float) -> None:
 def test_nothing_jumps_from_the_first_command_on() -> None:
     """Aligning from afar, going along the path, and holding at its end."""
     world, client = ready()
-    client.result("motion.move", opening_mm=110)
+    client.result("motion.move", opening_mm=WIDE_MM)
     world.run(0.2)
     since_s = world.now_s
     here_rad = world.gripper.position_rad
@@ -91,25 +98,25 @@ def test_nothing_jumps_from_the_first_command_on() -> None:
     assert commands[0][1].position_rad == pytest.approx(here_rad, abs=0.01)
     geometry = world.controller.geometry
     assert geometry is not None
-    fastest_rad_s = geometry.to_rad(1.2 * 120 * 0.3 * 6.28 / 4.0) + 0.2
+    fastest_rad_s = 1.2 * geometry.to_rad(max(50.0, TRAVEL_MM * 0.3 * 6.28 / 4.0)) + 0.2
     for (_, one), (_, other) in pairwise(commands):
         assert abs(other.position_rad - one.position_rad) <= fastest_rad_s * PERIOD_S + 8e-4
 
 
 def test_it_goes_to_the_start_at_the_speed_of_a_move() -> None:
     world, client = ready()
-    client.result("motion.move", opening_mm=110)
+    client.result("motion.move", opening_mm=WIDE_MM)
     client.send("trajectory.play", upload=uploaded(client, SLOW), config={"speed_mm_s": 20})
     world.run_until(lambda: playing(world).phase == "align")
     began_s = world.now_s
     world.run_until(lambda: playing(world).phase == "play")
-    assert world.now_s - began_s == pytest.approx(50.0 / 20.0, rel=0.1)
+    assert world.now_s - began_s == pytest.approx((WIDE_MM - 0.5 * TRAVEL_MM) / 20.0, rel=0.1)
 
 
 def test_without_align_it_begins_only_where_it_begins() -> None:
     world, client = ready()
     upload = uploaded(client, SLOW)
-    client.result("motion.move", opening_mm=70)
+    client.result("motion.move", opening_mm=0.5 * TRAVEL_MM + 10.0)
     since_s = world.now_s
     answer = client.call("trajectory.play", upload=upload, align=False)
     data = answer["error"]["data"]
@@ -117,7 +124,7 @@ def test_without_align_it_begins_only_where_it_begins() -> None:
     assert data["requested"] == pytest.approx(10.0, abs=0.5)
     positions = {command.position_rad for _, command in world.commands_since(since_s)}
     assert max(positions) - min(positions) < 0.02
-    client.result("motion.move", opening_mm=62)
+    client.result("motion.move", opening_mm=0.5 * TRAVEL_MM + 2.0)
     assert client.result("trajectory.play", upload=upload, align=False)["ok"]
 
 
@@ -172,7 +179,7 @@ def test_a_new_speed_counts_from_the_next_tick() -> None:
 
 def test_a_pause_on_the_way_to_the_start_holds_there() -> None:
     world, client = ready()
-    client.result("motion.move", opening_mm=110)
+    client.result("motion.move", opening_mm=WIDE_MM)
     client.send("trajectory.play", upload=uploaded(client, SLOW))
     world.run_until(lambda: playing(world).phase == "align")
     world.run(0.3)
@@ -213,14 +220,17 @@ def test_only_a_detached_one_is_controlled_by_others(detach: bool) -> None:
 
 
 @pytest.mark.parametrize(("kp", "kd"), [(20.0, 0.5), (60.0, 2.0), (None, None)])
-def test_the_gains_are_at_most_the_wanted_ones(kp: float | None, kd: float | None) -> None:
+def test_the_gains_are_at_most_the_wanted_ones_but_stiff_enough_to_reach(
+    kp: float | None, kd: float | None
+) -> None:
     world, client = ready()
     gains = {"kp": kp, "kd": kd} if kp is not None else {}
     number = started(world, client, SLOW, **gains)
     since_s = world.now_s
     world.run_until(lambda: client.has_answer(number))
     commands = [command for _, command in world.commands_since(since_s)]
-    assert max(command.kp_nm_rad for command in commands) == pytest.approx(kp or 100.0, rel=0.02)
+    most_kp = max(MOVING_KP_NM_RAD if kp is None else kp, REACHING_KP_NM_RAD)
+    assert max(command.kp_nm_rad for command in commands) == pytest.approx(most_kp, rel=0.02)
     assert max(command.kd_nm_s_rad for command in commands) <= (kd or 2.0) + 0.01
 
 
@@ -246,15 +256,15 @@ def test_the_status_tells_of_the_latest_of_recordings_and_replays() -> None:
 
 def test_a_path_that_is_too_fast_is_refused_with_the_speed_that_goes() -> None:
     world, client = ready()
-    upload = uploaded(client, sampled(lambda t_s: 0.2 + 6.0 * t_s, 0.1, hz=200))  # 720 mm/s
+    upload = uploaded(client, sampled(lambda t_s: 0.2 + 6.0 * t_s, 0.1, hz=200))  # 522 mm/s
     since_s = world.now_s
     answer = client.call("trajectory.play", upload=upload)
     data = answer["error"]["data"]
     assert (data["reason"], data["field"]) == ("out_of_limits", "speed")
-    assert data["limit"] == pytest.approx(500 / 720, rel=1e-3)
+    assert data["limit"] == pytest.approx(FASTEST_MM_S / (6.0 * TRAVEL_MM), rel=1e-3)
     assert world.state.mode == "holding"
     assert len({c.position_rad for _, c in world.commands_since(since_s)}) <= 2
-    assert client.result("trajectory.play", upload=upload, speed=0.69)["ok"]
+    assert client.result("trajectory.play", upload=upload, speed=0.28)["ok"]
 
 
 def test_a_jump_is_refused_at_every_speed() -> None:
@@ -364,11 +374,11 @@ def test_a_loop_goes_on_until_it_is_cancelled_and_then_holds() -> None:
 @pytest.mark.parametrize("ticks", [1, 3, 10, 40])
 def test_one_that_is_broken_off_on_its_way_stops_where_the_jaws_are(ticks: int) -> None:
     world, client = ready()
-    points = sampled(lambda t: min(0.1 + 3.5 * max(t - 0.5, 0.0), 0.9), 1.2, hz=200)
+    points = sampled(lambda t: min(0.1 + 1.7 * max(t - 0.5, 0.0), 0.9), 1.2, hz=200)
     client.send("trajectory.play", upload=uploaded(client, points))
     world.run_until(lambda: (playing(world).openness or 0.0) > 0.11)
     world.run(ticks * PERIOD_S)
     before_mm = world.gripper.opening_mm
     client.result("stop")
     world.run(0.6)
-    assert world.gripper.opening_mm == pytest.approx(before_mm, abs=3.0)
+    assert world.gripper.opening_mm == pytest.approx(before_mm, abs=0.04 * MM_RAD)

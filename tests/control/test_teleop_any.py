@@ -8,16 +8,17 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegripd.model.gripper import DM4310
-from litegripd.model.motion_config import LEAST_DAMPING_S
+from litegripd.model.gripper import DM4310, FASTEST_RAD_S
+from litegripd.model.motion_config import (
+    LEAST_DAMPING_S,
+    MOVING_KP_NM_RAD,
+    REACHING_KP_NM_RAD,
+)
 from tests.control.any_requests import NORMAL, REVERSE, Values, calls
 from tests.control.bench import Bench, Course, Request
-from tests.control.teleop_scene import CODE_RAD, MM_RAD, Follower, TeleopWorld, packed
+from tests.control.teleop_scene import CODE_RAD, Follower, TeleopWorld, packed
 from tests.properties import examples
 from tests.world import PERIOD_S
-
-MAX_LEAD_RAD = 4.0 / MM_RAD
-MOST_NM = 5.5
 
 openness = st.floats(0.0, 1.0) | st.floats(-5.0, 5.0) | st.sampled_from([0.0, 1.0, 1e300, -1e300])
 stamps = st.floats(-0.1, 0.1) | st.sampled_from([0.0, 0.005, 1e9, -1e9])
@@ -59,10 +60,12 @@ def check(follower: Follower, given: dict[str, Any]) -> None:
     assert wanted is not None
     assert feedback is not None
     lead_rad = abs(wanted.position_rad - feedback.position_rad)
-    most_nm = min(MOST_NM, given.get("force_limit_n", math.inf) / 10.0)
-    assert lead_rad <= MAX_LEAD_RAD + 1e-9
+    travel_nm = controller.config.travel_nm
+    most_nm = min(travel_nm, given.get("force_limit_n", math.inf) / 10.0)
+    usual_kp = min(max(given.get("kp", MOVING_KP_NM_RAD), REACHING_KP_NM_RAD), MOVING_KP_NM_RAD)
+    assert lead_rad <= travel_nm / usual_kp + 1e-9
     assert wanted.kp_nm_rad * lead_rad <= most_nm + 1e-9
-    assert abs(wanted.velocity_rad_s) <= given.get("dq_max", 10.0) + 1e-9
+    assert abs(wanted.velocity_rad_s) <= min(given.get("dq_max", 10.0), FASTEST_RAD_S) + 1e-9
     assert wanted.torque_nm == 0.0
     geometry = controller.geometry
     assert geometry is not None

@@ -6,14 +6,14 @@ import pytest
 
 from litegripd.teleop.follower import PressGuard
 from tests.control.states import is_slack
-from tests.control.teleop_scene import Follower, TeleopWorld, following, sweep
+from tests.control.teleop_scene import OBJECT_MM, TRAVEL_MM, Follower, TeleopWorld, following, sweep
 from tests.world import PERIOD_S
 
 
 def pressing(limit_nm: float = 1.0, rate_hz: float = 200.0) -> Follower:
-    """Return a follower that has run onto a rigid object of 50 mm."""
+    """Return a follower that has run onto a rigid object."""
     follower = following(torque_limit_nm=limit_nm)
-    follower.world.gripper.put_object(width_mm=50.0)
+    follower.world.gripper.put_object(width_mm=OBJECT_MM)
     follower.lead(sweep(0.5, 0.3, 0.6), 0.8, rate_hz)
     return follower
 
@@ -37,7 +37,7 @@ def test_it_lets_go_and_goes_on_streaming(rate_hz: float) -> None:
 
 def test_it_trips_after_60_ms_and_not_before() -> None:
     follower = following(torque_limit_nm=1.0)
-    follower.world.gripper.put_object(width_mm=50.0)
+    follower.world.gripper.put_object(width_mm=OBJECT_MM)
     over: list[bool] = []
 
     def note() -> None:
@@ -55,7 +55,7 @@ def test_it_trips_after_60_ms_and_not_before() -> None:
 
 def test_it_stays_free_until_the_leader_has_reopened_and_then_aligns() -> None:
     follower = following(torque_limit_nm=1.0)
-    follower.world.gripper.put_object(width_mm=50.0)
+    follower.world.gripper.put_object(width_mm=OBJECT_MM)
     began_s, tripped = follower.world.now_s, 1.0
     while not follower.status()["over_torque"]:
         tripped = 0.5 - 0.3 * (follower.world.now_s - began_s)
@@ -94,7 +94,7 @@ def test_near_full_open_the_open_stop_is_enough(openness: float) -> None:
 
 
 def test_near_full_open_in_a_scene() -> None:
-    follower = following(torque_limit_nm=1.0, opening_mm=105.0)
+    follower = following(torque_limit_nm=1.0, opening_mm=0.875 * TRAVEL_MM)
     follower.world.gripper.jam()
     follower.lead(sweep(0.875, 0.97, 0.4), 0.8)
     assert follower.status()["over_torque"]
@@ -207,8 +207,8 @@ def test_a_stop_holds_at_the_present_angle_but_a_loss_keeps_the_force() -> None:
 
 def test_a_leader_beyond_its_stop_has_not_reopened() -> None:
     """Frames of other stacks are not clamped; what is followed is, and it presses as before."""
-    follower = following(torque_limit_nm=1.0, opening_mm=60.0)
-    follower.world.gripper.put_object(width_mm=50.0)
+    follower = following(torque_limit_nm=1.0)
+    follower.world.gripper.put_object(width_mm=OBJECT_MM)
     follower.stay(-0.20, 1.6)
     assert follower.status()["over_torque"]
     follower.stay(-0.03, 1.0)

@@ -8,7 +8,7 @@ import pytest
 
 from litegripd.model.teleop import LinkStatus
 from tests.control.states import is_slack
-from tests.control.teleop_scene import TRAVEL_MM, TeleopWorld, following
+from tests.control.teleop_scene import OBJECT_MM, TRAVEL_MM, TeleopWorld, following
 from tests.world import PERIOD_S, Client, World
 
 MASTER: dict[str, Any] = {"mode": "master"}
@@ -301,14 +301,14 @@ def test_a_link_that_was_let_go_of_is_not_shown_as_open() -> None:
 
 
 def test_the_fake_leader_sweeps_and_trips_the_guard_on_a_rigid_object() -> None:
-    world = TeleopWorld(opening_mm=110.0)
+    world = TeleopWorld(opening_mm=0.916 * TRAVEL_MM)
     client = world.enabled()
-    world.gripper.put_object(width_mm=50.0)
+    world.gripper.put_object(width_mm=OBJECT_MM)
     client.result("teleop.start", mode="slave", fake_leader=True, torque_limit_nm=1.0)
     world.run_until(lambda: bool(client.result("teleop.status")["over_torque"]), 8.0)
-    assert world.gripper.opening_mm == pytest.approx(50.0, abs=2.0)
+    assert world.gripper.opening_mm == pytest.approx(OBJECT_MM, abs=1.4)
     world.run_until(lambda: bool(not client.result("teleop.status")["over_torque"]), 8.0)
-    world.run_until(lambda: world.gripper.opening_mm > 100.0, 8.0)
+    world.run_until(lambda: world.gripper.opening_mm > 0.83 * TRAVEL_MM, 8.0)
     world.run_until(lambda: bool(client.result("teleop.status")["torque_trips"] == 2), 12.0)
     status = client.result("teleop.status")
     assert status["frames"] > 1000

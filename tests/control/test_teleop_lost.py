@@ -4,10 +4,14 @@ from itertools import pairwise
 
 import pytest
 
+from litegripd.model.gripper import FASTEST_RAD_S
 from litegripd.teleop.link import TeleopAction
 from tests.control.teleop_scene import (
     CODE_RAD,
+    MAX_LEAD_RAD,
     MM_RAD,
+    OBJECT_MM,
+    TRAVEL_MM,
     Follower,
     TeleopWorld,
     following,
@@ -16,8 +20,6 @@ from tests.control.teleop_scene import (
 )
 from tests.world import PERIOD_S
 
-MAX_LEAD_RAD = 4.0 / MM_RAD
-
 
 def dq(follower: Follower) -> float:
     return float(follower.status()["dq_cmd"])
@@ -25,7 +27,7 @@ def dq(follower: Follower) -> float:
 
 def test_without_frames_it_holds_its_last_target_under_its_gains() -> None:
     follower = following()
-    follower.world.gripper.put_object(width_mm=50.0)
+    follower.world.gripper.put_object(width_mm=OBJECT_MM)
     follower.lead(sweep(0.5, 0.4, 0.4), 0.5)
     pressing_nm = follower.status()["torque_nm"]
     target_rad = follower.command().position_rad
@@ -84,11 +86,11 @@ def test_a_cable_that_is_cut_for_ten_seconds_is_no_step_though_the_leader_went_e
     speeds: list[float] = []
 
     def note() -> None:
-        leads.append(follower.lead_mm)
+        leads.append(follower.lead_rad)
         speeds.append(abs(follower.world.gripper.velocity_rad_s) * MM_RAD)
 
     follower.lead(lambda _t: 0.2, 2.5, each=note)
-    assert max(leads) < 3.0
+    assert max(leads) < 0.04
     assert max(speeds) < 65.0  # aligning is at 50 mm/s
     assert follower.status()["phase"] == "following"
     assert follower.world.openness == pytest.approx(0.2, abs=0.005)
@@ -100,10 +102,10 @@ def test_a_short_gap_needs_no_aligning_and_makes_no_step() -> None:
     leads: list[float] = []
     for _ in range(30):
         follower.world.tick()
-        leads.append(follower.lead_mm)
-    follower.lead(lambda _t: 0.7, 0.3, each=lambda: leads.append(follower.lead_mm))
+        leads.append(follower.lead_rad)
+    follower.lead(lambda _t: 0.7, 0.3, each=lambda: leads.append(follower.lead_rad))
     assert follower.status()["phase"] == "following"
-    assert max(leads) <= MAX_LEAD_RAD * MM_RAD + CODE_RAD * MM_RAD
+    assert max(leads) <= MAX_LEAD_RAD + CODE_RAD
     assert follower.world.openness == pytest.approx(0.7, abs=0.005)
 
 
@@ -113,7 +115,7 @@ def test_the_velocity_lasts_until_the_next_frame_of_a_slow_leader_but_not_long()
     follower.lead(
         lambda t: 0.5 + 0.3 * t, 0.4, rate_hz=50.0, each=lambda: speeds.append(dq(follower))
     )
-    expected = -0.3 * 120.0 / MM_RAD  # closing is +, on a normal mount
+    expected = -0.3 * TRAVEL_MM / MM_RAD  # closing is +, on a normal mount
     assert speeds[20:] == pytest.approx([expected] * (len(speeds) - 20), rel=0.05)
     left: list[float] = []
     for _ in range(15):
@@ -147,7 +149,7 @@ def test_frames_that_come_late_tell_no_velocity() -> None:
     assert dq(follower) != 0.0
 
 
-@pytest.mark.parametrize(("dq_max", "most"), [(10.0, 10.0), (1.5, 1.5)])
+@pytest.mark.parametrize(("dq_max", "most"), [(10.0, FASTEST_RAD_S), (1.5, 1.5)])
 def test_the_velocity_is_bounded(dq_max: float, most: float) -> None:
     follower = following(dq_max=dq_max, kp=100.0, kd=0.2)
     seen: list[float] = []
@@ -165,7 +167,7 @@ def test_a_leader_without_a_clock_is_followed_by_ours() -> None:
         follower.put(packed(0.5 + 0.001 * tick, 0.0))
         follower.world.tick()
     assert follower.status()["phase"] == "following"
-    assert dq(follower) == pytest.approx(-0.2 * 120.0 / MM_RAD, rel=0.05)
+    assert dq(follower) == pytest.approx(-0.2 * TRAVEL_MM / MM_RAD, rel=0.05)
     for _ in range(100):
         follower.put(packed(0.6, 0.0))
         follower.world.tick()
@@ -214,12 +216,12 @@ def test_two_leaders_whom_only_their_clocks_tell_apart_are_not_mixed() -> None:
         follower.put(packed(0.9, 20_000.0 + PERIOD_S * tick))
         follower.put(packed(0.2, 3.0 + PERIOD_S * tick))
         follower.world.tick()
-        leads.append(follower.lead_mm)
+        leads.append(follower.lead_rad)
     status = follower.status()
     assert status["other_leaders"] == 300
     assert status["openness"] == 0.9
     assert follower.world.openness == pytest.approx(0.9, abs=0.005)
-    assert max(leads) < 2.5  # aligned, and not leapt
+    assert max(leads) < 0.0334  # aligned, and not leapt
     assert any("second leader" in text for text in follower.reported())
 
 
@@ -250,7 +252,7 @@ def test_frames_that_come_in_bunches_are_all_taken() -> None:
         follower.world.run(0.04)
     status = follower.status()
     assert status["frames"] == follower.sent + 80
-    assert status["dq_cmd"] == pytest.approx(-0.1 * 120.0 / MM_RAD, rel=0.05)
+    assert status["dq_cmd"] == pytest.approx(-0.1 * TRAVEL_MM / MM_RAD, rel=0.05)
 
 
 def test_a_leader_that_comes_and_goes_all_the_time_is_told_of_now_and_then() -> None:
@@ -264,7 +266,7 @@ def test_a_leader_that_comes_and_goes_all_the_time_is_told_of_now_and_then() -> 
         assert 2 <= sum(words in text for text in follower.reported()) <= passed_s + 2
 
 
-def test_however_frames_jump_the_command_steps_by_no_more_than_the_leads_cap() -> None:
+def test_however_frames_jump_the_command_steps_by_no_more_than_any_motion_may() -> None:
     """Frames that say in turn wide open and shut, as fast as ticks: nothing is turned round."""
     follower = following()
     wanted: list[float] = []
@@ -273,10 +275,10 @@ def test_however_frames_jump_the_command_steps_by_no_more_than_the_leads_cap() -
         follower.world.tick()
         requested = follower.world.controller.output.requested
         assert requested is not None
-        wanted.append(requested.position_rad * MM_RAD)
-        assert follower.lead_mm <= 4.0 + 0.03
+        wanted.append(requested.position_rad)
+        assert follower.lead_rad <= MAX_LEAD_RAD + CODE_RAD
     steps = [abs(later - earlier) for earlier, later in pairwise(wanted)]
-    assert 3.0 < max(steps) <= 4.0 + 1e-9
+    assert max(steps) == pytest.approx(FASTEST_RAD_S * PERIOD_S)
 
 
 def complaint(follower: Follower) -> str | None:

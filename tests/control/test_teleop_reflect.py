@@ -13,20 +13,29 @@ from litegripd.model.teleop import Arrival, LinkOptions
 from litegripd.teleop.leader import DEAD_BAND_N
 from litegripd.teleop.link import InProcessLinks
 from tests.control.reflection_pair import FORCE, force_frame, pair
-from tests.control.teleop_scene import TeleopWorld, following, packed
+from tests.control.teleop_scene import (
+    HALF_MM,
+    MM_RAD,
+    OBJECT_MM,
+    TRAVEL_MM,
+    TeleopWorld,
+    following,
+    packed,
+)
 from tests.properties import examples
 from tests.world import PERIOD_S
 
 MASTER: dict[str, Any] = {"mode": "master"}
 SLAVE: dict[str, Any] = {"mode": "slave", "host": "leader"}
+NEAR_MM, PRESSED_MM = OBJECT_MM + 0.025 * TRAVEL_MM, 0.8 * OBJECT_MM
 
 
 @pytest.mark.parametrize("mounts", [("normal", "normal"), ("normal", "reverse")])
 def test_a_hand_feels_the_contact_and_nothing_before_or_after(mounts: tuple[str, str]) -> None:
     both = pair(5.0, mounts=mounts)
-    on_the_way = both.run(0.4, to_mm=53.0)
+    on_the_way = both.run(0.4, to_mm=NEAR_MM)
     assert max(map(abs, on_the_way)) == 0.0
-    felt = both.run(0.6, to_mm=40.0)
+    felt = both.run(0.6, to_mm=PRESSED_MM)
     assert felt[-1] > 0.25
     assert max(felt) <= 0.5 + 1e-9
     leader, follower = both.status()
@@ -36,14 +45,14 @@ def test_a_hand_feels_the_contact_and_nothing_before_or_after(mounts: tuple[str,
     assert float(str(leader["round_trip_ms"])) < 30.0
     assert float(str(follower["reflected_n"])) > 5.0
     assert leader["rejected"] == leader["late"] == leader["out_of_order"] == 0
-    both.run(0.6, to_mm=60.0)
+    both.run(0.6, to_mm=HALF_MM)
     assert abs(both.run(0.2)[-1]) < 0.001
 
 
 def test_it_is_off_unless_both_ends_ask_for_it() -> None:
     for reflect_n, reflect in ((0.0, True), (5.0, False), (0.0, False)):
         both = pair(reflect_n, reflect=reflect)
-        felt = both.run(0.8, to_mm=40.0)
+        felt = both.run(0.8, to_mm=PRESSED_MM)
         assert max(map(abs, felt)) == 0.0
         leader, follower = both.status()
         assert leader["reflects"] is (reflect_n > 0.0)
@@ -56,7 +65,7 @@ def test_it_is_off_unless_both_ends_ask_for_it() -> None:
 def test_a_cut_cable_lets_go_of_the_hand_gently() -> None:
     both = pair(10.0, gain=1.0)
     both.hand.stiffness_nm_mm = 0.2
-    before = both.run(1.0, to_mm=40.0)[-1]
+    before = both.run(1.0, to_mm=PRESSED_MM)[-1]
     assert before > 0.9
     both.is_cut = True
     ending = both.run(0.6)
@@ -75,12 +84,12 @@ def test_no_delay_and_no_hand_make_it_swing(delay_s: float, stiffness_nm_mm: flo
     """The most force and the whole gain, into a rigid object: all comes to rest."""
     both = pair(10.0, delay_s=delay_s, gain=1.0)
     both.hand.stiffness_nm_mm = stiffness_nm_mm or 0.06
-    both.run(1.0, to_mm=40.0)
+    both.run(1.0, to_mm=PRESSED_MM)
     both.hand.stiffness_nm_mm = stiffness_nm_mm  # 0: it lets go
     gripper, fastest = both.leader.gripper, 0.0
     for _ in range(400):
         both.tick()
-        fastest = max(fastest, abs(gripper.velocity_rad_s) * 74.8)
+        fastest = max(fastest, abs(gripper.velocity_rad_s) * MM_RAD)
     seen = []
     for _ in range(200):
         both.tick()
@@ -91,7 +100,7 @@ def test_no_delay_and_no_hand_make_it_swing(delay_s: float, stiffness_nm_mm: flo
 
 def test_over_a_network_that_is_too_slow_nothing_is_felt() -> None:
     both = pair(10.0, delay_s=0.12, gain=1.0)
-    assert max(map(abs, both.run(1.5, to_mm=40.0))) == 0.0
+    assert max(map(abs, both.run(1.5, to_mm=PRESSED_MM))) == 0.0
     leader = both.status()[0]
     assert leader["followers"] == 0
     assert int(str(leader["late"])) > 50
@@ -100,10 +109,10 @@ def test_over_a_network_that_is_too_slow_nothing_is_felt() -> None:
 def test_a_tripped_guard_is_not_felt_nor_is_the_way_to_the_leader() -> None:
     both = pair(10.0, gain=1.0, torque_limit_nm=1.0)
     both.hand.stiffness_nm_mm = 0.2
-    both.run(0.8, to_mm=40.0)
+    both.run(0.8, to_mm=PRESSED_MM)
     assert both.status()[1]["over_torque"] is True
     assert abs(both.run(0.4)[-1]) < 0.001
-    follower = following(reflect=True, aligned=False, opening_mm=100.0)
+    follower = following(reflect=True, aligned=False, opening_mm=72.0)
     follower.stay(0.1, 0.2)
     assert follower.status()["phase"] == "aligning"
     reported = [FORCE.unpack(payload)[2] for _, payload, _ in follower.world.wire.replied]
@@ -111,7 +120,7 @@ def test_a_tripped_guard_is_not_felt_nor_is_the_way_to_the_leader() -> None:
 
 
 def test_a_script_that_knows_the_page_alone_is_felt_and_reads_ours() -> None:
-    world = TeleopWorld(opening_mm=60.0)
+    world = TeleopWorld()
     client = world.enabled()
     client.result("teleop.start", **MASTER, reflect_n=4.0, reflect_gain=1.0)
     for tick in range(100):
@@ -158,7 +167,7 @@ def test_a_leader_that_is_heard_again_is_answered_again() -> None:
 
 def test_it_ends_with_teleoperation() -> None:
     both = pair(10.0, gain=1.0)
-    both.run(0.8, to_mm=40.0)
+    both.run(0.8, to_mm=PRESSED_MM)
     assert both.commanded_nm > 0.2
     both.leading.result("teleop.stop")
     both.leader.tick()
@@ -236,7 +245,7 @@ def made(now_s: float, force_n: float, at_s: float, age_s: float, sender: int) -
 def test_no_frames_push_a_hand_beyond_the_bounds(
     reflect_n: float, gain: float, course: list[Any]
 ) -> None:
-    world = TeleopWorld(opening_mm=60.0)
+    world = TeleopWorld()
     client = world.enabled()
     client.result("teleop.start", **MASTER, reflect_n=reflect_n, reflect_gain=gain)
     was_nm = 0.0

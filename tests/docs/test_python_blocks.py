@@ -37,7 +37,7 @@ def run(site: Site, code: str) -> None:
 
 def test_there_are_blocks() -> None:
     assert [name for name, _ in BLOCKS].count("README.md") == 1
-    assert [name for name, _ in BLOCKS].count("docs/python.md") == 3
+    assert [name for name, _ in BLOCKS].count("docs/python.md") == 4
     assert [name for name, _ in BLOCKS].count("docs/tutorial.md") == 1
 
 
@@ -45,7 +45,8 @@ def test_there_are_blocks() -> None:
 def test_it_runs(name: str, code: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with a_site(tmp_path) as site:
         daemon = site.add(Daemon())
-        daemon.gripper.put_object(width_mm=30.0)
+        if "zero()" not in code:  # which needs a free way
+            daemon.gripper.put_object(width_mm=30.0)
         run(site, code)
         assert not daemon.is_energised
     if "print(" in code:

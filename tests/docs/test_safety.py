@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from litegrip_client import LiteGrip, StoppedError, Trajectory, TrajectorySample
+from litegripd.model.calibration import NOMINAL
 from tests.drop_in import Daemon, Moment, Site, a_site
 
 RIGID_NM_RAD = 1500.0
@@ -27,7 +28,9 @@ def stream(gripper: LiteGrip, site: Site, **more: float) -> None:
 
 def play(gripper: LiteGrip, _site: Site) -> None:
     samples = [TrajectorySample(n * 0.01, 0.5 - 0.002 * n, 0.0, 0.0, 0.0) for n in range(201)]
-    assert gripper.play(Trajectory(samples, 100.0, 1.7e9, 0.114, -1.491, 74.8)).outcome == "blocked"
+    geometry = NOMINAL[0]
+    limits = (geometry.closed_rad, geometry.open_rad, geometry.rad_to_mm)
+    assert gripper.play(Trajectory(samples, 100.0, 1.7e9, *limits)).outcome == "blocked"
 
 
 def follow(gripper: LiteGrip, site: Site) -> None:

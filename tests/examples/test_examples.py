@@ -13,7 +13,10 @@ import pytest
 
 from examples import collect, policy, teleop
 from litegrip_client import LiteGrip
+from litegripd.model.calibration import NOMINAL
 from tests.drop_in import Daemon, Site, a_site
+
+TRAVEL_MM = NOMINAL[0].travel_mm
 
 
 @pytest.fixture
@@ -31,7 +34,9 @@ def test_the_policy_drives_the_jaws_at_50_hz(
     steps = int(capsys.readouterr().out.split()[0])
     assert steps == pytest.approx(250, abs=2)
     openings = [moment.opening_mm for moment in moments]
-    assert (max(openings), min(openings)) == pytest.approx((96.0, 25.0), abs=2.0)
+    assert (max(openings), min(openings)) == pytest.approx(
+        (0.8 * TRAVEL_MM, 0.208 * TRAVEL_MM), abs=1.4
+    )
     assert not daemon.is_energised
 
 
@@ -63,7 +68,7 @@ def test_what_a_follower_does_is_collected_tick_by_tick(
     times = [float(row["monotonic_s"]) for row in rows]
     assert [b - a for a, b in itertools.pairwise(times)] == pytest.approx([0.005] * 1199)
     seen = [float(row["openness"]) for row in rows]
-    true = [moment.opening_mm / 120.05 for moment in moments]
+    true = [moment.opening_mm / TRAVEL_MM for moment in moments]
     assert (max(seen), min(seen)) == pytest.approx((max(true), min(true)), abs=0.02)
 
 

@@ -6,6 +6,7 @@
 from dataclasses import dataclass, field
 
 from litegripd.control.snapshot import GripperState
+from litegripd.model.motion_config import MOVING_KP_NM_RAD
 from litegripd.model.motor import MotorPhase
 from litegripd.motor import codec
 from litegripd.sim.motor import ENABLED
@@ -128,9 +129,7 @@ def _run(
     steps = _back_to_work(world, watch)
     how = "by itself" if by_itself and len(steps) < 2 else ", ".join(steps)
     assert world.oldest_s <= OLDEST_S, f"a command was obeyed that was {world.oldest_s:.3f} s old"
-    geometry, config = world.controller.geometry, world.controller.config
-    assert geometry is not None
-    assert watch.furthest_mm <= config.max_lead_mm + astray_mm
+    assert watch.furthest_mm <= lead_mm(world) + astray_mm
     return Cell(
         fault=fault.name,
         situation=situation.name,
@@ -240,9 +239,23 @@ def _back_to_work(world: FaultWorld, watch: Watch) -> list[str]:
     steps.append("enable")
     world.gripper.remove_object()
     assert _asks(client, watch, "motion.open", speed_mm_s=100), client.answers
-    assert world.gripper.opening_mm > 115.0
+    assert is_open(world)
     assert world.gripper.motor.status == ENABLED
     return steps
+
+
+def lead_mm(world: FaultWorld) -> float:
+    """Return by how much a command may lead the jaws on the way, with the usual stiffness."""
+    lead_rad = world.controller.config.travel_nm / MOVING_KP_NM_RAD
+    return lead_rad * world.gripper.parameters.rad_to_mm
+
+
+def is_open(world: FaultWorld) -> bool:
+    """True if the jaws are where `open` brings them, to 4 % of the travel."""
+    geometry = world.controller.geometry
+    assert geometry is not None
+    wanted_mm = world.controller.calibrated.work_opening_mm or geometry.travel_mm
+    return abs(world.gripper.opening_mm - wanted_mm) < 0.04 * geometry.travel_mm
 
 
 def _enables(client: Client, watch: Watch) -> bool:

@@ -10,7 +10,7 @@ from typing import Any
 
 from litegripd.model.motion_config import MotionConfig
 from litegripd.sim.plant import MOUNTS
-from tests.faults.cell import WAITS
+from tests.faults.cell import WAITS, is_open
 from tests.faults.chaos_clients import CLIENTS, ChaosClient
 from tests.faults.chaos_watch import ChaosWatch, kept_by
 from tests.faults.fault_world import FaultWorld
@@ -163,7 +163,7 @@ class Chaos:
             self._do(fresh, "motor.clear_fault")
             self._do(fresh, "motor.enable")
         self._do(fresh, "motion.open", speed_mm_s=100)
-        assert self.world.gripper.opening_mm > 115.0
+        assert is_open(self.world)
         self.slowest_s = max(self.slowest_s, self.world.now_s - begins_s)
         fresh.leave()
         self.clients = [ChaosClient(self.world, self.chance) for _ in range(CLIENTS)]

@@ -4,12 +4,13 @@ import gc
 import types
 from collections import deque
 
+from litegripd.model.calibration import NOMINAL
 from litegripd.model.gripper import DM4310
 from litegripd.model.motor import MitCommand, MotorPhase, Ranges
 from litegripd.motor import codec
 from litegripd.sim.motor import ENABLED
 from tests.control.limits import LimitWatch
-from tests.faults.cell import OLDEST_S
+from tests.faults.cell import OLDEST_S, lead_mm
 from tests.faults.fault_world import FaultWorld
 from tests.world import CAN_ID, World, is_command
 
@@ -19,7 +20,7 @@ WATCHDOG_AT_MOST_S = 0.4
 STANDS_MM_S = 2.0
 GIVES_MM = 0.1
 """So far what the jaws press on springs back when they are held anew, at what is measured."""
-TRAVEL_MM = 120.06
+TRAVEL_MM = NOMINAL[0].travel_mm
 UNWANTED_S = 2.0
 """So long at most the daemon leaves a motor enabled that it does not want so, once it hears it."""
 _SKIPPED = (type, types.ModuleType, types.FunctionType, types.CodeType, types.FrameType, World)
@@ -135,7 +136,7 @@ class ChaosWatch:
         moved_mm = abs(world.gripper.opening_mm - self._stands_mm)
         is_standing = speed_mm_s < STANDS_MM_S or moved_mm < GIVES_MM
         assert is_standing, f"{speed_mm_s:.1f} mm/s though disabled or stopped"
-        most_mm, opening_mm = controller.config.max_lead_mm, world.gripper.opening_mm
+        most_mm, opening_mm = lead_mm(world), world.gripper.opening_mm
         is_inside = -most_mm <= opening_mm <= TRAVEL_MM + most_mm
         # Where a hand has pushed them they may be held.
         self._is_excused = not is_inside and (

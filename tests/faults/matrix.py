@@ -38,8 +38,9 @@ with this page.
 In every row, whatever the fault: nothing arms the motor but a client's `motor.enable`; enabling
 moves the jaws by less than 0.5 mm; no command that is older than the motor's watchdog, 0.1 s, comes
 to an enabled motor, however long a queue was; the jaws go no further beyond a calibrated stop than
-`max_lead_mm`; jaws that nobody has asked to move stand still to 0.05 mm when disabled and 1 mm when
-held, unless the row itself says that somebody else commands them or that a measurement lies.
+a command may lead them, 2.8 mm; jaws that nobody has asked to move stand still to 0.05 mm when
+disabled and 1 mm when held, unless the row itself says that somebody else commands them or that a
+measurement lies.
 
 An interface that cannot be opened at all is `adapter_gone` or `down` until it can be.
 

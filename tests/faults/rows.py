@@ -15,6 +15,7 @@ from litegripd.model.gripper import DM4310
 from litegripd.model.motor import CanFrame, MitCommand
 from litegripd.motor import codec
 from litegripd.sim.motor import REGISTER_CAN_ID
+from litegripd.sim.plant import SimulatorParameters
 from tests.faults.fault_world import FaultWorld
 from tests.world import CAN_ID
 
@@ -69,7 +70,9 @@ BUFFER_FULL = can.CanOperationError("Transmit buffer full")
 NO_CODE = can.CanOperationError("the adapter answers nonsense")
 CLOSED = ValueError("file descriptor cannot be a negative integer (-1)")
 LIKE_FEEDBACK = bytes([0x10 | CAN_ID]) + bytes(7)
-PULL = codec.encode_command(MitCommand(-1.0, 0.0, 20.0, 1.0, 0.0), DM4310.ranges)
+PULL_RAD = SimulatorParameters().open_rad + 0.2
+"""0.3 rad more open than the jaws are when most faults come."""
+PULL = codec.encode_command(MitCommand(PULL_RAD, 0.0, 20.0, 1.0, 0.0), DM4310.ranges)
 FREE = codec.encode_command(MitCommand(0.0, 0.0, 0.0, 0.0, 0.0), DM4310.ranges)
 
 

@@ -14,6 +14,7 @@ import pytest
 from litegrip_client.protocol.trajectory import MAX_BYTES
 from litegripd.io.helper.atomic_file import FileSystem
 from litegripd.io.helper.child import MAX_PACKET_BYTES, start_here
+from litegripd.model.calibration import NOMINAL
 from litegripd.trajectories.store import Limits, TrajectoryStore
 from litegripd.trajectories.values import MAX_NAME, PIECE_BYTES
 from tests.trajectories import HEADER_BYTES, lgt, pieces, sampled, swing
@@ -27,7 +28,7 @@ RECORDED: dict[str, Any] = {
     "sample_hz": 100,
     "closed_rad": 0.1,
     "open_rad": -1.5,
-    "rad_to_mm": 74.8,
+    "rad_to_mm": NOMINAL[0].rad_to_mm,
     "can_id": 8,
     "mount": "normal",
 }
@@ -171,7 +172,7 @@ def test_a_recording_gets_its_header_here(rig: Rig) -> None:
         "sample_hz": 100,
         "closed_rad": 0.1,
         "open_rad": -1.5,
-        "rad_to_mm": 74.8,
+        "rad_to_mm": NOMINAL[0].rad_to_mm,
     }
     header |= {"can_id": 8, "mount": "normal"}
     for piece in pieces(TAUGHT[HEADER_BYTES:], key="r", name=None, header=RECORDED):
@@ -186,7 +187,7 @@ def test_an_empty_recording_is_made_of_one_empty_piece(rig: Rig) -> None:
         "sample_hz": 100,
         "closed_rad": 0.1,
         "open_rad": -1.5,
-        "rad_to_mm": 74.8,
+        "rad_to_mm": NOMINAL[0].rad_to_mm,
     }
     header |= {"can_id": 8, "mount": "normal"}
     empty = {"offset": 0, "total": 0, "sha256": None, "data": "", "name": "none"}

@@ -8,17 +8,27 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegripd.model.gripper import DM4310, MOTOR_TYPES, Geometry, MotorType
+from litegripd.model.calibration import NOMINAL
+from litegripd.model.gripper import (
+    DM4310,
+    FASTEST_MM_S,
+    FASTEST_RAD_S,
+    MOTOR_TYPES,
+    Geometry,
+    MotorType,
+)
 from litegripd.model.motion_config import (
+    MOVING_KP_NM_RAD,
     WIDEST,
     MotionConfig,
     MotionConfigError,
+    fast_conflict,
     move_conflict,
     ranges_of,
 )
 
 CONFIG = MotionConfig()
-GEOMETRY = Geometry(0.114, -1.491, 74.8)
+GEOMETRY = NOMINAL[0]
 VENDOR = {
     "speed_mm_s": 50.0,
     "grasp_speed_mm_s": 50.0,
@@ -89,8 +99,10 @@ def test_the_defaults_suit_every_motor(motor_type: MotorType) -> None:
     assert CONFIG.changed(fields_of, 0.005, motor_type) == CONFIG
 
 
-def conflict_of(config: MotionConfig = CONFIG, speed_mm_s: float = 50.0) -> str | None:
-    found = move_conflict(config, speed_mm_s, GEOMETRY, 0.005)
+def conflict_of(
+    config: MotionConfig = CONFIG, speed_mm_s: float = 50.0, geometry: Geometry = GEOMETRY
+) -> str | None:
+    found = move_conflict(config, speed_mm_s, geometry, DM4310)
     return None if found is None else found.field
 
 
@@ -98,21 +110,69 @@ def test_the_defaults_go_together() -> None:
     assert conflict_of() is None
 
 
-@given(st.floats(2.81, 139.9))
+WINDOW_S = CONFIG.stall_cycles * CONFIG.sample_interval
+SLOWEST_MM_S = CONFIG.stop_nm / MOVING_KP_NM_RAD * GEOMETRY.rad_to_mm / WINDOW_S
+"""In a stall window a slower command would not press with `stop_lead_mm`: 2.0 mm/s."""
+
+
+@given(st.floats(1.001 * SLOWEST_MM_S, FASTEST_MM_S))
 def test_speeds_between_the_limits_go_with_the_defaults(speed_mm_s: float) -> None:
     assert conflict_of(speed_mm_s=speed_mm_s) is None
 
 
-@pytest.mark.parametrize("speed", [2.7, 0.0, -50.0, 140.1, 1e9, math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize(
+    "speed",
+    [0.999 * SLOWEST_MM_S, 0.0, -50.0, FASTEST_MM_S + 0.1, 1e9, math.nan, math.inf, -math.inf],
+)
 def test_other_speeds_do_not(speed: float) -> None:
     assert conflict_of(speed_mm_s=speed) == "speed_mm_s"
 
 
 def test_the_limits_of_the_speed_follow_from_the_other_settings() -> None:
-    assert conflict_of(replace(CONFIG, stop_lead_mm=0.1), 25.0) == "speed_mm_s"  # above 20
-    assert conflict_of(replace(CONFIG, stop_lead_mm=2.0), 250.0) is None
-    assert conflict_of(replace(CONFIG, stall_cycles=1), 10.0) == "speed_mm_s"  # below 14
-    assert conflict_of(replace(CONFIG, stall_delta=0.05), 20.0) == "speed_mm_s"
+    shorter = replace(CONFIG, stall_cycles=1)
+    assert conflict_of(shorter, 4.99 * SLOWEST_MM_S) == "speed_mm_s"
+    assert conflict_of(shorter, 5.01 * SLOWEST_MM_S) is None
+    harder = replace(CONFIG, stop_lead_mm=1.4)
+    assert conflict_of(harder, 1.99 * SLOWEST_MM_S) == "speed_mm_s"
+    assert conflict_of(harder, 2.01 * SLOWEST_MM_S) is None
+    coarse_mm_s = 1.5 * 0.05 * GEOMETRY.rad_to_mm / WINDOW_S
+    coarse = replace(CONFIG, stall_delta=0.05)
+    assert conflict_of(coarse, 0.999 * coarse_mm_s) == "speed_mm_s"
+    assert conflict_of(coarse, 1.001 * coarse_mm_s) is None
+
+
+@given(st.floats(1.0, 300.0), st.floats(1.0, 200.0))
+def test_no_scale_makes_the_jaws_faster_at_the_motor(rad_to_mm: float, speed_mm_s: float) -> None:
+    geometry = replace(GEOMETRY, rad_to_mm=rad_to_mm)
+    found = fast_conflict(speed_mm_s, geometry, DM4310)
+    is_fast = speed_mm_s > FASTEST_MM_S or speed_mm_s / rad_to_mm > FASTEST_RAD_S
+    assert (found is not None) == is_fast
+
+
+def test_the_bound_that_a_speed_breaks_is_told() -> None:
+    at_jaws = fast_conflict(150.1, GEOMETRY, DM4310)
+    assert at_jaws is not None
+    assert at_jaws.message == "speed_mm_s is 150.1, it must be at most 150"
+    at_motor = fast_conflict(100.0, replace(GEOMETRY, rad_to_mm=20.0), DM4310, "grasp_speed_mm_s")
+    assert at_motor is not None
+    assert at_motor.field == "grasp_speed_mm_s"
+    assert at_motor.limit == pytest.approx(66.0)
+    assert "at most 66: the motor turns at no more than 3.3 rad/s" in at_motor.message
+    assert "the calibration has 20 mm/rad" in at_motor.message
+
+
+@given(st.floats(0.1, 6.0), st.floats(45.0, 80.0))
+def test_leads_are_torques_whatever_the_scale(lead_mm: float, rad_to_mm: float) -> None:
+    config = replace(CONFIG, max_lead_mm=lead_mm, stop_lead_mm=min(lead_mm, 0.7))
+    assert config.travel_nm == pytest.approx(100.0 / 74.8 * lead_mm)
+    slowest = move_conflict(config, 1e-9, replace(GEOMETRY, rad_to_mm=rad_to_mm), DM4310)
+    assert slowest is not None
+    assert slowest.limit / rad_to_mm >= config.stop_nm / MOVING_KP_NM_RAD / WINDOW_S * 0.999
+
+
+def test_the_default_leads_press_with_the_vendors_torques() -> None:
+    assert CONFIG.travel_nm == pytest.approx(5.35, abs=0.005)
+    assert CONFIG.stop_nm == pytest.approx(0.936, abs=0.0005)
 
 
 def test_the_overshoot_must_reach_beyond_the_tolerance() -> None:
@@ -135,8 +195,8 @@ def test_every_field_has_a_range_and_only_those() -> None:
         ({"force_n": 10**400}, "force_n", "too large"),
         ({"stall_cycles": 5.0}, "stall_cycles", "an integer"),
         ({"stall_cycles": True}, "stall_cycles", "an integer"),
-        ({"force_n": 31}, "force_n", "0.5 to 30"),
-        ({"force_n": math.nan}, "force_n", "0.5 to 30"),
+        ({"force_n": 41}, "force_n", "0.5 to 40"),
+        ({"force_n": math.nan}, "force_n", "0.5 to 40"),
         ({"frame_interval": 0.01}, "frame_interval", "read-only"),
         ({"frame_interval": "0.005"}, "frame_interval", "read-only"),
         ({"frame_interval": 10**400}, "frame_interval", "read-only"),

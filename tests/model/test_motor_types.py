@@ -27,7 +27,7 @@ every_type = pytest.mark.parametrize("motor_type", MOTOR_TYPES.values(), ids=MOT
 def test_the_figures_of_a_row_go_together(motor_type: MotorType) -> None:
     motor = motor_type
     assert MOTOR_TYPES[motor.name] is motor
-    assert 0.0 < motor.rated_nm < motor.peak_nm <= motor.ranges.torque_nm
+    assert 0.0 < motor.rated_nm <= motor.holding_nm < motor.peak_nm <= motor.ranges.torque_nm
     assert 0.0 < motor.rated_speed_rad_s < motor.no_load_speed_rad_s < motor.ranges.velocity_rad_s
     assert 0.0 < motor.coulomb_nm <= motor.breakaway_nm < motor.least_useful_nm < motor.rated_nm
     assert motor.most_nm >= 0.9 * motor.peak_nm  # the current for the peak can flow
@@ -47,10 +47,10 @@ def test_what_follows_from_the_usual_motor_is_what_it_always_was() -> None:
     assert (motor.peak_impulse_nm_s, motor.least_useful_nm, motor.inertia_kg_m2) == (
         2,
         0.3,
-        1.87e-3,
+        1.85e-3,
     )
     assert motor.largest_acceleration_rad_s2 == 6000.0
-    assert (motor.most_force_n, motor.fastest_mm_s) == (30.0, 500.0)
+    assert (motor.most_force_n, motor.fastest_rad_s) == (40.0, 3.3)
     assert motor.watts_per_nm2 == pytest.approx(1.43, abs=0.005)
 
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from litegrip_client.errors import TrajectoryFormatError
 from litegrip_client.protocol.trajectory import HEADER, MAX_SAMPLES, SAMPLE, Header, read_header
+from litegripd.model.calibration import NOMINAL
 from litegripd.model.gripper import Mount
 from litegripd.trajectories.values import csv_line, name_problem, read, summarize
 from tests.mutations import MUTATIONS, mutated
@@ -102,7 +103,7 @@ def test_the_sizes_are_those_of_the_format() -> None:
         ({"rad_to_mm": 0.0}, "rad_to_mm"),
         ({"rad_to_mm": -74.8}, "rad_to_mm"),
         ({"rad_to_mm": -math.inf}, "rad_to_mm"),
-        ({"open_rad": 0.114}, "zero travel"),
+        ({"open_rad": NOMINAL[0].closed_rad}, "zero travel"),
         ({"mount": b"sideways"}, "unknown mount"),
         ({"mount": b"Normal\0\0"}, "unknown mount"),
         ({"mount": b"normal  "}, "unknown mount"),

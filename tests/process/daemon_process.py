@@ -14,6 +14,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from litegripd.io.helper.files import DATA
+from litegripd.model.calibration import parse_calibration
+
 SLCAN = """
 [bus]
 interface = "slcan"
@@ -39,6 +42,9 @@ mount = "normal"
 The motor's watchdog is as slow as motors have it: a busy machine may stop the daemon for longer
 than the usual 0.1 s, and the motor then faults, as it must.
 """
+
+WORK_MM = parse_calibration((DATA / "normal.json").read_text(encoding="utf-8")).work_stroke_mm
+"""Where `open` goes with the calibration of these: that of a template."""
 
 MODULE = ("-m", "litegripd.app.main")
 """The daemon as a module of this interpreter's."""

@@ -27,11 +27,15 @@ def litegripctl(running: DaemonProcess, *arguments: str) -> tuple[int, str]:
     return done.returncode, done.stdout
 
 
-def levels(running: DaemonProcess) -> dict[str, str]:
+def findings(running: DaemonProcess) -> dict[str, dict[str, Any]]:
     code, out = litegripctl(running, "doctor", "--json")
-    found = {row["check"]: row["level"] for row in json.loads(out)["findings"]}
-    assert code == (1 if "error" in found.values() else 0)
+    found = {row["check"]: row for row in json.loads(out)["findings"]}
+    assert code == (1 if any(row["level"] == "error" for row in found.values()) else 0)
     return found
+
+
+def levels(running: DaemonProcess) -> dict[str, str]:
+    return {name: row["level"] for name, row in findings(running).items()}
 
 
 def test_doctor(simulated: DaemonProcess) -> None:
@@ -51,9 +55,16 @@ def test_doctor(simulated: DaemonProcess) -> None:
         client.result("calibration.save")  # which measures nothing
         found = levels(simulated)
         assert (found["calibration"], found["channel"]) == ("warning", "ok")
-        measured = {"zero_position_rad": 0.1, "max_position_rad": -1.5, "rad_to_mm": 75.0}
-        client.result("calibration.load", content=measured)
+        old = {"zero_position_rad": 0.1, "max_position_rad": -1.5, "rad_to_mm": 75.0}
+        client.result("calibration.load", content=old)
         client.result("calibration.save")
+        client.until(lambda state: bool(state["scale_doubt"] == "superseded"))
+        row = findings(simulated)["calibration"]
+        assert row["level"] == "warning"
+        assert "which took the travel for 120 mm" in row["text"]
+        assert row["command"].endswith(" calibration rescale")  # and that alone corrects it
+        assert litegripctl(simulated, "calibration", "rescale")[0] == 0
+        client.until(lambda state: bool(state["scale_doubt"] is None))
         found = levels(simulated)
         assert (found["calibration"], found["channel"]) == ("ok", "ok")
         client.result("stop", level="disable")

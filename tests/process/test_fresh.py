@@ -40,8 +40,8 @@ default = "observer"
 READS = 280
 SPEED_MM_S = 20.0
 LEFT_BEHIND = 1500  # set-points
-FAR_MM, NEAR_MM = 100.0, 20.0
-LITTLE_MM = 20.0
+FAR_MM, NEAR_MM = 72.0, 15.0
+LITTLE_MM = 15.0
 """A quarter of the way that what is left behind would have the jaws go."""
 TICKS = 500  # time for half of that way
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from tests.process.daemon_process import SLCAN, Client, DaemonProcess, daemon
+from tests.process.daemon_process import SLCAN, WORK_MM, Client, DaemonProcess, daemon
 from tests.sim.simulator_process import SimulatorProcess, simulator
 
 
@@ -134,7 +134,7 @@ def test_the_gripper_opens_over_slcan(client: Client) -> None:
     client.enabled()
     result = client.despite_silence("motion.open", speed_mm_s=100)
     assert result["ok"], result
-    assert result["state"]["opening_mm"] == pytest.approx(120, abs=5)
+    assert result["state"]["opening_mm"] == pytest.approx(WORK_MM, abs=2)
     assert client.result("health")["control"]["tick_errors"] == 0
 
 

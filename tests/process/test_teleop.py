@@ -19,6 +19,8 @@ from typing import Any
 import pytest
 import zenoh
 
+from litegripd.model.calibration import NOMINAL
+from litegripd.model.motion_config import MOVING_KP_NM_RAD, MotionConfig
 from tests.process.by_portal import Met
 from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess
 from tests.process.teleop_pair import (
@@ -34,7 +36,8 @@ from tests.process.teleop_pair import (
 
 KEY = "litearm/v4/gripA/gripper_teleop"
 QUICK = {"speed_mm_s": 130}
-CAP_RAD = 4.0 / 74.8
+CAP_RAD = MotionConfig().travel_nm / MOVING_KP_NM_RAD
+TRAVEL_MM = NOMINAL[0].travel_mm
 
 
 @contextlib.contextmanager
@@ -56,7 +59,7 @@ def peer(listen: int | None = None, connect: int | None = None) -> Iterator[zeno
 
 
 def say(put: Callable[[bytes], object], openness: float) -> None:
-    put(struct.pack(">dddd", openness, 120.0 * openness, 0.0, time.monotonic()))
+    put(struct.pack(">dddd", openness, TRAVEL_MM * openness, 0.0, time.monotonic()))
 
 
 def say_until(
@@ -181,7 +184,7 @@ def test_frames_of_a_script_are_followed_and_ours_are_read_by_one(met: Met, tmp_
             nan = struct.pack(">dddd", math.nan, 0.0, 0.0, 0.0)
             until(client, lambda s: publisher.put(nan) or bool(s["rejected"]))
             assert client.result("teleop.status")["frames"] == 0
-            say_until(publisher.put, 0.7, lambda: is_at(client, 0.7))
+            say_until(publisher.put, 0.5, lambda: is_at(client, 0.5))
         until(client, lambda s: bool(s["stale"]))
         client.result("teleop.stop")
         port = free_port()
@@ -192,8 +195,8 @@ def test_frames_of_a_script_are_followed_and_ours_are_read_by_one(met: Met, tmp_
             payloads = [frames.recv().payload.to_bytes() for _ in range(50)]
         assert {len(payload) for payload in payloads} == {32}
         values = [struct.unpack(">4d", payload) for payload in payloads]
-        assert all(openness == pytest.approx(0.7, abs=0.02) for openness, *_ in values)
-        assert all(mm == pytest.approx(0.7 * 120.0, abs=2.5) for _, mm, *_ in values)
+        assert all(openness == pytest.approx(0.5, abs=0.02) for openness, *_ in values)
+        assert all(mm == pytest.approx(0.5 * TRAVEL_MM, abs=1.8) for _, mm, *_ in values)
         times = [at_s for *_, at_s in values]
         assert times == sorted(set(times))
 

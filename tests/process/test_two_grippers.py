@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from tests.process.by_portal import Met
-from tests.process.daemon_process import DEADLINE_S, DaemonProcess, daemon
+from tests.process.daemon_process import DEADLINE_S, WORK_MM, DaemonProcess, daemon
 from tests.process.teleop_pair import CONFIG
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "two_grippers.py"
@@ -57,7 +57,7 @@ def test_one_holds_while_the_other_works(met: Met, tmp_path: Path) -> None:
                 break
         assert (done.returncode, done.stderr) == (0, "")
         assert done.stdout.splitlines() == [
-            "open: 120 mm 120 mm",
+            f"open: {WORK_MM:g} mm {WORK_MM:g} mm",
             "left: object_held",
             "right: reached",
             "left still holds: True",

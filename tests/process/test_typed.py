@@ -95,6 +95,9 @@ class Shell:
             assert time.monotonic() < ends_s, f"{line} does not end: {shown}"
             if select.select([self._terminal], [], [], 1.0)[0]:
                 shown += os.read(self._terminal, 65_536).decode()
+            if shown.endswith("in mm? [85] "):  # Enter takes it
+                os.write(self._terminal, b"\n")
+                shown += "\n"
             if shown.endswith("[y/N] "):
                 os.write(self._terminal, b"y\n")
                 shown += "yes"

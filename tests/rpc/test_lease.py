@@ -141,7 +141,7 @@ def test_who_waits_gets_it_only_when_no_motion_runs() -> None:
 @pytest.mark.parametrize("on_lost", ["hold", "relax", "disable"])
 def test_a_holder_that_hangs_loses_it(on_lost: str) -> None:
     world, holder, other, _ = pair(ttl_s=1.0, on_lost=on_lost)
-    number = holder.send("motion.open", speed_mm_s=20)
+    number = holder.send("motion.close", speed_mm_s=15)
     for _ in range(4):
         world.run(0.5)
         holder.result("lease.renew")

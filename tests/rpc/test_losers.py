@@ -558,7 +558,7 @@ def test_who_asks_between_two_motions_does_not_pass_the_one_that_is_next(if_busy
     scene.world.run_until(lambda: scene.first.has_answer(number))
     assert scene.world.controller.jobs.running is None
     (queued,) = scene.world.controller.jobs.queue
-    last = scene.first.send("motion.move", opening_mm=100, if_busy=if_busy)
+    last = scene.first.send("motion.move", opening_mm=70, if_busy=if_busy)
     taker = scene.second.call("lease.acquire")["error"]["data"]
     assert (taker["reason"], taker["job"]) == ("busy", queued.job.number)
     scene.world.run_until(lambda: not queued.job.is_running)
@@ -566,7 +566,7 @@ def test_who_asks_between_two_motions_does_not_pass_the_one_that_is_next(if_busy
     assert scene.world.state.opening_mm == pytest.approx(20, abs=1.0)
     if if_busy == "queue":
         scene.world.run_until(lambda: scene.first.has_answer(last))
-        assert scene.world.state.opening_mm == pytest.approx(100, abs=1.0)
+        assert scene.world.state.opening_mm == pytest.approx(70, abs=1.0)
     else:
         error = scene.first.answers[last]["error"]
         assert error["data"]["job"] == queued.job.number

@@ -12,10 +12,17 @@ from pathlib import Path
 from typing import Any
 
 from litegripd.app.build import METHODS
+from litegripd.model.calibration import SUPERSEDED
 from litegripd.model.state import Restarted
 from tests.trajectories import lgt, pieces
 from tests.world import Client, World
 
+TAUGHT_THEN: dict[str, Any] = {
+    "closed_rad": SUPERSEDED[0].closed_rad,
+    "open_rad": SUPERSEDED[0].open_rad,
+    "rad_to_mm": SUPERSEDED[0].rad_to_mm,
+}
+"""A trajectory of that time, whose gripper had other limits and another scale."""
 FOLDER = Path(__file__).parent / "transcripts"
 
 Params = dict[str, Any]
@@ -53,6 +60,8 @@ def conversation(client: Client) -> Iterator[tuple[str, Params]]:
     yield "calibration.templates", {}
     yield "calibration.load", {"template": "normal"}
     yield "calibration.get", {}
+    yield "calibration.rescale", {"stroke_mm": 84}
+    yield "calibration.rescale", {}
     yield "calibration.zero", {"save": True}
     yield "calibration.save", {}
     yield "calibration.manual", {"step": "begin"}
@@ -97,7 +106,7 @@ def trajectories(client: Client) -> Iterator[tuple[str, Params]]:
     yield "trajectory.list", {"after": "a"}
     yield "trajectory.get", {"name": "a test", "offset": 0, "length": 66, "format": "lgt"}
     yield "trajectory.get", {"recording": 1, "format": "csv"}
-    for piece in pieces(lgt([(0.0, 0.2), (0.5, 0.3), (1.0, 0.2)])):
+    for piece in pieces(lgt([(0.0, 0.2), (0.5, 0.3), (1.0, 0.2)], **TAUGHT_THEN)):
         yield "trajectory.put", piece
     yield "trajectory.play", {"name": "a test", "speed": 0.5, "align": True, "repeat": 2}
     yield "trajectory.play", {"upload": 1, "torque_nm": 1, "kp": 50, "kd": 1, "wait": False}

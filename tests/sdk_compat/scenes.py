@@ -8,21 +8,24 @@ from typing import Any
 from litegrip_client import LiteGrip, MotionConfig
 from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from tests.drop_in import Daemon, Moment, Site
+from tests.geometry import MM_RAD, OPEN_RAD, SPAN_MM
 
-MM_RAD = 74.8
+LEAD_MM_RAD = 74.8
+"""1 mm of a lead in a `MotionConfig` is a torque: that of the vendor's kp 100 at 74.8 mm/rad.
+Motions have that stiffness; so it is as much in rad, whatever a calibration says."""
 CODE_RAD = 25.0 / 65535
 """One step of a commanded position on the bus."""
 CODE_RAD_S = 60.0 / 4095
 
-BENCH_UNIT = {"closed_rad": 0.104334, "open_rad": -1.513123, "rad_to_mm": 74.19}
-"""A real gripper whose travel differs from the templates' (field measurements)."""
+BENCH_UNIT = {"closed_rad": -0.009666, "open_rad": -1.627123, "rad_to_mm": SPAN_MM / 1.617457}
+"""A real gripper whose travel differs from the templates' (field measurements, from their zero)."""
 
 
 def bench_unit(mount: str, **more: Any) -> SimulatorParameters:
     """Return a gripper that is not quite what the template of its mount says."""
     closed_rad, open_rad = BENCH_UNIT["closed_rad"], BENCH_UNIT["open_rad"]
     if mount == "reverse":
-        closed_rad, open_rad = -closed_rad - 1.377, -open_rad - 1.377
+        closed_rad, open_rad = OPEN_RAD - closed_rad, OPEN_RAD - open_rad
     return SimulatorParameters(
         closed_rad=closed_rad, open_rad=open_rad, rad_to_mm=BENCH_UNIT["rad_to_mm"], **more
     )
@@ -72,9 +75,9 @@ def speed_mm_s(moments: Sequence[Moment], from_mm: float, to_mm: float) -> float
 
 
 def lead_mm(moment: Moment) -> float:
-    """Return by how much the command leads the position that the daemon measured."""
+    """Return by how much the command leads the position that the daemon measured, as a setting."""
     assert moment.command is not None
-    return abs(moment.command.position_rad - moment.measured_rad) * MM_RAD
+    return abs(moment.command.position_rad - moment.measured_rad) * LEAD_MM_RAD
 
 
 def jaws_are_loose(site: Site, daemon: Daemon) -> bool:

@@ -69,14 +69,14 @@ class TwoMachines:
         unit = bench_unit("reverse")
         own_file(self.home, "can0", "normal")
         leader = self.site.add(Daemon("can0", links=links))
-        follower = Daemon("can0", "reverse", parameters=unit, links=links)
+        follower = Daemon("can0", "reverse", boots=True, parameters=unit, links=links)
         apart: list[float] = []
 
         def elsewhere() -> None:
             self.site.leave("can0")
-            self.site.add(follower)
             limits = {"zero_position_rad": unit.closed_rad, "max_position_rad": unit.open_rad}
             own_file(self.home, "can0", "reverse", rad_to_mm=unit.rad_to_mm, **limits)
+            self.site.add(follower)
             self.site.after(2.0, lambda: leader.gripper.push(-0.4))
             self.site.after(4.0, lambda: leader.gripper.push(0.0))
             self.site.after(6.0, lambda: apart.append(share_open(follower) - share_open(leader)))

@@ -7,6 +7,7 @@ import pytest
 
 from litegrip_client import CommandError, LiteGrip
 from tests.drop_in import Daemon, Site, a_site
+from tests.geometry import MM_RAD, TRAVEL_MM
 from tests.sdk_compat.conftest import MOUNTS
 from tests.sdk_compat.motions import MOTIONS
 from tests.sdk_compat.scenes import bench_unit, own_file, write_file
@@ -26,7 +27,7 @@ def test_the_channel_is_the_only_key_of_two_grippers_with_the_same_can_id(site: 
         second.enable()
         second.open()
         assert left.gripper.opening_mm == pytest.approx(0.0, abs=1.0)
-        assert right.gripper.opening_mm == pytest.approx(120.0, abs=1.0)
+        assert right.gripper.opening_mm == pytest.approx(TRAVEL_MM, abs=1.0)
 
 
 def test_calibrations_are_stored_one_file_per_channel(site: Site) -> None:
@@ -52,9 +53,9 @@ def test_load_calibration_reads_the_own_file_then_the_legacy_one_then_the_factor
     site: Site, home: Path
 ) -> None:
     site.add(Daemon(calibrated=False))
-    own = own_file(home, "can0", "reverse", rad_to_mm=71.0)
+    own = own_file(home, "can0", "reverse", rad_to_mm=53.0)
     legacy = home / ".litegrip" / "litegrip_calibration.json"
-    write_file(legacy, "reverse", rad_to_mm=72.0)
+    write_file(legacy, "reverse", rad_to_mm=54.0)
     found = []
     with LiteGrip("can0") as gripper:
         for gone in (own, legacy, None):
@@ -62,7 +63,7 @@ def test_load_calibration_reads_the_own_file_then_the_legacy_one_then_the_factor
             found.append(gripper.config.rad_to_mm)
             if gone is not None:
                 gone.unlink()
-    assert found == [71.0, 72.0, 74.8]
+    assert found == [53.0, 54.0, MM_RAD]
 
 
 def test_a_users_own_file_wins_over_the_factory_one_whoever_runs_the_daemon(

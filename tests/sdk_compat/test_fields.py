@@ -7,9 +7,10 @@ import pytest
 from litegrip_client import HardwareError, LiteGrip, MotionConfig
 from litegripd.motor import codec
 from tests.drop_in import Daemon, Moment, Site
+from tests.geometry import TRAVEL_MM, TRAVEL_RAD
 from tests.sdk_compat.scenes import (
     CODE_RAD,
-    MM_RAD,
+    LEAD_MM_RAD,
     content,
     lead_mm,
     load_content,
@@ -17,8 +18,8 @@ from tests.sdk_compat.scenes import (
     tuned,
 )
 
-LEAD_CODE_MM = CODE_RAD * MM_RAD
-TRAVEL_RAD = 1.605
+LEAD_CODE_MM = CODE_RAD * LEAD_MM_RAD
+
 UNGUARDED: dict[str, int] = {"stop_torque_cycles": 100}
 """The daemon's own torque guard would end a move before the SDK's stall test does."""
 
@@ -43,7 +44,7 @@ def test_speed_mm_s(site: Site, daemon: Daemon, gripper: LiteGrip, speed: float)
     assert speed_mm_s(moments, 55.0, 15.0) == pytest.approx(speed, rel=0.05)
     with site.recorded(daemon) as moments:
         gripper.open()
-    assert speed_mm_s(moments, 15.0, 110.0) == pytest.approx(speed, rel=0.05)
+    assert speed_mm_s(moments, 15.0, 77.0) == pytest.approx(speed, rel=0.05)
 
 
 @pytest.mark.parametrize("speed", [20.0, 80.0])
@@ -63,7 +64,7 @@ def test_margin_is_kept_from_the_stop_by_grasp_only(daemon: Daemon, gripper: Lit
     assert config.close_sign is not None
     short_rad = (config.pos_closed_rad - result.target_rad) * config.close_sign
     assert short_rad == pytest.approx(0.2 * TRAVEL_RAD)
-    assert daemon.gripper.opening_mm == pytest.approx(0.2 * 120.0, abs=1.0)
+    assert daemon.gripper.opening_mm == pytest.approx(0.2 * TRAVEL_MM, abs=1.0)
     assert gripper.close()
     assert daemon.gripper.opening_mm == pytest.approx(0.0, abs=1.0)
 
@@ -113,9 +114,9 @@ def test_stall_ratio(daemon: Daemon, gripper: LiteGrip, ratio: float, stalls: bo
 
 @pytest.mark.parametrize(("delta", "stalls"), [(0.0015, False), (0.02, True)])
 def test_stall_delta(daemon: Daemon, gripper: LiteGrip, delta: float, stalls: bool) -> None:
-    """What yields at 6 of 10 mm/s moves by a fifth, but by less than a floor of 0.02 rad."""
+    """What yields at 4 of 10 mm/s moves by a fifth, but by less than a floor of 0.02 rad."""
     gripper.goto(45.0)
-    daemon.gripper.put_object(width_mm=40.0, yield_mm_s=6.0)
+    daemon.gripper.put_object(width_mm=40.0, yield_mm_s=4.0)
     gripper.motion_config = tuned(speed_mm_s=10.0, stall_delta=delta, max_lead_mm=2.0, **UNGUARDED)
     result = gripper.close()
     assert (result.outcome == "blocked") is stalls
@@ -128,7 +129,7 @@ def test_max_lead_mm(site: Site, daemon: Daemon, gripper: LiteGrip, lead: float)
     moments = close_recorded(site, daemon, gripper, max_lead_mm=lead, **UNGUARDED)
     leads = [lead_mm(moment) for moment in moments]
     assert max(leads) == pytest.approx(lead, abs=2 * LEAD_CODE_MM)
-    assert moments[-5].closing_torque_nm == pytest.approx(100.0 * lead / MM_RAD, rel=0.1)
+    assert moments[-5].closing_torque_nm == pytest.approx(100.0 * lead / LEAD_MM_RAD, rel=0.1)
 
 
 @pytest.mark.parametrize("share", [0.03, 0.08])
@@ -153,7 +154,7 @@ def test_press_zone_mm(
 @pytest.mark.parametrize("lead", [0.5, 1.0])
 def test_stop_lead_mm(site: Site, daemon: Daemon, gripper: LiteGrip, lead: float) -> None:
     moments = close_recorded(site, daemon, gripper, stop_lead_mm=lead)
-    assert moments[-10].closing_torque_nm == pytest.approx(100.0 * lead / MM_RAD, rel=0.07)
+    assert moments[-10].closing_torque_nm == pytest.approx(100.0 * lead / LEAD_MM_RAD, rel=0.07)
     at_stop = [lead_mm(moment) for moment in moments[-60:]]
     assert max(at_stop) == pytest.approx(lead, abs=2 * LEAD_CODE_MM)
 
@@ -234,13 +235,13 @@ def test_calib_kp_calib_kd_and_calib_step_rad(
     for moment in moments:
         assert moment.command is not None
         if moment is not moments[0]:
-            assert lead_mm(moment) <= (wanted.calib_step_rad + CODE_RAD) * MM_RAD
+            assert lead_mm(moment) <= (wanted.calib_step_rad + CODE_RAD) * LEAD_MM_RAD
     probing = [moment.command for moment in moments[5:200] if moment.command is not None]
     for command in probing:
         assert command.kp_nm_rad == pytest.approx(wanted.calib_kp, abs=0.1)
         assert command.kd_nm_s_rad == pytest.approx(wanted.calib_kd, abs=0.01)
     leads = [lead_mm(moment) for moment in moments]
-    assert max(leads) == pytest.approx(wanted.calib_step_rad * MM_RAD, rel=0.01)
+    assert max(leads) == pytest.approx(wanted.calib_step_rad * LEAD_MM_RAD, rel=0.01)
 
 
 def test_calib_tau_limit_freezes_the_probe_at_once(
@@ -274,8 +275,8 @@ def test_calib_stall_cycles(site: Site, daemon: Daemon, gripper: LiteGrip, cycle
     gripper.motion_config = MotionConfig(calib_stall_cycles=cycles)
     with site.recorded(daemon) as moments:
         gripper.zero()
-    arrived = next(i for i, moment in enumerate(moments) if moment.opening_mm > 119.7)
-    at_open = list(takewhile(lambda moment: moment.opening_mm > 119.7, moments[arrived:]))
+    arrived = next(i for i, moment in enumerate(moments) if moment.opening_mm > 86.7)
+    at_open = list(takewhile(lambda moment: moment.opening_mm > 86.7, moments[arrived:]))
     assert len(at_open) * 0.005 == pytest.approx(cycles * 0.05, abs=0.12)
 
 
@@ -284,4 +285,4 @@ def test_calib_max_iter(daemon: Daemon, gripper: LiteGrip) -> None:
     with pytest.raises(HardwareError) as caught:
         gripper.zero()
     assert caught.value.reason == "not_found"
-    assert daemon.gripper.opening_mm < 110.0
+    assert daemon.gripper.opening_mm < 80.0

@@ -17,7 +17,8 @@ from litegrip_client import (
 )
 from litegripd.motor import codec
 from tests.drop_in import Daemon, Site, a_site
-from tests.sdk_compat.scenes import content, own_file, write_file
+from tests.geometry import WORK_MM
+from tests.sdk_compat.scenes import LEAD_MM_RAD, content, lead_mm, own_file, write_file
 
 OLD_CALLS: dict[str, tuple[str, tuple[float, ...], dict[str, float]]] = {
     "open by position": ("open", (100.0, 2.0, 1.0), {}),
@@ -108,7 +109,8 @@ def test_gains_belong_to_the_gripper_config_and_motion_tunables_to_the_motion_co
 ) -> None:
     """Where the daemon differs: `config` is read-only, gains come with a calibration file.
 
-    While the jaws move they may be less, so that kp·lead + kd·dq stays within what is documented.
+    They are those of a hold. A motion is as stiff as the SDK's default, or softer; softer gains of
+    a file make it press less on the way.
     """
     own_file(home, "can0", mount, kp=60.0, kd=1.5)
     daemon = site.add(Daemon(mount=mount, calibrated=False))
@@ -118,6 +120,9 @@ def test_gains_belong_to_the_gripper_config_and_motion_tunables_to_the_motion_co
         gripper.enable()
         with site.recorded(daemon) as moments:
             gripper.close()
+        gripper.hold()
+        site.run(0.05)
+        held = daemon.command_now()
         with pytest.raises(AttributeError):
             gripper.config.kp = 80.0
     used = {
@@ -125,10 +130,12 @@ def test_gains_belong_to_the_gripper_config_and_motion_tunables_to_the_motion_co
         for m in moments[:-1]
         if m.command is not None
     }
-    assert (60, 1.5) in used
-    assert all(kp <= 60 and kd <= 1.5 for kp, kd in used)
-    settled = [m.command for m in moments[-60:-1] if m.command is not None]
-    assert {round(command.kp_nm_rad) for command in settled} == {60}
+    assert (100, 2.0) in used
+    assert all(kp <= 100 and kd <= 2.0 for kp, kd in used)
+    leads_nm = [m.command.kp_nm_rad * lead_mm(m) / LEAD_MM_RAD for m in moments[1:-1] if m.command]
+    assert max(leads_nm) < 60.0 * 4.0 / LEAD_MM_RAD + 0.1
+    assert held is not None
+    assert (held.kp_nm_rad, held.kd_nm_s_rad) == pytest.approx((60.0, 1.5), abs=0.1)
     assert not hasattr(MotionConfig(), "kp")
 
 
@@ -202,9 +209,9 @@ def test_default_paths_are_per_channel_and_the_old_file_is_still_a_fallback(
     site: Site, home: Path
 ) -> None:
     """Where the daemon differs: it saves in its own directory; ~/.litegrip is read."""
-    own_file(home, "can0", "reverse", rad_to_mm=71.0)
-    legacy = write_file(home / ".litegrip" / "litegrip_calibration.json", "reverse", rad_to_mm=72.0)
-    for channel, rad_to_mm in (("can0", 71.0), ("can1", 72.0)):
+    own_file(home, "can0", "reverse", rad_to_mm=53.0)
+    legacy = write_file(home / ".litegrip" / "litegrip_calibration.json", "reverse", rad_to_mm=54.0)
+    for channel, rad_to_mm in (("can0", 53.0), ("can1", 54.0)):
         site.add(Daemon(channel, "reverse", calibrated=False))
         with LiteGrip(channel) as gripper:
             assert gripper.load_calibration()
@@ -247,7 +254,7 @@ def test_the_templates_carry_only_direction_and_geometry() -> None:
         keys = json.loads(Path(path).read_text(encoding="utf-8"))
         motor = keys.pop("motor_type")
         assert motor == "DM4310"
-        assert keys == pytest.approx(content(mount))
+        assert keys == pytest.approx(content(mount, work_stroke_mm=WORK_MM))
 
 
 def test_loading_a_mount_does_not_rewrite_the_can_ids(site: Site, home: Path, mount: str) -> None:

@@ -10,9 +10,17 @@ from litegrip_client import HardwareError, LiteGrip, MotionConfig, MoveResult
 from litegripd.model.motor import CanFrame
 from litegripd.motor import codec
 from tests.drop_in import Daemon, Moment, Site
-from tests.sdk_compat.scenes import CODE_RAD, CODE_RAD_S, MM_RAD, content, lead_mm, load_content
+from tests.geometry import MM_RAD, TRAVEL_MM, TRAVEL_RAD
+from tests.sdk_compat.scenes import (
+    CODE_RAD,
+    CODE_RAD_S,
+    LEAD_MM_RAD,
+    content,
+    lead_mm,
+    load_content,
+)
 
-LEAD_CODE_MM = CODE_RAD * MM_RAD
+LEAD_CODE_MM = CODE_RAD * LEAD_MM_RAD
 RAMPS: dict[str, Callable[[LiteGrip], object]] = {
     "open": lambda gripper: gripper.open(),
     "close": lambda gripper: gripper.close(),
@@ -92,11 +100,14 @@ def test_a_blocked_jaw_builds_up_its_lead_but_no_more_torque_than_kp_times_that(
 ) -> None:
     """The command is a ramp in time: its error grows while the jaws stand, up to the cap.
 
-    By the calibration both stops lie further out than they do, so that they are in the way.
+    By the calibration the stop lies further out than it does, so that it is in the way.
     """
     daemon = site.add(Daemon(mount=mount, calibrated=False))
     with LiteGrip("can0") as gripper:
-        load_content(gripper, shifted(mount, -0.4))
+        outwards = 0.2 if (action == "close") == (mount == "normal") else -0.2
+        end = "max_position_rad" if action == "open" else "zero_position_rad"
+        beyond = content(mount)
+        load_content(gripper, {**beyond, end: beyond[end] + outwards})
         gripper.enable()
         gripper.motion_config = MotionConfig(stop_torque_cycles=100)
         with site.recorded(daemon) as moments:
@@ -104,7 +115,7 @@ def test_a_blocked_jaw_builds_up_its_lead_but_no_more_torque_than_kp_times_that(
     assert not result
     assert max(lead_mm(moment) for moment in moments) == pytest.approx(4.0, abs=2 * LEAD_CODE_MM)
     torques = [abs(moment.closing_torque_nm) for moment in moments]
-    assert 4.5 < max(torques) < 1.2 * 100.0 * 4.0 / MM_RAD
+    assert 4.5 < max(torques) < 1.2 * 100.0 * 4.0 / LEAD_MM_RAD
 
 
 def test_the_torque_guard_lets_go_of_what_blocks_the_jaws(
@@ -164,8 +175,8 @@ def test_grasp_targets_margin_inside_the_stop(daemon: Daemon, gripper: LiteGrip)
     assert config.pos_closed_rad is not None
     assert config.close_sign is not None
     inside_rad = (config.pos_closed_rad - result.target_rad) * config.close_sign
-    assert inside_rad == pytest.approx(0.05 * 1.605)
-    assert daemon.gripper.opening_mm == pytest.approx(6.0, abs=0.8)
+    assert inside_rad == pytest.approx(0.05 * TRAVEL_RAD)
+    assert daemon.gripper.opening_mm == pytest.approx(0.05 * TRAVEL_MM, abs=0.8)
 
 
 @pytest.mark.parametrize(("held_s", "stalls"), [(0.1, False), (1.0, True)])

@@ -9,6 +9,7 @@ import pytest
 
 from litegrip_client import CALIB_TEMPLATES, CommandError, GripperConfig, LiteGrip, list_templates
 from tests.drop_in import Daemon, Site
+from tests.geometry import MM_RAD, SPAN_MM, TRAVEL_MM
 from tests.sdk_compat.conftest import MOUNTS
 from tests.sdk_compat.motions import MOTIONS
 from tests.sdk_compat.scenes import bench_unit, content, write_file
@@ -29,7 +30,7 @@ def test_closing_means_increasing_radians_on_a_normal_mount_and_decreasing_on_a_
     gripper.open()
     open_rad, open_mm = daemon.gripper.position_rad, daemon.gripper.opening_mm
     gripper.close()
-    assert daemon.gripper.opening_mm < open_mm - 100.0
+    assert daemon.gripper.opening_mm < open_mm - 0.83 * TRAVEL_MM
     closing_sign = 1 if daemon.gripper.position_rad > open_rad else -1
     assert closing_sign == (1 if mount == "normal" else -1)
     assert gripper.config.close_sign == closing_sign
@@ -46,7 +47,7 @@ def test_the_direction_follows_from_the_order_of_the_limits(site: Site, mount: s
         assert gripper.close()
         assert daemon.gripper.opening_mm == pytest.approx(0.0, abs=1.0)
         assert gripper.open()
-        assert daemon.gripper.opening_mm == pytest.approx(120.0, abs=1.0)
+        assert daemon.gripper.opening_mm == pytest.approx(TRAVEL_MM, abs=1.0)
 
 
 @pytest.mark.parametrize("motion", MOTIONS)
@@ -89,7 +90,7 @@ def test_zero_measures_the_real_travel_and_saves_it(site: Site, mount: str) -> N
     assert data.zero_position_rad == pytest.approx(unit.closed_rad, abs=0.01)
     assert data.max_position_rad == pytest.approx(unit.open_rad, abs=0.01)
     assert data.travel_range_rad == pytest.approx(abs(unit.closed_rad - unit.open_rad), abs=0.01)
-    assert data.rad_to_mm == pytest.approx(120.0 / data.travel_range_rad)
+    assert data.rad_to_mm == pytest.approx(SPAN_MM / data.travel_range_rad)
     restarted = site.add(Daemon("can1", mount, boots=True, gripper=daemon.gripper))
     with LiteGrip("can1") as gripper:
         assert gripper.config.pos_closed_rad == data.zero_position_rad
@@ -180,7 +181,7 @@ def test_the_wrong_mount_is_logged_on_load_and_the_first_close_heads_the_wrong_w
         assert f"mount {other}, closing by {turning} radians" in logged
         gripper.enable()
         gripper.close()
-        assert daemon.gripper.opening_mm == pytest.approx(120.0, abs=1.0)
+        assert daemon.gripper.opening_mm == pytest.approx(TRAVEL_MM, abs=1.0)
 
 
 def test_mount_is_none_until_calibrated(site: Site, mount: str) -> None:
@@ -200,6 +201,6 @@ def test_the_templates_are_nominal_and_zero_replaces_them(site: Site, mount: str
         before: GripperConfig = gripper.config
         gripper.zero()
         after = gripper.config
-    assert (before.rad_to_mm, before.close_sign) == (74.8, after.close_sign)
+    assert (before.rad_to_mm, before.close_sign) == (MM_RAD, after.close_sign)
     assert after.rad_to_mm == pytest.approx(unit.rad_to_mm, rel=0.01)
-    assert after.travel_mm == pytest.approx(120.0)
+    assert after.travel_mm == pytest.approx(SPAN_MM)

@@ -9,7 +9,8 @@ import pytest
 
 from litegrip_client import CommandError, HardwareError, LiteGrip, MotionConfig, MoveProgress
 from tests.drop_in import Daemon, Moment, Site
-from tests.sdk_compat.scenes import CODE_RAD, MM_RAD, bench_unit, lead_mm
+from tests.geometry import TRAVEL_MM, TRAVEL_RAD
+from tests.sdk_compat.scenes import CODE_RAD, LEAD_MM_RAD, bench_unit, lead_mm
 
 
 def probe(
@@ -55,7 +56,7 @@ def test_zero_and_calibrate_probe_alike_by_default(site: Site, mount: str) -> No
             measure = gripper.calibrate if found else gripper.zero
             moments, gains = probe(site, daemon, measure)
             assert gains == {(20, 2.0)}
-            assert max(lead_mm(m) for m in moments[1:]) <= (0.05 + CODE_RAD) * MM_RAD
+            assert max(lead_mm(m) for m in moments[1:]) <= (0.05 + CODE_RAD) * LEAD_MM_RAD
             found.append((gripper.config.pos_closed_rad, gripper.config.pos_open_rad))
     assert found[0] == found[1]
 
@@ -71,9 +72,9 @@ def test_the_probe_is_safe_at_a_hard_stop_however_long_it_pushes(
             gripper.zero()
         else:
             gripper.calibrate(stall_cycles=60)
-    at_open = [moment for moment in moments if moment.opening_mm > 119.5]
+    at_open = [moment for moment in moments if moment.opening_mm > TRAVEL_MM - 0.4]
     assert len(at_open) > 500
-    assert max(lead_mm(moment) for moment in moments[1:]) <= (0.05 + CODE_RAD) * MM_RAD
+    assert max(lead_mm(moment) for moment in moments[1:]) <= (0.05 + CODE_RAD) * LEAD_MM_RAD
     assert max(abs(moment.closing_torque_nm) for moment in at_open[:500]) < 1.25
     assert max(abs(moment.closing_torque_nm) for moment in moments) < 2.0  # the strokes after it
     still = [abs(moment.closing_torque_nm) for moment in at_open[100:450]]
@@ -98,7 +99,7 @@ def test_the_probe_freezes_the_instant_the_torque_reaches_its_limit(
     ended_s = next(at_s for at_s, phase in phases if phase == "probe_closed")
     assert 0.3 < hit_s < ended_s < hit_s + 0.07  # reports come every 0.05 s
     frozen = [m for m in moments if hit_s - 0.001 < m.at_s - began_s < hit_s + 0.03]
-    assert min(lead_mm(moment) for moment in frozen) < 2 * CODE_RAD * MM_RAD
+    assert min(lead_mm(moment) for moment in frozen) < 2 * CODE_RAD * LEAD_MM_RAD
     late = [m for m in moments if m.at_s - began_s > hit_s + 0.005]  # a hand is met by damping
     assert max(abs(moment.closing_torque_nm) for moment in late) < 2.5
     assert max(abs(moment.closing_torque_nm) for moment in moments) < 3.6
@@ -113,7 +114,7 @@ def test_a_ceiling_below_the_probes_own_push_still_finds_both_stops(
     steady = [b for a, b in pairwise(moments) if abs(b.position_rad - a.position_rad) < 2e-4]
     assert max(abs(moment.closing_torque_nm) for moment in steady) < 1.4
     assert max(abs(moment.closing_torque_nm) for moment in moments) < 1.5 * 1.3
-    assert data.travel_range_rad == pytest.approx(1.605, rel=0.02)
+    assert data.travel_range_rad == pytest.approx(TRAVEL_RAD, rel=0.02)
 
 
 def test_a_ceiling_that_cannot_tell_a_stop_from_jaws_that_stick_is_refused(

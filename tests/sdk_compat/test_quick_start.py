@@ -8,6 +8,7 @@ import pytest
 from litegrip_client import LiteGrip
 from litegripd.motor import codec
 from tests.drop_in import Daemon, Site
+from tests.geometry import CLOSED_RAD, MM_RAD, TRAVEL_MM
 from tests.sdk_compat import blocks
 from tests.sdk_compat.scenes import content, jaws_are_loose, own_file, speed_mm_s
 
@@ -22,7 +23,7 @@ def test_the_example_on_an_object(
     with site.recorded(daemon) as moments:
         blocks.run(blocks.source("quick_start"))
     assert capsys.readouterr().out == "False True 15\n"
-    assert max(moment.opening_mm for moment in moments) == pytest.approx(120.0, abs=1.0)
+    assert max(moment.opening_mm for moment in moments) == pytest.approx(TRAVEL_MM, abs=1.0)
     assert moments[-10].closing_torque_nm == pytest.approx(2.0, abs=0.1)
     assert moments[-10].opening_mm == pytest.approx(30.0, abs=1.5)
     assert not daemon.is_energised
@@ -37,7 +38,7 @@ def test_the_example_without_an_object_ends_at_once(
         blocks.run(blocks.source("quick_start"))
     assert capsys.readouterr().out == "True False 0\n"
     openings = [moment.opening_mm for moment in moments]
-    assert max(openings) == pytest.approx(120.0, abs=1.0)
+    assert max(openings) == pytest.approx(TRAVEL_MM, abs=1.0)
     assert min(openings) == pytest.approx(0.0, abs=1.0)
     assert max(abs(moment.closing_torque_nm) for moment in moments) < 1.9  # never 20 N
 
@@ -50,11 +51,15 @@ def test_load_calibration_takes_this_channels_own_file_and_then_the_factory_one(
         assert gripper.mount is None
         assert gripper.load_calibration()
         factory = gripper.config
-        own_file(home, "can0", "reverse", rad_to_mm=70.0)
+        own_file(home, "can0", "reverse", rad_to_mm=53.0)
         assert gripper.load_calibration()
         own = gripper.config
-    assert (factory.close_sign, factory.rad_to_mm, factory.pos_closed_rad) == (1, 74.8, 0.114)
-    assert (own.close_sign, own.rad_to_mm) == (-1, 70.0)
+    assert (factory.close_sign, factory.rad_to_mm, factory.pos_closed_rad) == (
+        1,
+        MM_RAD,
+        CLOSED_RAD,
+    )
+    assert (own.close_sign, own.rad_to_mm) == (-1, 53.0)
     assert own.pos_closed_rad == content("reverse")["zero_position_rad"]
 
 
@@ -83,8 +88,8 @@ def test_open_goes_at_50_mm_s_to_the_open_side_stop(
     gripper.close()
     with site.recorded(daemon) as moments:
         assert gripper.open()
-    assert speed_mm_s(moments, 20.0, 110.0) == pytest.approx(50.0, rel=0.03)
-    assert daemon.gripper.opening_mm == pytest.approx(120.0, abs=1.0)
+    assert speed_mm_s(moments, 20.0, 77.0) == pytest.approx(50.0, rel=0.03)
+    assert daemon.gripper.opening_mm == pytest.approx(TRAVEL_MM, abs=1.0)
     assert daemon.closing_torque_nm < -0.5  # it presses against the stop
 
 
@@ -94,7 +99,7 @@ def test_close_goes_at_50_mm_s_to_the_closed_side_stop(
     gripper.open()
     with site.recorded(daemon) as moments:
         assert gripper.close()
-    assert speed_mm_s(moments, 110.0, 20.0) == pytest.approx(50.0, rel=0.03)
+    assert speed_mm_s(moments, 77.0, 20.0) == pytest.approx(50.0, rel=0.03)
     assert daemon.gripper.opening_mm == pytest.approx(0.0, abs=1.0)
     assert daemon.closing_torque_nm > 0.5
 

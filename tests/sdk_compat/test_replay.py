@@ -12,6 +12,7 @@ from litegrip_client import (
 )
 from litegripd.model.motor import MotorPhase
 from tests.drop_in import Daemon, Site
+from tests.geometry import TRAVEL_MM
 from tests.sdk_compat.scenes import jaws_are_loose
 from tests.sdk_compat.trajectories import pose, swing
 
@@ -60,7 +61,7 @@ def test_play_start_replays_in_the_background(
     assert (status["active"], status["kind"], status["completed"]) == (True, "play", False)
     site.run(0.6)
     assert gripper.trajectory_status()["active"]
-    assert daemon.gripper.opening_mm > 75.0
+    assert daemon.gripper.opening_mm > 0.625 * TRAVEL_MM
     site.run_until(lambda: not gripper.trajectory_status()["active"])
     assert gripper.trajectory_status()["completed"]
 
@@ -133,10 +134,10 @@ def test_looping_a_single_pose_holds_that_opening(
     site.run(4.0)
     status = gripper.trajectory_status()
     assert (status["active"], status["samples"], status["openness"]) == (True, 1, 0.25)
-    assert daemon.gripper.opening_mm == pytest.approx(30.0, abs=1.5)
+    assert daemon.gripper.opening_mm == pytest.approx(0.25 * TRAVEL_MM, abs=1.1)
     gripper.play_stop()
     site.run(1.0)
-    assert daemon.gripper.opening_mm == pytest.approx(30.0, abs=1.5)
+    assert daemon.gripper.opening_mm == pytest.approx(0.25 * TRAVEL_MM, abs=1.1)
 
 
 def test_the_force_of_a_squeeze_is_repeated_where_that_is_asked_for(
@@ -149,16 +150,16 @@ def test_the_force_of_a_squeeze_is_repeated_where_that_is_asked_for(
     """Beyond the SDK: also from a file, and on an object of another width."""
     monkeypatch.setenv("LITEGRIP_TRAJ_DIR", str(tmp_path))
     gripper.goto_openness(0.7)
-    daemon.gripper.put_object(width_mm=50.0)
+    daemon.gripper.put_object(width_mm=36.0)
     gripper.record_start(zero_gravity=False)
     assert gripper.grasp(8.0, hold_s=1.0)
     assert gripper.goto_openness(0.7)
     taught = gripper.record_stop()
     (grip,) = taught.grips
     assert grip.force_n == 8.0
-    assert grip.width_mm == pytest.approx(50.0, abs=1.0)
+    assert grip.width_mm == pytest.approx(36.0, abs=1.0)
     taught.save("squeeze")
-    daemon.gripper.put_object(width_mm=62.0)
+    daemon.gripper.put_object(width_mm=48.0)
     with site.recorded(daemon) as moments:
         result = gripper.play(Trajectory.load("squeeze"), force="replay")
     assert (result.ok, result.grips) == (True, 1)

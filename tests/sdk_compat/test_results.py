@@ -128,7 +128,7 @@ def test_on_an_empty_gripper_reached_means_within_the_dead_band_of_the_closing_s
     with LiteGrip("can0") as gripper:
         gripper.enable()
         gripper.goto(15.0)
-        gripper.motion_config = MotionConfig(reach_tol=tolerance, grasp_speed_mm_s=4.0)
+        gripper.motion_config = MotionConfig(reach_tol=tolerance, grasp_speed_mm_s=2.8)
         result = gripper.grasp()
     assert result.reached is reached
     assert result.stalled is not reached

@@ -17,6 +17,7 @@ from litegrip_client import (
 )
 from litegripd.motor import codec
 from tests.drop_in import Daemon, Site
+from tests.geometry import SPAN_MM, TRAVEL_MM, TRAVEL_RAD
 from tests.sdk_compat.scenes import bench_unit, jaws_are_loose
 
 ACTIONS: dict[str, tuple[Callable[[GripperActions], object], type]] = {
@@ -41,7 +42,7 @@ def hold_back_from(site: Site, daemon: Daemon, opening_mm: float, torque_nm: flo
 def test_open_and_close_ramp_past_the_calibrated_stop_and_the_mechanical_one_ends_the_move(
     site: Site, daemon: Daemon, gripper: LiteGrip, action: str
 ) -> None:
-    move, stop_mm = (gripper.open, 120.0) if action == "open" else (gripper.close, 0.0)
+    move, stop_mm = (gripper.open, TRAVEL_MM) if action == "open" else (gripper.close, 0.0)
     with site.recorded(daemon) as moments:
         result = move()
     config = gripper.config
@@ -49,7 +50,7 @@ def test_open_and_close_ramp_past_the_calibrated_stop_and_the_mechanical_one_end
     assert result.limit_rad == (config.pos_open_rad if action == "open" else config.pos_closed_rad)
     outwards = -1 if action == "open" else 1
     beyond_rad = (result.target_rad - result.limit_rad) * (config.close_sign or 0) * outwards
-    assert beyond_rad == pytest.approx(0.05 * 1.605)
+    assert beyond_rad == pytest.approx(0.05 * TRAVEL_RAD)
     assert daemon.gripper.opening_mm == pytest.approx(stop_mm, abs=1.0)
     still = [m for m in moments if abs(m.opening_mm - daemon.gripper.opening_mm) < 0.1]
     assert len(still) > 50  # it stood at the stop, which alone ended the move
@@ -117,7 +118,7 @@ def test_after_hold_s_the_force_goes_on_until_told_otherwise(
     assert daemon.closing_torque_nm == pytest.approx(0.8, abs=0.1)
     assert gripper.get_state().is_grasped
     assert gripper.open()
-    assert daemon.gripper.opening_mm == pytest.approx(120.0, abs=1.0)
+    assert daemon.gripper.opening_mm == pytest.approx(TRAVEL_MM, abs=1.0)
 
 
 def test_zero_probes_both_stops_derives_travel_and_scale_and_saves(site: Site, mount: str) -> None:
@@ -129,7 +130,7 @@ def test_zero_probes_both_stops_derives_travel_and_scale_and_saves(site: Site, m
             data = gripper.zero()
         saved = json.loads(Path(gripper.save_calibration()).read_text(encoding="utf-8"))
     openings = [moment.opening_mm for moment in moments]
-    assert max(openings) == pytest.approx(120.0, abs=1.0)
+    assert max(openings) == pytest.approx(SPAN_MM, abs=1.0)
     assert -3.0 < min(openings) < 1.0  # the press that confirms the stop gives the soft end a way
     travel_rad = abs(unit.closed_rad - unit.open_rad)
     assert isinstance(data, CalibrationData)
@@ -158,7 +159,7 @@ def test_zero_preserves_the_declared_direction_since_a_stall_tells_no_stop_from_
         data = gripper.zero()
         assert (data.mount, gripper.mount) == (declared, declared)
         gripper.close()
-    closed_mm = 0.0 if declared == mount else 120.0
+    closed_mm = 0.0 if declared == mount else TRAVEL_MM
     assert daemon.gripper.opening_mm == pytest.approx(closed_mm, abs=1.0)
 
 

@@ -19,6 +19,7 @@ from litegrip_client import (
 from litegripd.model.teleop import Arrival, LinkOptions
 from litegripd.teleop.link import InProcessLink, InProcessLinks
 from tests.drop_in import Daemon, Site, a_site
+from tests.geometry import TRAVEL_MM
 from tests.sdk_compat.scenes import bench_unit, jaws_are_loose
 from tests.world import PERIOD_S
 
@@ -117,16 +118,16 @@ def pair(home: Path) -> Iterator[Pair]:
 
 def test_two_grippers_are_linked_so_that_one_follows_the_other(pair: Pair) -> None:
     pair.start()
-    for to_mm in (90.0, 25.0, 60.0):
+    for to_mm in (75.0, 20.0, 45.0):
         pair.move(to_mm)
         leads, follows = pair.openness
-        assert leads * 120.0 == pytest.approx(to_mm, abs=6.0)
+        assert leads * TRAVEL_MM == pytest.approx(to_mm, abs=6.0)
         assert follows == pytest.approx(leads, abs=0.006)
 
 
 def test_what_travels_is_the_opening_so_calibrations_need_not_be_the_same(pair: Pair) -> None:
     pair.start()
-    pair.move(100.0)
+    pair.move(75.0)
     assert pair.master.mount == "normal"
     assert pair.slave.mount == "reverse"
     shown = pair.slave.teleop_status()["openness"]
@@ -182,7 +183,7 @@ def test_the_fake_leader_sweeps_and_shows_the_guard_on_a_rigid_object(pair: Pair
     pair.slave.teleop_start("slave", fake_leader=True, torque_limit_nm=1.0)
     pair.site.run_until(lambda: bool(pair.slave.teleop_status()["over_torque"]))
     pair.site.run_until(lambda: not pair.slave.teleop_status()["over_torque"])
-    pair.site.run_until(lambda: pair.follower.gripper.opening_mm > 100.0)
+    pair.site.run_until(lambda: pair.follower.gripper.opening_mm > 0.83 * TRAVEL_MM)
     pair.site.run_until(lambda: pair.slave.teleop_status()["torque_trips"] == 2)
     assert pair.links.opened == []
 
@@ -264,7 +265,7 @@ def lag_mm(pair: Pair, **params: float) -> float:
         lags.append(openness - pair.openness[1])
     pair.slave.teleop_stop()
     pair.slave.goto(60.0)
-    return max(lags[60:]) * 120.0
+    return max(lags[60:]) * TRAVEL_MM
 
 
 def test_the_velocity_is_fed_forward_by_differencing_frames(pair: Pair) -> None:
@@ -285,7 +286,7 @@ def test_the_velocity_is_bounded(pair: Pair) -> None:
 
 def test_gaps_and_first_frames_feed_nothing_forward(pair: Pair) -> None:
     pair.slave.teleop_start("slave", host="x")
-    pair.say(0.5, 0.3)
+    pair.say(0.5, 0.8)
     pair.say(0.51, PERIOD_S)
     assert pair.slave.teleop_status()["dq_cmd"] != 0.0
     pair.site.run(0.06)

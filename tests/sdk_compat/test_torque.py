@@ -8,7 +8,17 @@ import pytest
 from litegrip_client import CommandError, LiteGrip, MotionConfig, UnitConversion
 from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from tests.drop_in import Daemon, Site
-from tests.sdk_compat.scenes import MM_RAD, content, jaws_are_loose, load_content, write_file
+from tests.geometry import MM_RAD, TRAVEL_MM
+from tests.sdk_compat.scenes import (
+    CODE_RAD,
+    LEAD_MM_RAD,
+    content,
+    jaws_are_loose,
+    lead_mm,
+    load_content,
+    speed_mm_s,
+    write_file,
+)
 
 TIGHT = SimulatorParameters(
     breakaway_nm=1.2,
@@ -55,7 +65,8 @@ def test_the_default_force_is_2_nm_of_feed_forward_inside_the_rating_of_3(
     assert command.torque_nm * daemon.gripper.parameters.close_sign == pytest.approx(2.0, abs=0.01)
     assert 1.9 < daemon.closing_torque_nm < 2.1 < 3.0
     with pytest.raises(CommandError):
-        gripper.grasp(force_n=31.0, hold_s=1.0)  # more than the rating
+        gripper.grasp(force_n=40.5, hold_s=1.0)  # more than the fingers are rated for
+    assert gripper.grasp(force_n=40.0, hold_s=1.0).force_n == 40.0
 
 
 def test_the_motors_limits_are_3_nm_for_long_7_for_a_moment_and_10_by_protocol(
@@ -105,7 +116,7 @@ def test_a_reverse_mount_is_an_ordinary_configuration_and_no_error(site: Site, h
         assert gripper.config.close_sign == -1
         gripper.enable()
         assert gripper.open()
-        assert daemon.gripper.opening_mm == pytest.approx(120.0, abs=1.0)
+        assert daemon.gripper.opening_mm == pytest.approx(TRAVEL_MM, abs=1.0)
         assert gripper.close()
         assert daemon.gripper.opening_mm == pytest.approx(0.0, abs=1.0)
 
@@ -117,7 +128,7 @@ def test_the_pressing_torque_is_kp_times_stop_lead_a_third_of_the_rating(
     with site.recorded(daemon) as moments:
         assert gripper.open() if action == "open" else gripper.close()
     settled = [abs(moment.closing_torque_nm) for moment in moments[-50:]]
-    assert settled == pytest.approx([100.0 * 0.7 / MM_RAD] * len(settled), abs=0.08)
+    assert settled == pytest.approx([100.0 * 0.7 / LEAD_MM_RAD] * len(settled), abs=0.08)
     assert settled[-1] == pytest.approx(3.0 / 3, rel=0.15)
 
 
@@ -128,21 +139,21 @@ def test_the_travel_phase_is_capped_at_about_5_nm(
     gripper.motion_config = MotionConfig(stop_torque_cycles=100)
     with site.recorded(daemon) as moments:
         gripper.close()
-    assert moments[-5].closing_torque_nm == pytest.approx(100.0 * 4.0 / MM_RAD, rel=0.05)
+    assert moments[-5].closing_torque_nm == pytest.approx(100.0 * 4.0 / LEAD_MM_RAD, rel=0.05)
 
 
-def test_a_cap_below_one_frame_of_travel_is_refused_instead_of_clipping_the_ramp(
-    daemon: Daemon, gripper: LiteGrip
+def test_a_cap_below_one_frame_of_travel_is_raised_instead_of_clipping_the_ramp(
+    site: Site, daemon: Daemon, gripper: LiteGrip
 ) -> None:
-    """Where the daemon differs: it says so by an error."""
+    """Where the daemon differs: the longer lead is as much softer, and presses no harder."""
     gripper.motion_config = MotionConfig(stop_lead_mm=0.24)
-    with pytest.raises(CommandError, match="one period's travel") as caught:
+    with site.recorded(daemon) as moments:
         gripper.close()
-    assert caught.value.reason == "out_of_limits"
-    assert daemon.gripper.opening_mm == pytest.approx(60.0, abs=0.1)
-    gripper.motion_config.stop_lead_mm = 0.25
-    gripper.close()
+    assert speed_mm_s(moments, 55.0, 15.0) == pytest.approx(50.0, rel=0.05)
     assert daemon.gripper.opening_mm < 5.0
+    near = [m for m in moments if m.opening_mm < 2.3]
+    leads_nm = [m.command.kp_nm_rad * lead_mm(m) / LEAD_MM_RAD for m in near if m.command]
+    assert max(leads_nm) < 1.1 * 100.0 * 0.24 / LEAD_MM_RAD + 100.0 * CODE_RAD
 
 
 @pytest.mark.parametrize("action", ["open", "close"])
@@ -153,13 +164,13 @@ def test_jaws_that_do_not_press_home_say_so_and_do_with_a_larger_stop_lead(
     short_mm = []
     with LiteGrip("can0") as gripper:
         gripper.enable()
-        for lead_mm in (None, 1.0):
-            if lead_mm is not None:
-                gripper.motion_config.stop_lead_mm = lead_mm
+        for stop_lead_mm in (None, 1.0):
+            if stop_lead_mm is not None:
+                gripper.motion_config.stop_lead_mm = stop_lead_mm
             result = gripper.open() if action == "open" else gripper.close()
-            assert result.ok is (lead_mm is not None)
+            assert result.ok is (stop_lead_mm is not None)
             opening_mm = daemon.gripper.opening_mm
-            short_mm.append(opening_mm if action == "close" else 120.0 - opening_mm)
+            short_mm.append(opening_mm if action == "close" else TRAVEL_MM - opening_mm)
     assert short_mm[0] > 0.02 * MM_RAD - 0.1  # further than stop_tol
     assert short_mm[1] < 0.5
 
@@ -252,13 +263,15 @@ def test_with_disable_on_disconnect_false_the_daemon_keeps_the_gripper_under_con
         assert not jaws_are_loose(site, daemon)
 
 
-def test_a_calibration_scale_decides_what_a_millimetre_of_lead_is(site: Site, mount: str) -> None:
-    """kp x stop_lead_mm / rad_to_mm, with this gripper's own rad_to_mm."""
+@pytest.mark.parametrize("file", [{"rad_to_mm": 58.0}, {"kp": 80.0}, {"kp": 5.0}, {"kp": 300.0}])
+def test_neither_scale_nor_gains_of_a_file_decide_how_hard_a_stop_is_pressed(
+    site: Site, mount: str, file: dict[str, float]
+) -> None:
+    """Where the daemon differs: the SDK presses with kp x stop_lead_mm / rad_to_mm of the file."""
     daemon = site.add(Daemon(mount=mount, calibrated=False))
     with LiteGrip("can0") as gripper:
-        finer = {**content(mount), "rad_to_mm": 60.0, "kp": 80.0}
-        load_content(gripper, finer)
+        load_content(gripper, {**content(mount), **file})
         gripper.enable()
         with site.recorded(daemon) as moments:
             assert gripper.open()
-    assert moments[-5].closing_torque_nm == pytest.approx(-80.0 * 0.7 / 60.0, abs=0.08)
+    assert moments[-5].closing_torque_nm == pytest.approx(-100.0 * 0.7 / LEAD_MM_RAD, abs=0.08)

@@ -12,6 +12,7 @@ from litegrip_client import (
     TrajectoryBusyError,
 )
 from tests.drop_in import Daemon, Site
+from tests.geometry import TRAVEL_MM
 from tests.sdk_compat.scenes import bench_unit, content, jaws_are_loose, load_content
 from tests.sdk_compat.trajectories import assert_slack, off_mm, swing, teach
 
@@ -42,7 +43,7 @@ def test_a_motion_is_captured_once_and_repeated_later(
         taught = gripper.record(1.0)
     assert len(taught) == 100
     assert taught.longest_gap_s == pytest.approx(0.01, abs=1e-6)
-    truth = [moment.opening_mm / 120.0 for moment in first]
+    truth = [moment.opening_mm / TRAVEL_MM for moment in first]
     for sample in taught.samples:
         assert min(abs(sample.openness - one) for one in truth) < 0.01
     assert max(s.openness for s in taught.samples) == pytest.approx(max(truth), abs=0.01)
@@ -52,7 +53,7 @@ def test_a_motion_is_captured_once_and_repeated_later(
     assert result
     assert (result.outcome, result.loops) == ("completed", 1)
     begun_s = again[-1].at_s
-    ended = [off_mm(again, taught, begun_s - 0.005 * shift, 120.0) for shift in range(150, 400)]
+    ended = [off_mm(again, taught, begun_s - 0.005 * shift, TRAVEL_MM) for shift in range(150, 400)]
     assert min(ended) < 4.0
 
 

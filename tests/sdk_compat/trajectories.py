@@ -25,8 +25,8 @@ def push(site: Site, daemon: Daemon, *steps: tuple[float, float]) -> None:
 
 
 def teach(site: Site, daemon: Daemon) -> None:
-    """Have a hand open the jaws for a while, and let go of them."""
-    push(site, daemon, (0.2, 0.25), (0.5, 0.0))
+    """Have a hand open the jaws for a while, at some 100 mm/s, and let go of them."""
+    push(site, daemon, (0.2, 0.25), (0.25, 0.18), (0.45, 0.0))
 
 
 def swing(size: float = 0.2, middle: float = 0.5, torque_nm: float = 0.0) -> Trajectory:

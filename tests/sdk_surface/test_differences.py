@@ -21,7 +21,8 @@ from litegrip_client import (
     TrajectorySample,
 )
 from tests.drop_in import Daemon, Site
-from tests.sdk_compat.scenes import MM_RAD, jaws_are_loose, tuned
+from tests.geometry import CLOSED_RAD, MM_RAD, OPEN_RAD, TRAVEL_MM
+from tests.sdk_compat.scenes import jaws_are_loose, tuned
 from tests.sdk_compat.trajectories import swing
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "from-the-sdk.md"
@@ -230,12 +231,12 @@ def test_what_a_move_presses_with_does_not_grow_with_kp(
 @pytest.mark.parametrize(
     ("wrong", "limit"),
     [
-        (lambda g: g.goto(125.0), "120"),
+        (lambda g: g.goto(90.0), f"{TRAVEL_MM:.2f}"),
         (lambda g: g.goto_openness(1.2), "1"),
         (lambda g: g.goto_rad(0.0, dq_target=0.5), "move_at_speed"),
         (lambda g: g.goto_rad(0.0, tau_feedforward=0.5), "set_force"),
-        (lambda g: g.open(speed_mm_s=145.0), "140"),
-        (lambda g: g.open(speed_mm_s=2.0), "2.8"),
+        (lambda g: g.open(speed_mm_s=155.0), "150"),
+        (lambda g: g.open(speed_mm_s=1.5), "1.97"),
     ],
 )
 def test_what_cannot_be_is_rejected_with_the_limit_and_nothing_moves(
@@ -281,6 +282,7 @@ def test_a_frame_is_a_set_point_for_a_fifth_of_a_second(
     """It goes at the speed of the tunables, `dq` aside, presses little, and then holds."""
     open_rad = gripper.config.pos_open_rad
     assert open_rad is not None
+    gripper.goto(30.0)
     gripper.motion_config.speed_mm_s = 30.0
     began_s = site.now_s
     with site.recorded(daemon) as moments:
@@ -294,7 +296,7 @@ def test_a_frame_is_a_set_point_for_a_fifth_of_a_second(
     assert gripper.get_state().mode == "holding"
     site.run(1.0)
     assert daemon.gripper.opening_mm == pytest.approx(where_mm, abs=0.5)
-    assert where_mm < 105.0
+    assert where_mm < 75.0
 
 
 def test_frames_press_with_one_newton_metre_at_most(
@@ -351,7 +353,7 @@ def test_a_replay_that_is_too_fast_or_far_from_its_start_is_rejected(
     samples = fast.samples
     assert isinstance(samples, list)
     samples += [TrajectorySample(n / 100, n / 10, 0.0, 0.0, 0.0) for n in range(10)]
-    with pytest.raises(CommandError, match="500"):
+    with pytest.raises(CommandError, match="150 mm/s"):
         gripper.play(fast)
     assert daemon.gripper.opening_mm == pytest.approx(before_mm, abs=0.2)
 
@@ -375,12 +377,12 @@ def test_a_replay_with_something_in_the_way_is_not_ok_and_presses_with_2_nm_at_m
 ) -> None:
     gripper.goto_openness(0.5)
     taught = swing()
-    taught = Trajectory(taught.samples[:150], 100.0, 1.7e9, 0.114, -1.491, 74.8)
-    daemon.gripper.put_object(width_mm=56.0)
+    taught = Trajectory(taught.samples[:150], 100.0, 1.7e9, CLOSED_RAD, OPEN_RAD, MM_RAD)
+    daemon.gripper.put_object(width_mm=0.47 * TRAVEL_MM)
     with site.recorded(daemon) as moments:
         result = gripper.play(taught)
     assert not result.ok
-    assert result.largest_lag_mm == pytest.approx(20.0, abs=2.0)
+    assert result.largest_lag_mm == pytest.approx(0.17 * TRAVEL_MM, abs=1.4)
     assert max(m.closing_torque_nm for m in moments) < 2.2
 
 

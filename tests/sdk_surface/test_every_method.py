@@ -11,7 +11,8 @@ import pytest
 from docs.sdk_surface import MEMBERS, member_refusal
 from litegrip_client import CalibrationData, LiteGrip, Trajectory
 from tests.drop_in import Daemon, Moment, Site, a_site
-from tests.sdk_compat.scenes import MM_RAD, lead_mm, write_file
+from tests.geometry import MM_RAD, TRAVEL_MM, TRAVEL_RAD
+from tests.sdk_compat.scenes import lead_mm, write_file
 from tests.sdk_compat.trajectories import push, swing, teach
 
 
@@ -54,6 +55,10 @@ def nothing(_played: Played) -> None:
 
 def an_object(played: Played) -> None:
     played.daemon.gripper.put_object(width_mm=30.0)
+
+
+def half_open(played: Played) -> None:
+    assert played.gripper.goto_openness(0.5)
 
 
 def a_grip(played: Played) -> None:
@@ -160,7 +165,7 @@ def measured(kp: int | None) -> Check:
         data = played.result
         assert isinstance(data, CalibrationData)
         assert (data.mount, data.calibrated) == ("normal", True)
-        assert data.travel_range == pytest.approx(1.605, abs=0.06)
+        assert data.travel_range == pytest.approx(TRAVEL_RAD, abs=0.06)
         if kp is not None:
             probing = [m.command for m in played.moments[20:200] if m.command]
             assert {round(command.kp_nm_rad) for command in probing} == {kp}
@@ -209,14 +214,14 @@ def is_replaying(played: Played) -> None:
 def loaded(path: str) -> Check:
     def check(played: Played) -> None:
         assert played.result is True
-        assert played.gripper.config.rad_to_mm == (70.0 if path else 74.8)
+        assert played.gripper.config.rad_to_mm == (53.0 if path else MM_RAD)
         assert played.gripper.mount == ("normal" if path else "reverse")
 
     return check
 
 
 def a_file(played: Played) -> tuple[str, None]:
-    return str(write_file(played.home / "mine.json", "normal", rad_to_mm=70.0)), None
+    return str(write_file(played.home / "mine.json", "normal", rad_to_mm=53.0)), None
 
 
 def saved(played: Played) -> None:
@@ -245,7 +250,7 @@ SCENES: dict[str, Scene] = {
     "disconnect": Scene((), lambda p: not p.daemon.is_energised),
     "enable": Scene((4,), lambda p: p.result.tries == 1 and p.daemon.is_energised, no_power),
     "disable": Scene((), lambda p: p.result is True and not p.daemon.is_energised),
-    "open": Scene((40.0,), runs_to(120.0, 40.0)),
+    "open": Scene((40.0,), runs_to(TRAVEL_MM, 40.0)),
     "close": Scene((40.0,), runs_to(0.0, 40.0)),
     "grasp": Scene((12.0, 0.7), grasped, an_object),
     "goto": Scene((30.0, 150.0, 2.0, 1.0), arrives(30.0, 150, 1.0)),
@@ -289,7 +294,7 @@ SCENES: dict[str, Scene] = {
     "record": Scene((1.0, 50.0, True), taught(50), a_teacher),
     "record_start": Scene((50.0, False, 10), is_recording, after_s=0.5),
     "record_stop": Scene((True,), kept, a_recording),
-    "play": Scene((swing(), 2.0, 80.0, 1.5, True), replayed),
+    "play": Scene((swing(), 2.0, 80.0, 1.5, True), replayed, half_open),
     "play_start": Scene((swing(), 2.0, 80.0, 1.5, True, True), is_replaying, after_s=3.0),
     "play_stop": Scene((1.0,), holds, a_replay, 0.3),
     "trajectory_status": Scene((), lambda p: p.result["kind"] == "play", a_replay),

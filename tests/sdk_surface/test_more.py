@@ -62,7 +62,8 @@ def test_teleoperation_and_trajectories_exclude_each_other(gripper: LiteGrip) ->
 def test_a_follower_aligns_at_the_speed_that_it_is_given(
     site: Site, daemon: Daemon, gripper: LiteGrip, speed: float
 ) -> None:
-    """The fake leader begins open; the jaws are at 60 mm."""
+    """The fake leader begins open; the jaws are at 20 mm."""
+    gripper.goto(20.0)
     with site.recorded(daemon) as moments:
         gripper.teleop_start("slave", fake_leader=True, align_speed_mm_s=speed)
         site.run(0.7)
@@ -94,10 +95,10 @@ def test_a_calibration_that_a_script_has_made_is_used(daemon: Daemon, gripper: L
         zero_position_rad=present.pos_closed_rad,
         max_position_rad=present.pos_open_rad,
         travel_range_rad=abs(present.pos_closed_rad - present.pos_open_rad),
-        rad_to_mm=70.0,
+        rad_to_mm=55.0,
         kp=90.0,
         kd=1.8,
     )
     assert gripper.use_calibration(mine) is True
     now = gripper.config
-    assert (now.rad_to_mm, now.kp, now.kd, now.mount) == (70.0, 90.0, 1.8, daemon.mount)
+    assert (now.rad_to_mm, now.kp, now.kd, now.mount) == (55.0, 90.0, 1.8, daemon.mount)

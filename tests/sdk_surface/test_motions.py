@@ -13,7 +13,7 @@ from litegrip_client import (
     StoppedError,
 )
 from tests.drop_in import Daemon, Moment, Site
-from tests.sdk_compat.scenes import MM_RAD
+from tests.geometry import MM_RAD
 
 WAYS: dict[str, Callable[[LiteGrip, float], object]] = {
     "goto": lambda g, _rad: g.goto(30.0, 150.0, 2.0),

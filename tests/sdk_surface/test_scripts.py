@@ -59,10 +59,10 @@ def a_fault(site: Site, daemon: Daemon) -> None:
 CASES: dict[str, tuple[Callable[[Site, Daemon], None], list[str]]] = {
     "pick_loop": (an_object, ["0 True True", "1 True True", "2 True True"]),
     "wait_for_ready": (nothing, ["enabled True", "at 20"]),
-    "manual_calibration": (a_hand, ["travel 1.7 120"]),
+    "manual_calibration": (a_hand, ["travel 1.7 86"]),
     "poll_loop": (nothing, ["  40.0 mm ", "rows "]),
     "zero_gravity": (nothing, ["holding True"]),
-    "stiff_moves": (nothing, ["done 37"]),
+    "stiff_moves": (nothing, ["done 26"]),
     "recorder": (teach, ["refused: TrajectoryRecorder", "samples 200 2", "frames True"]),
     "udp_follower": (nothing, ["True ", " 3"]),
     "config_objects": (nothing, ["normal 10.0", "1.0"]),

@@ -1,7 +1,10 @@
 """What the SDK's reading members return, its values, and what a script says of its gripper."""
 
+import json
 import math
 import time
+from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
@@ -26,7 +29,9 @@ from litegrip_client import (
     teleop_topic,
     trajectory_dir,
 )
+from litegripd.model.gripper import FASTEST_RAD_S
 from tests.drop_in import Daemon, Site
+from tests.geometry import SPAN_MM, STROKE_MM, TRAVEL_RAD, WORK_MM
 from tests.sdk_compat.trajectories import push
 
 
@@ -144,14 +149,103 @@ def test_a_calibration_by_hand_takes_the_extremes(
     site: Site, daemon: Daemon, gripper: LiteGrip
 ) -> None:
     push(site, daemon, (0.5, 0.4), (2.0, -0.4), (5.0, 0.0))
-    before = gripper.config
     data = gripper.calibrate_manual(duration=6.0, settle_time=0.5)
     assert data.mount == daemon.mount
-    assert data.travel_range == pytest.approx(1.605, abs=0.08)
-    assert data.travel_mm == pytest.approx(before.travel_mm, rel=0.01)
+    assert data.travel_range == pytest.approx(TRAVEL_RAD, abs=0.08)
+    assert data.travel_mm == pytest.approx(SPAN_MM)
     assert data.calibration_time == pytest.approx(time.time(), abs=60.0)
     assert gripper.config.pos_closed_rad == pytest.approx(data.zero_position)
     assert gripper.get_state().mode == "holding"
+
+
+def test_a_calibration_by_hand_takes_the_stroke_of_the_script_and_keeps_the_work_stroke(
+    site: Site, daemon: Daemon, gripper: LiteGrip
+) -> None:
+    gripper.load_template(daemon.mount)
+    gripper.config.max_stroke_mm = 84.0
+    push(site, daemon, (0.5, 0.4), (2.0, -0.4), (5.0, 0.0))
+    data = gripper.calibrate_manual(duration=6.0, settle_time=0.5)
+    assert data.stroke_mm == pytest.approx(84.0)
+    assert (data.work_stroke_mm, gripper.config.work_stroke_mm) == (WORK_MM, WORK_MM)
+
+
+@pytest.mark.parametrize("method", ["zero", "calibrate", "calibrate_guided"])
+def test_a_script_says_how_far_the_jaws_open_as_the_vendors_readme_does(
+    daemon: Daemon, gripper: LiteGrip, method: str
+) -> None:
+    gripper.config.max_stroke_mm = 83.0
+    data = getattr(gripper, method)()
+    assert data.rad_to_mm == pytest.approx(84.0 / data.travel_range)
+    assert gripper.config.travel_mm == pytest.approx(84.0)
+    assert gripper.rescale_calibration(STROKE_MM).travel_mm == pytest.approx(SPAN_MM)
+    assert gripper.config.travel_mm == pytest.approx(SPAN_MM)
+    assert gripper.config.max_stroke_mm == 83.0
+    gripper.config.max_stroke_mm = 120.0
+    with pytest.raises(ParameterError, match="the configured stroke is 85 mm"):
+        getattr(gripper, method)()
+
+
+def test_a_work_stroke_is_where_open_goes(daemon: Daemon, gripper: LiteGrip) -> None:
+    gripper.load_template(daemon.mount)
+    result = gripper.open()
+    assert (result.ok, result.reached, result.stalled) == (True, True, False)
+    assert daemon.gripper.opening_mm == pytest.approx(WORK_MM, abs=1.0)
+    assert gripper.get_state().work_stroke_mm == WORK_MM
+    saved = json.loads(Path(gripper.save_calibration()).read_text(encoding="utf-8"))
+    assert saved["work_stroke_mm"] == WORK_MM
+
+
+def test_a_file_of_earlier_versions_is_taken_said_and_corrected(
+    site: Site, gripper: LiteGrip, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    old = {"zero_position_rad": 0.1, "max_position_rad": -1.5, "rad_to_mm": 75.0}
+    (tmp_path / "old.json").write_text(json.dumps(old), encoding="utf-8")
+    assert gripper.load_calibration(tmp_path / "old.json")
+    assert "takes the jaws' travel for 120 mm" in caplog.text
+    site.run(0.01)
+    assert gripper.get_state().scale_doubt == "superseded"
+    assert gripper.rescale_calibration().rad_to_mm == pytest.approx(SPAN_MM / 1.6)
+    site.run(0.01)
+    assert gripper.get_state().scale_doubt is None
+
+
+@pytest.mark.parametrize("factor", [0.1, 0.5, 0.84, 1.16, 2.0, 10.0])
+def test_a_scale_that_cannot_be_this_grippers_is_rejected(
+    daemon: Daemon, gripper: LiteGrip, tmp_path: Path, factor: float
+) -> None:
+    before = gripper.config
+    scale = SPAN_MM / TRAVEL_RAD * factor
+    wrong = {"zero_position_rad": 0.0, "max_position_rad": -TRAVEL_RAD, "rad_to_mm": scale}
+    (tmp_path / "wrong.json").write_text(json.dumps(wrong), encoding="utf-8")
+    for load, given in (
+        (gripper.load_calibration, tmp_path / "wrong.json"),
+        (gripper.use_calibration, CalibrationData.from_content(wrong)),
+    ):
+        call: Callable[..., bool] = load
+        with pytest.raises(CommandError, match="the configured stroke is 85 mm") as caught:
+            call(given)
+        assert caught.value.reason == "calibration_unreadable"
+    assert gripper.config == before
+
+
+def test_the_motor_is_never_faster_than_its_bound(daemon: Daemon, gripper: LiteGrip) -> None:
+    present = gripper.config
+    assert present.pos_closed_rad is not None
+    assert present.pos_open_rad is not None
+    gripper.use_calibration(
+        CalibrationData(
+            zero_position_rad=present.pos_closed_rad,
+            max_position_rad=present.pos_open_rad,
+            rad_to_mm=45.0,
+        )
+    )
+    most_mm_s = FASTEST_RAD_S * 45.0
+    assert most_mm_s < 149.0
+    told = f"at most {most_mm_s:.4g}: the motor turns at no more than {FASTEST_RAD_S:g} rad/s"
+    for move in (gripper.open, gripper.close):
+        with pytest.raises(CommandError, match=told):
+            move(149.0)
+    assert gripper.close(most_mm_s - 1.0)
 
 
 def test_a_calibration_by_hand_needs_a_hand(daemon: Daemon, gripper: LiteGrip) -> None:
@@ -222,10 +316,15 @@ def test_a_config_object_can_be_filled_and_the_daemons_cannot(
     mine = GripperConfig()
     mine.can_channel = "can3"  # type: ignore[misc] # the SDK's scripts do
     mine.kp = 120.0
-    assert (mine.channel, mine.kp, mine.mount, mine.max_stroke_mm) == ("can3", 120.0, None, None)
+    assert (mine.channel, mine.kp, mine.mount, mine.max_stroke_mm) == (
+        "can3",
+        120.0,
+        None,
+        STROKE_MM,
+    )
     theirs = gripper.config
     assert (theirs.mount, theirs.nm_to_n) == (daemon.mount, 10.0)
-    assert theirs.max_stroke_mm == pytest.approx(120.0, abs=0.1)
+    assert theirs.max_stroke_mm == STROKE_MM
     with pytest.raises(AttributeError, match=r"config\.kp cannot be set"):
         theirs.kp = 150.0
     with LiteGrip("can0", config=theirs) as again:

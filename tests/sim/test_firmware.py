@@ -170,7 +170,8 @@ def test_in_another_control_mode_mit_commands_are_not_taken() -> None:
 
 
 def test_the_position_wraps_beyond_the_range_and_a_power_cycle_forgets_the_turns() -> None:
-    travel = SimulatorParameters(closed_rad=40.0, open_rad=0.0, initial_opening_mm=27.0 * 74.8)
+    opening_mm = 27.0 * SimulatorParameters().rad_to_mm
+    travel = SimulatorParameters(closed_rad=40.0, open_rad=0.0, initial_opening_mm=opening_mm)
     driver = Driver(SimulatedGripper(travel))
     mechanical_rad = driver.gripper.position_rad
     assert mechanical_rad == pytest.approx(13.0)

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from litegripd.model.calibration import NOMINAL
 from litegripd.sim.gripper import SimulatedGripper, build_gripper
 from litegripd.sim.plant import Plant
 from tests.sim.driving import ENABLE, Driver, command
@@ -94,8 +95,9 @@ def test_the_shortcut_at_rest_takes_the_same_course_as_single_steps() -> None:
 
 def test_an_object_wider_than_the_start_opens_the_jaws_further() -> None:
     assert build_gripper().opening_mm == pytest.approx(60.0)
-    assert build_gripper(object_mm=80.0).opening_mm == pytest.approx(90.0)
-    with pytest.raises(ValueError, match="less than 120 mm wide"):
-        build_gripper(object_mm=121.0)
+    assert build_gripper(object_mm=70.0).opening_mm == pytest.approx(80.0)
+    assert build_gripper(object_mm=80.0).opening_mm == pytest.approx(NOMINAL[0].travel_mm)
+    with pytest.raises(ValueError, match="less than 87 mm wide"):
+        build_gripper(object_mm=88.0)
     with pytest.raises(ValueError, match="mount must be one of normal, reverse"):
         build_gripper(mount="sideways")

@@ -9,7 +9,9 @@ from litegripd.sim.gripper import SimulatedGripper, build_gripper
 from litegripd.sim.plant import GrippedObject, SimulatorParameters, limits_of_mount
 from tests.sim.driving import DISABLE, Driver, command
 
-MM_PER_RAD = 74.8
+USUAL = SimulatorParameters()
+MM_PER_RAD = USUAL.rad_to_mm
+TRAVEL_MM = abs(USUAL.open_rad - USUAL.closed_rad) * MM_PER_RAD
 
 
 def armed(gripper: SimulatedGripper | None = None) -> Driver:
@@ -33,7 +35,7 @@ def test_pressed_against_an_end_the_jaws_stand_at_the_calibrated_limit(mount: st
     assert driver.gripper.opening_mm == pytest.approx(0.0, abs=0.15)
     driver.stream(4.0, command(kd=1.0, tau=-sign * 0.94))
     assert driver.gripper.position_rad == pytest.approx(open_rad, abs=0.002)
-    assert driver.gripper.opening_mm == pytest.approx(120.0, abs=0.3)
+    assert driver.gripper.opening_mm == pytest.approx(TRAVEL_MM, abs=0.3)
 
 
 def test_both_mounts_are_mirror_images() -> None:
@@ -193,15 +195,15 @@ def test_an_object_with_friction_holds_the_jaws_when_they_are_let_go() -> None:
 
 
 def test_a_vanishing_object_lets_undamped_jaws_jump_and_damping_prevents_it() -> None:
-    speeds_mm_s = []
+    speeds_rad_s = []
     for kd in (0.0, 2.0):
         driver = armed(build_gripper(object_mm=70.0))
         driver.stream(1.0, command(kd=2.0, tau=2.0))
         driver.gripper.remove_object()
         driver.stream(0.04, command(kd=kd, tau=2.0))
-        speeds_mm_s.append(driver.gripper.velocity_rad_s * MM_PER_RAD)
-    assert speeds_mm_s[0] > 1500.0
-    assert speeds_mm_s[1] == pytest.approx(70.0, abs=5.0)
+        speeds_rad_s.append(driver.gripper.velocity_rad_s)
+    assert speeds_rad_s[0] > 20.05
+    assert speeds_rad_s[1] == pytest.approx(0.936, abs=0.067)
 
 
 def test_the_current_limit_bounds_the_torque_and_the_supply_the_speed() -> None:
@@ -230,7 +232,7 @@ def test_the_report_of_the_torque_lags_behind_the_torque() -> None:
     assert driver.ask(command(tau=3.0)).torque_nm == pytest.approx(3.0, abs=0.02)
 
 
-@pytest.mark.parametrize("opening_mm", [1.0, 6.0, 60.0, 119.0])
+@pytest.mark.parametrize("opening_mm", [1.0, 6.0, 60.0, TRAVEL_MM - 1.0])
 @pytest.mark.parametrize(("kp", "kd"), [(500.0, 5.0), (500.0, 1.0), (0.0, 5.0), (100.0, 2.0)])
 def test_every_damped_gain_settles(opening_mm: float, kp: float, kd: float) -> None:
     """With the speed filtered by 1.6 ms, more than 3 N·m·s/rad shakes, as theory has it."""
@@ -247,12 +249,13 @@ def test_every_damped_gain_settles(opening_mm: float, kp: float, kd: float) -> N
 
 
 def test_the_extreme_gains_stay_bounded_against_the_stiff_end() -> None:
-    driver = armed(at_opening(115.0))
+    driver = armed(at_opening(TRAVEL_MM - 5.0))
     for period in range(400):
         target_rad = -12.5 if period % 40 < 20 else 12.5
         driver.stream(0.005, command(q=target_rad, dq=-30.0, kp=500.0, kd=5.0))
         assert math.isfinite(driver.gripper.position_rad)
-        assert -1.6 < driver.gripper.position_rad < 0.5
+        low_rad, high_rad = USUAL.open_rad - 0.109, USUAL.closed_rad + 0.386
+        assert low_rad < driver.gripper.position_rad < high_rad
 
 
 def test_bad_objects_are_refused() -> None:
@@ -275,7 +278,7 @@ def test_bad_objects_are_refused() -> None:
         ({"closed_rad": math.nan}, "closed_rad must be a finite number"),
         ({"coulomb_nm": -0.1}, "coulomb_nm must not be negative"),
         ({"rad_to_mm": 0.0}, "rad_to_mm must be more than 0"),
-        ({"closed_rad": -1.491}, "no travel"),
+        ({"closed_rad": USUAL.open_rad}, "no travel"),
         ({"can_id": 0x7FF}, "can_id must be 1 to 0x7FE"),
         ({"coulomb_nm": 0.5}, "friction must grow"),
     ],

@@ -245,7 +245,7 @@ def test_the_process_on_a_bus_of_python_can_ends_cleanly() -> None:
 @pytest.mark.parametrize(
     ("arguments", "error"),
     [
-        (["--pty", "--object-mm", "500"], "less than 120 mm wide"),
+        (["--pty", "--object-mm", "500"], "less than 87 mm wide"),
         (["--pty", "--motor-type", "DM4340", "--can-id", "0"], "can_id must be 1 to 0x7FE"),
         (["--pty", "--motor-type", "DM1"], "it must be DM4310 or DM4340"),
         (["--pty", "--motor-type", "DM8009"], "missing: ranges of position"),

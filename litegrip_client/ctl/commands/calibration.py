@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from litegrip_client.core.session import ACTION_TIMEOUT_S
-from litegrip_client.ctl.parser import LateParser
+from litegrip_client.ctl.parser import LateParser, positive
 from litegrip_client.ctl.render import CHOOSE_MOUNT, Data, figure, finish, plain, verdict
 from litegrip_client.ctl.run import (
     INTERRUPTED,
@@ -21,6 +21,7 @@ from litegrip_client.ctl.run import (
     Commands,
     Run,
     ask,
+    ask_stroke,
     confirm,
     may_ask,
     one_line,
@@ -29,6 +30,7 @@ from litegrip_client.ctl.run import (
     say,
 )
 from litegrip_client.errors import CancelledError, CommandError, LiteGripError
+from litegrip_client.sdk.fields import SPAN_INSET_MM
 from litegrip_client.voices import in_shell
 
 TYPE_CHECKING = False
@@ -73,19 +75,26 @@ def manual(run: Run) -> int:
 def _lead(run: Run) -> dict[str, Any]:
     """Record until what was recorded is taken."""
     say("The jaws are slack now. Ctrl-C cancels.")
+    stroke_mm = run.options.stroke_mm
+    is_recorded, is_measured = False, stroke_mm is not None
     while True:
-        _record(run)
+        if not is_recorded:
+            _record(run)
+        if not is_measured:
+            stroke_mm = _ask_stroke(run)
         answer = _ask(_SAVE)
         while answer not in ("y", "yes", "n", "no", "c", "cancel"):
             answer = _ask(f"please answer y, n or c: {_SAVE}")
         if answer.startswith("c"):
             raise _NotWantedError
         try:
-            return _step(run, "finish", save=answer.startswith("y"))
+            return _step(run, "finish", save=answer.startswith("y"), **_stroke(stroke_mm))
         except CommandError as error:
             if error.reason != "out_of_limits":
                 raise
             say(f"  {one_line(error.message)}")
+            is_recorded = error.data.get("field") == "stroke_mm"
+            is_measured = not is_recorded
 
 
 def _record(run: Run) -> None:
@@ -104,6 +113,18 @@ def _ask(question: str) -> str:
     if answer is None:
         raise _NotWantedError
     return answer
+
+
+def _ask_stroke(run: Run) -> float | None:
+    """Return the stroke that was measured, None for what is configured."""
+    try:
+        return ask_stroke(run.connection.call("info.get")["gripper"]["stroke_mm"])
+    except EOFError:
+        raise _NotWantedError from None
+
+
+def _stroke(stroke_mm: float | None) -> dict[str, float]:
+    return {} if stroke_mm is None else {"stroke_mm": stroke_mm}
 
 
 def _step(run: Run, step: str, **params: object) -> dict[str, Any]:
@@ -133,8 +154,11 @@ _ZERO = """\
 Measure the travel: move to both stops, gently, and use what was found.
 
 Keep hands and objects out of the jaws. Which way the jaws close must be known
-before: by the calibration in use, or by --mount.
+before: by the calibration in use, or by --mount. How far they open is not found
+by moving: it is asked for, or given by --stroke-mm, and all millimetres follow
+from it.
 """
+_STROKE_HELP = "how far the jaws open, as a caliper measures it (default: as configured)"
 
 
 def zero_options(parser: LateParser) -> None:
@@ -145,25 +169,36 @@ def zero_options(parser: LateParser) -> None:
         choices=("normal", "reverse"),
         help="which way the jaws close (default: as in the calibration in use)",
     )
+    _stroke_options(parser)
     parser.add_argument(
         "--no-save", action="store_true", help="use what was found, but do not store it"
     )
     parser.add_argument("-y", "--yes", action="store_true", help="do not ask before moving")
 
 
+def _stroke_options(parser: LateParser) -> None:
+    parser.add_argument("--stroke-mm", type=positive, metavar="MM", help=_STROKE_HELP)
+
+
 def zero(run: Run) -> int:
     """Measure the travel by moving to both stops, once that is confirmed."""
     options = run.options
+    stroke_mm = options.stroke_mm
     if not options.yes:
         if not may_ask():
             return run.refuse(
                 "zero moves the jaws to both stops, and there is no terminal to confirm it at",
                 "if that is safe: litegripctl zero --yes",
             )
-        if not confirm("the jaws will move to both stops; continue?"):
+        try:
+            if not confirm("the jaws will move to both stops; continue?"):
+                raise _NotWantedError
+            if stroke_mm is None:
+                stroke_mm = _ask_stroke(run)
+        except _NotWantedError:
             run.output.error(CommandError("nothing was done", reason="not_wanted"), "")
             return NOT_OK
-    params: dict[str, Any] = {"save": not options.no_save}
+    params: dict[str, Any] = {"save": not options.no_save, **_stroke(stroke_mm)}
     if options.mount is not None:
         params["mount"] = options.mount
     return finish(run, "calibration.zero", params, lambda data: _measured_text("zero", data))
@@ -176,9 +211,20 @@ def _measured_text(name: str, data: Data) -> str:
         text += f": {plain(in_shell(str(data['message'])))}"
     if data.get("closed_rad") is not None and data.get("open_rad") is not None:
         text += f"\n{_travel_text(data)}"
+    if data.get("ok") and data.get("rad_to_mm") is not None:
+        text += f"\n{_stroke_text(data)}"
     if data.get("path") is not None:
         return f"{text}\nstored in {plain(data['path'])}"
     return f"{text}\n{_unstored()}" if data.get("ok") else text
+
+
+def _stroke_text(data: Data) -> str:
+    """Return which stroke the scale was made of, and how to correct it."""
+    stroke_mm = abs(data["closed_rad"] - data["open_rad"]) * data["rad_to_mm"] - SPAN_INSET_MM
+    return (
+        f"taken: the jaws open {figure(stroke_mm, '.5g', 'mm')}; if a caliper says otherwise:"
+        " litegripctl calibration rescale --stroke-mm MM"
+    )
 
 
 def _travel_text(data: Data) -> str:
@@ -211,7 +257,8 @@ def actions_options(parser: LateParser) -> None:
     add("templates", help="show the nominal calibrations, one for each mount")
     add("load", help="use another calibration", fill=_load_options)
     add("save", help="store the calibration in use", fill=_save_options)
-    add("manual", help="calibrate by hand", description=_MANUAL)
+    add("manual", help="calibrate by hand", description=_MANUAL, fill=_stroke_options)
+    add("rescale", help="correct its millimetres, and store it", fill=_rescale_options)
 
 
 def _load_options(parser: LateParser) -> None:
@@ -243,6 +290,18 @@ def _save_options(parser: LateParser) -> None:
     parser.add_argument("--overwrite", action="store_true", help="replace a FILE that exists")
 
 
+_RESCALE = """\
+Correct the millimetres of the calibration in use, and store it: the scale
+becomes that of jaws which open so far. The two stops stay as they were
+measured, and nothing moves.
+"""
+
+
+def _rescale_options(parser: LateParser) -> None:
+    parser.description = _RESCALE
+    _stroke_options(parser)
+
+
 def calibration(run: Run) -> int:
     """Do what `options.action` says."""
     return _ACTIONS[run.options.action or "show"](run)
@@ -265,10 +324,24 @@ def _calibration_text(data: Data) -> str:
         ("open", figure(data.get("open_rad"), "+.4f", "rad")),
         ("travel", _travel(data)),
         ("scale", figure(data.get("rad_to_mm"), ".2f", "mm/rad")),
+        ("work stroke", _work_stroke(data)),
         ("gains", f"kp {figure(data.get('kp'), 'g', '')}, kd {figure(data.get('kd'), 'g', '')}"),
         ("file", data.get("file") or "none"),
     ]
-    return "\n".join(f"{label:<7} {plain(text)}" for label, text in rows)
+    lines = [f"{label:<11} {plain(text)}" for label, text in rows]
+    return "\n".join(_doubt(data) + lines)
+
+
+def _work_stroke(data: Data) -> str:
+    """Return the opening to which `open` goes."""
+    work_mm = data.get("work_stroke_mm")
+    return "none: open goes to the stop" if work_mm is None else figure(work_mm, ".2f", "mm")
+
+
+def _doubt(data: Data) -> list[str]:
+    """Return a line that says why the millimetres are probably wrong, if they are."""
+    warning = data.get("scale_warning")
+    return [] if not warning else [f"WARNING: {plain(in_shell(str(warning)))}"]
 
 
 def templates(run: Run) -> int:
@@ -321,6 +394,7 @@ def _loaded_text(data: Data, *, source: str | None) -> str:
             lines.append(f"found in {plain(data.get('file'))}")
         else:
             lines.append(_IN_USE if source in _TEMPLATES else _unstored())
+        lines += _doubt(data)
         if source in _TEMPLATES:
             lines.append(_MEASURE)
     return "\n".join(lines)
@@ -351,6 +425,41 @@ def _unreadable(path: str, why: str) -> CommandError:
         reason="calibration_unreadable",
         data={"hint": "give a calibration file, or a template: normal, reverse"},
     )
+
+
+def rescale(run: Run) -> int:
+    """Have the daemon correct the millimetres of the calibration in use, and store it."""
+    before = run.connection.call("calibration.get")
+    call = run.connection.prepare_guarded("calibration.rescale", _stroke(run.options.stroke_mm))
+    data = run.connection.run(call)
+    try:
+        saved = _store(run)
+    except LiteGripError as error:
+        error.message = f"the calibration in use is rescaled, but not stored: {error.message}"
+        raise
+    data = {**data, "before": before, "saved": saved}
+    run.output.result(data, _rescaled_text(data))
+    return OK
+
+
+def _rescaled_text(data: Data) -> str:
+    """Return scale and travel before and after, and where that is stored."""
+    before, saved = data["before"], data["saved"]
+    changes = (
+        f"{label} {figure(before.get(name), '.2f', '')} -> {figure(data.get(name), '.2f', unit)}"
+        for label, name, unit in (
+            ("scale", "rad_to_mm", "mm/rad"),
+            ("travel", "travel_mm", "mm"),
+        )
+    )
+    lines = [", ".join(changes), _stroke_text(data), _stored_text(saved)]
+    former = before.get("file")
+    if former not in (None, saved.get("path")):
+        lines.append(
+            f"it came from {plain(former)}, which is as it was: if the configuration or"
+            " LITEGRIP_CALIB names that file, correct its rad_to_mm as well"
+        )
+    return "\n".join(lines + _doubt(data))
 
 
 def save(run: Run) -> int:
@@ -397,6 +506,7 @@ _ACTIONS: Mapping[str, Command] = {
     "load": load,
     "save": save,
     "manual": manual,
+    "rescale": rescale,
 }
 
 

@@ -79,6 +79,7 @@ CHECKS: tuple[Check, ...] = (
     Check("watchdog", gripper_checks.watchdog),
     Check("ranges", gripper_checks.ranges),
     Check("calibration", gripper_checks.calibration),
+    Check("stroke", gripper_checks.stroke),
     Check("position", gripper_checks.position),
     Check("channel", gripper_checks.calibration_channel),
     Check("health", daemon_checks.health),

@@ -184,7 +184,7 @@ def grasp_options(parser: LateParser) -> None:
     """Add the arguments of `grasp`."""
     parser.description, parser.epilog = _GRASP, _GRASP_EXAMPLES
     parser.add_argument(
-        "--force", type=positive, metavar="N", help="in newtons, 0.5 to 30 (default: the daemon's)"
+        "--force", type=positive, metavar="N", help="in newtons, 0.5 to 40 (default: the daemon's)"
     )
     _speed_options(parser)
     parser.add_argument(
@@ -221,9 +221,23 @@ def grasp(run: Run) -> int:
     params["until"] = "verdict" if options.hold is None else "held"
     if options.gains:
         params["hold_by"] = "gains"
+    _note_force(run, options.force)
     if options.no_wait:
         return start(run, "motion.grasp", params)
     return finish(run, "motion.grasp", params, _grasp_text)
+
+
+CONTINUOUS_N = 20.0
+"""What the vendor recommends for continuous work."""
+
+
+def _note_force(run: Run, force_n: float | None) -> None:
+    """Say of a large force that it is not for long."""
+    if force_n is not None and force_n > CONTINUOUS_N:
+        run.output.note(
+            f"the vendor recommends {CONTINUOUS_N:g} N for continuous work; how long the coil bears"
+            f" {force_n:g} N: litegripctl health (heat, time to limit)"
+        )
 
 
 def _grasp_text(data: Data) -> str:
@@ -273,11 +287,12 @@ def force_options(parser: LateParser) -> None:
     parser.description = (
         "Squeeze with another force from now on; jaws that hold nothing close with it."
     )
-    parser.add_argument("newtons", type=positive, metavar="N", help="in newtons, 0.5 to 30")
+    parser.add_argument("newtons", type=positive, metavar="N", help="in newtons, 0.5 to 40")
 
 
 def force(run: Run) -> int:
     """Set the squeezing force."""
+    _note_force(run, run.options.newtons)
     data = _settle(run, "motion.set_force", {"force_n": run.options.newtons})
     run.output.result(data, _force_text(data))
     return OK

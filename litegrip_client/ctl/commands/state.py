@@ -195,6 +195,13 @@ def clear(run: Run) -> int:
 Show: TypeAlias = "Callable[[Iterable[Scene], str, Callable[[str], str]], None]"
 
 _LABEL_WIDTH = 12
+_DOUBTS = {
+    "superseded": "WRONG: all millimetres are those of earlier versions, which took the travel for"
+    " 120 mm; correct them with: litegripctl calibration rescale",
+    "unusual": "DOUBTFUL: no gripper with such millimetres was seen; measure how far the jaws open,"
+    " then: litegripctl calibration rescale --stroke-mm MM",
+}
+"""By the doubt of a calibration's scale: what it means, and what to do."""
 _MEASURED = {"opening", "position", "command", "velocity", "torque", "temperature", "status"}
 """Rows that say nothing of a motor that has never answered."""
 
@@ -233,7 +240,9 @@ def is_unheard(data: Data) -> bool:
 
 
 def _rows(data: Data) -> list[tuple[str, str]]:
+    doubt = data.get("scale_doubt")
     rows = [
+        *([("SCALE", _DOUBTS.get(str(doubt), str(doubt)))] if doubt else ()),
         ("mode", f"{data.get('mode')} (motor {data.get('motor')}, bus {data.get('bus')})"),
         ("opening", f"{figure(data.get('opening_mm'), '.2f', 'mm')}, {_openness(data)} open"),
         ("position", figure(data.get("position_rad"), "+.4f", "rad")),
@@ -245,6 +254,8 @@ def _rows(data: Data) -> list[tuple[str, str]]:
         ("calibrated", f"yes, mount {data.get('mount')}" if data.get("calibrated") else "no"),
         ("age", age(data)),
     ]
+    if data.get("work_stroke_mm") is not None:
+        rows.append(("work stroke", f"open goes to {figure(data['work_stroke_mm'], '.2f', 'mm')}"))
     if data.get("force_set_n") is not None:
         rows.append(("squeezing", _squeezing(data)))
     if data.get("limited"):
@@ -329,6 +340,8 @@ def state_line(data: Data) -> str:
         parts.append(f"job {job.get('job')} {job.get('kind')}{phase}")
     if data.get("stop"):
         parts.append(f"STOP {data['stop'].get('level')}")
+    if data.get("scale_doubt"):
+        parts.append(f"SCALE {data['scale_doubt']}, see: litegripctl state")
     if data.get("stale") or is_unheard(data):
         parts.append(age(data))
     return plain("  ".join(parts))

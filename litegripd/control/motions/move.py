@@ -214,7 +214,7 @@ Phase: TypeAlias = Literal["ramp", "press", "settle", "release"]
 
 _GIVE_UP_FACTOR = 2.0
 _RUN_IN_BUDGET = 1.1
-"""Times the torque of the press, near the stop in the ramp: slow jaws would stick there."""
+"""Times the torque of the press, near the stop and not at it: slow jaws would stick there."""
 _RUN_IN_SHARES = (0.55, 0.85)
 """Shares of it from the velocity: more, the further the jaws are ahead of their measurement."""
 _STALE_PERIODS = 1.5
@@ -305,19 +305,23 @@ class MoveToStop(PlainAction):
         ahead_rad = speed_rad_s * _LOOK_AHEAD_PERIODS * self._period_s
         short_rad = self._short_rad(feedback.position_rad) - ahead_rad
         self._is_near_stop = is_in_press_zone(short_rad, self._geometry, self._config)
-        return clamp_lead(command_rad, feedback.position_rad, self._lead(velocity_rad_s)[1])
+        _, lead_rad = self._lead(velocity_rad_s, feedback.position_rad)
+        return clamp_lead(command_rad, feedback.position_rad, lead_rad)
 
-    def _lead(self, velocity_rad_s: float) -> tuple[Gains, float]:
+    def _lead(self, velocity_rad_s: float, position_rad: float) -> tuple[Gains, float]:
         """Return stiffness and largest lead where the jaws are."""
         if self._is_near_stop:
-            return DEFAULT_GAINS, self._config.stop_nm / MOVING_KP_NM_RAD
+            push_nm = self._config.stop_nm
+            if not self._is_home(position_rad):
+                push_nm *= _RUN_IN_BUDGET
+            return DEFAULT_GAINS, push_nm / MOVING_KP_NM_RAD
         return lead_within(self._travel_nm, DEFAULT_GAINS, abs(velocity_rad_s), self._period_s)
 
     def _lead_command(
         self, velocity_rad_s: float, ramp_rad: float, position_rad: float
     ) -> MitCommand:
         """Return the command for a velocity (rad/s), with gains that keep it within its torque."""
-        gains, lead_rad = self._lead(velocity_rad_s)
+        gains, lead_rad = self._lead(velocity_rad_s, position_rad)
         kp, kd = gains.kp_nm_rad, gains.kd_nm_s_rad
         if self._phase in ("press", "settle") or velocity_rad_s == 0.0:
             return gains.at(self._command_rad)

@@ -12,7 +12,7 @@ from litegripd.control.motions.move import Direction
 from litegripd.control.requests import MotionRequests, Pace
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import FASTEST_MM_S
-from litegripd.model.motion_config import MotionConfig
+from litegripd.model.motion_config import MOVING_KP_NM_RAD, REACHING_KP_NM_RAD, MotionConfig
 from litegripd.model.state import (
     STOP_LEVELS,
     ClearFaultResult,
@@ -44,6 +44,7 @@ from litegripd.rpc.method import (
     later,
     speed_param,
     target_params,
+    usual_gain_params,
 )
 from litegripd.rpc.reports import JobNumber, Reporter, StateView
 
@@ -256,7 +257,7 @@ class MotionMethods:
                 minimum=0,
                 maximum=3600,
             ),
-            *gain_params("100; less than 55 counts as 55", "2"),
+            *usual_gain_params(),
             *RUN_PARAMS,
         ),
         role="operator",
@@ -346,7 +347,11 @@ class MotionMethods:
                 maximum=3,
                 maximum_of=lambda motor: motor.rated_nm,
             ),
-            *gain_params("the calibration's, within 55 to 100", "the calibration's"),
+            *gain_params(
+                "default: the calibration's,"
+                f" within {REACHING_KP_NM_RAD:g} to {MOVING_KP_NM_RAD:g}",
+                "default: the calibration's",
+            ),
         ),
         role="operator",
         needs_lease=True,

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from litegrip_client.doctor.findings import Configuration
 from tests.client.doctor.case import Case
 from tests.client.doctor.known import daemon, facts, with_daemon
 
@@ -155,7 +156,12 @@ GRIPPER_CASES = [
         "PMAX 3.14159, VMAX 30, TMAX 10 instead of the model's 12.5, 30, 10",
         advises="nothing to do",
     ),
-    Case("calibration", facts(), "ok", "mount normal, travel 120.0 mm, 3 days old, /var/lib/lite"),
+    Case(
+        "calibration",
+        facts(),
+        "ok",
+        "mount normal, travel 87.0 mm, open goes to 80 mm, 3 days old, /var/lib/lite",
+    ),
     Case("calibration", facts(daemon=None), None),
     Case(
         "calibration",
@@ -185,6 +191,62 @@ GRIPPER_CASES = [
         "of unknown date, /var/lib/litegripd",
     ),
     Case("calibration", with_daemon(info_calibration__saved_s=1.8e9), "ok", "of today"),
+    Case(
+        "calibration",
+        with_daemon(hello_gripper__work_stroke_mm=None),
+        "ok",
+        "mount normal, travel 87.0 mm, 3 days old",
+    ),
+    Case(
+        "calibration",
+        with_daemon(state_scale_doubt="superseded", hello_gripper__travel_mm=120.05),
+        "warning",
+        "travel 120.0 mm, open goes to 80 mm: the scale of earlier versions, which took the travel"
+        " for 120 mm; all mm are too large",
+        "litegripctl -c can0 calibration rescale",
+        "no other measurement; if a caliper says that the jaws do not open 85 mm, add --stroke-mm",
+    ),
+    Case(
+        "calibration",
+        with_daemon(
+            state_scale_doubt="superseded",
+            hello_gripper__travel_mm=120.05,
+            info_calibration__nominal=True,
+        ),
+        "warning",
+        "travel 120.0 mm, open goes to 80 mm, nominal: it was not measured on this gripper",
+        ZERO,
+    ),
+    Case(
+        "calibration",
+        with_daemon(state_scale_doubt="unusual", hello_gripper__rad_to_mm=84.31),
+        "warning",
+        "84.31 mm/rad, as no gripper was seen to have",
+        advises="by a caliper, then: litegripctl -c can0 calibration rescale --stroke-mm MM",
+    ),
+    Case("stroke", facts(), "ok", "the jaws open 85 mm, as configured"),
+    Case("stroke", facts(daemon=None), None),
+    Case("stroke", with_daemon(info_configuration={}), None),
+    Case(
+        "stroke",
+        with_daemon(info_configuration__gripper={"stroke_mm": 120.0}),
+        "warning",
+        "stroke_mm = 120 under [gripper] in /etc/litegripd/can0.toml is the placeholder of earlier"
+        " versions, and counts as 85 mm",
+        advises="remove stroke_mm from /etc/litegripd/can0.toml",
+    ),
+    Case(
+        "stroke",
+        facts(
+            daemon=None,
+            configuration=Configuration(
+                "/x.toml", content={"file": "/x.toml", "gripper": {"stroke_mm": 120.0}}
+            ),
+        ),
+        "warning",
+        "stroke_mm = 120 under [gripper] in /x.toml",
+        advises="set it to what a caliper measures",
+    ),
     Case("position", facts(), "ok", "-0.500 rad, calibrated travel -1.500 to 0.100 rad"),
     Case("position", facts(daemon=None), None),
     Case("position", with_daemon(state_stale=True, state_position_rad=9.0), None),

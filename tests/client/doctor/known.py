@@ -20,7 +20,10 @@ HELLO: dict[str, Any] = {
     "gripper": {
         "calibrated": True,
         "mount": "normal",
-        "travel_mm": 120.0,
+        "travel_mm": 87.0,
+        "rad_to_mm": 54.4,
+        "stroke_mm": 85.0,
+        "work_stroke_mm": 80.0,
         "closed_rad": 0.1,
         "open_rad": -1.5,
     },
@@ -49,6 +52,8 @@ INFO: dict[str, Any] = {
     "configuration": {
         "bus": {"interface": "socketcan", "channel": "can0", "bitrate": 1_000_000},
         "control": {"priority": 50, "rate_hz": 200},
+        "file": "/etc/litegripd/can0.toml",
+        "gripper": {"stroke_mm": 85.0},
         "rpc": {"group": "litegrip"},
     },
 }
@@ -67,6 +72,7 @@ STATE: dict[str, Any] = {
     "age_s": 0.004,
     "stale": False,
     "position_rad": -0.5,
+    "scale_doubt": None,
 }
 SOCKETS = (
     Socket("/run/litegripd/can0.sock", True, 0),

@@ -1,0 +1,300 @@
+"""Calibrations whose scale or limits are wrong, on every path by which one arrives.
+
+What cannot be this gripper's is refused with the figures and a remedy, and what is in use stays in
+force; at the start nothing else takes its place. The scale of earlier versions is taken, and warned
+of.
+"""
+
+import json
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from litegripd.app.build import load_at_start
+from litegripd.app.status import log_event
+from litegripd.io.helper import files
+from litegripd.model.calibration import NOMINAL, SUPERSEDED
+from litegripd.model.gripper import Geometry, GripperId
+from litegripd.model.state import Event, HelperTask, TaskResult
+from litegripd.sim import registers as reg
+from tests.app.test_facts import verdict
+from tests.sim.driving import write
+from tests.world import Client, Disk, World
+
+DEGREES = 57.29578
+SCALES, LIMITS = (0.5, 2.0, 10.0, 75.0), (2.0, 10.0, DEGREES)
+NORMAL, OLD = NOMINAL[0], SUPERSEDED[0]
+
+
+def content_of(geometry: Geometry, scale: float = 1.0, limits: float = 1.0) -> dict[str, Any]:
+    """Return what a file holds, with a scale and limits that are off by these factors."""
+    return {
+        "zero_position_rad": limits * geometry.closed_rad,
+        "max_position_rad": limits * geometry.open_rad,
+        "rad_to_mm": scale * geometry.rad_to_mm,
+    }
+
+
+WRONG = [
+    *(pytest.param(content_of(NORMAL, scale=by), id=f"scale x {by:g}") for by in SCALES),
+    *(pytest.param(content_of(NORMAL, limits=by), id=f"limits x {by:g}") for by in LIMITS),
+]
+
+
+class FileDisk(Disk):
+    """A helper that tells of a file that it cannot use as the real one does."""
+
+    def do(self, task: HelperTask) -> TaskResult:
+        if task.operation == "motion.load":
+            return TaskResult({"config": None, "path": ""})
+        return super().do(task)
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """A way on which a daemon takes a file at its start: where it is, and what names it."""
+
+    name: str
+    file: Callable[[Path], Path]
+    mount: Callable[[Path], str | None] = lambda _root: None
+    variable: bool = False
+    others: tuple[str, ...] = ()
+    """Files that the search would find after this one."""
+
+    def put(self, root: Path, content: Mapping[str, Any], patch: pytest.MonkeyPatch) -> Path:
+        """Put a file there, and good ones wherever else one is looked for later."""
+        for other in self.others:
+            (root / other).write_text(json.dumps(content_of(NOMINAL[1])), encoding="utf-8")
+        path = self.file(root)
+        path.write_text(json.dumps(content), encoding="utf-8")
+        if self.variable:
+            patch.setenv("LITEGRIP_CALIB", str(path))
+        return path
+
+
+def named(root: Path) -> Path:
+    return root / "mine.json"
+
+
+OWN, HOME, OLD_HOME = (
+    "state/can0_calibration.json",
+    ".litegrip/can0_calibration.json",
+    ".litegrip/litegrip_calibration.json",
+)
+AT_START = [
+    Way("the daemon's own file", lambda root: root / OWN, others=(HOME, OLD_HOME)),
+    Way("its user's file of the channel", lambda root: root / HOME, others=(OLD_HOME,)),
+    Way("its user's file for all channels", lambda root: root / OLD_HOME),
+    Way("the factory's file", lambda root: root / "data" / "factory.json"),
+    Way("a file that mount names", named, lambda root: str(named(root)), others=(OWN, HOME)),
+    Way("LITEGRIP_CALIB", named, variable=True, others=(OWN, HOME)),
+    Way("a template that mount names", lambda root: root / "data" / "normal.json",
+        lambda _root: "normal", others=(HOME,)),
+    Way("the own file of a named mount", lambda root: root / OWN, lambda _root: "normal",
+        others=(HOME,)),
+]  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path / "state"))
+    monkeypatch.delenv("LITEGRIP_CALIB", raising=False)
+    for name in ("state", ".litegrip", "data"):
+        (tmp_path / name).mkdir()
+    for path in files.DATA.glob("*.json"):
+        (tmp_path / "data" / path.name).write_bytes(path.read_bytes())
+    monkeypatch.setattr(files, "DATA", tmp_path / "data")
+    return tmp_path
+
+
+def journalled(world: World) -> World:
+    """Let a world's events go to the log, as the daemon's do."""
+
+    def on_event(event: Event, _now_s: float) -> None:
+        log_event(event)
+
+    world.service.on_event = on_event
+    return world
+
+
+def started(mount: str | None) -> World:
+    """Return a world whose daemon takes what its files have."""
+    world = journalled(World(calibrated=False))
+    world.disk = FileDisk()
+    world.controller.gripper_id = GripperId(mount=mount)
+    load_at_start(world.controller, lambda: None)
+    return world.start()
+
+
+def figures(content: Mapping[str, Any]) -> list[str]:
+    """Return what a refusal must say: both numbers, and what to do."""
+    travel_rad = abs(content["zero_position_rad"] - content["max_position_rad"])
+    if abs(content["max_position_rad"]) > 12.5:
+        furthest = f"a limit is {abs(content['max_position_rad']):g} rad"
+        return [furthest, "at most ±12.5 rad", "limits are radians, not degrees"]
+    travel_mm = travel_rad * content["rad_to_mm"]
+    return [
+        f"{travel_mm:.4g} mm of travel",
+        "the configured stroke is 85 mm",
+        "Measure how far the jaws open",
+        f"correct its rad_to_mm ({86.0 / travel_rad:.4g} for these limits)",
+    ]
+
+
+@pytest.mark.parametrize("way", AT_START, ids=lambda way: way.name)
+@pytest.mark.parametrize("content", WRONG)
+def test_at_the_start_a_wrong_one_leaves_the_gripper_uncalibrated_with_the_reason(
+    root: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    way: Way,
+    content: dict[str, Any],
+) -> None:
+    path = way.put(root, content, monkeypatch)
+    world = started(way.mount(root))
+    client = world.enabled()
+    error = client.call("motion.open")["error"]
+    assert error["data"]["reason"] == "calibration_unreadable"
+    for words in (str(path), *figures(content)):
+        assert words in error["message"]
+    assert error["message"] in [
+        one.getMessage() for one in caplog.records if one.levelno == logging.ERROR
+    ]
+    view = client.result("calibration.get")
+    assert (view["calibrated"], view["mount"], view["file"]) == (False, None, None)
+    assert world.state.calibrated is False
+    judged, reasons = verdict(world)
+    assert judged != "ok"
+    assert any(figures(content)[0] in reason for reason in reasons)
+    path.unlink()  # what a client then loads counts
+    if way.file(root).parent.name != "data":
+        assert client.result("calibration.load", template="normal")["loaded"]
+        assert client.result("motion.open")["ok"]
+
+
+def loads_content(_world: World, client: Client, content: dict[str, Any]) -> dict[str, Any]:
+    return client.call("calibration.load", content=content)
+
+
+def loads_template(_world: World, client: Client, content: dict[str, Any]) -> dict[str, Any]:
+    (files.DATA / "normal.json").write_text(json.dumps(content), encoding="utf-8")
+    return client.call("calibration.load", template="normal")
+
+
+def loads_own_file(_world: World, client: Client, content: dict[str, Any]) -> dict[str, Any]:
+    files.own_file("can0", "calibration").write_text(json.dumps(content), encoding="utf-8")
+    return client.call("calibration.load")
+
+
+def loads_named_file(world: World, client: Client, content: dict[str, Any]) -> dict[str, Any]:
+    path = files.DATA / "named.json"
+    path.write_text(json.dumps(content), encoding="utf-8")
+    world.controller.gripper_id = GripperId(mount=str(path))
+    return client.call("calibration.load")
+
+
+BY_CLIENTS = [loads_content, loads_template, loads_own_file, loads_named_file]
+by_clients = pytest.mark.parametrize("load", BY_CLIENTS, ids=lambda load: load.__name__)
+Loads = Callable[[World, Client, dict[str, Any]], dict[str, Any]]
+
+
+@by_clients
+@pytest.mark.parametrize("content", WRONG)
+def test_a_wrong_one_that_a_client_loads_is_refused_and_the_one_in_use_stays(
+    load: Loads, content: dict[str, Any]
+) -> None:
+    world = World()
+    client = world.enabled()
+    before = client.result("calibration.get")
+    error = load(world, client, content)["error"]
+    assert error["data"]["reason"] == "calibration_unreadable"
+    for words in figures(content):
+        assert words in error["message"]
+    assert client.result("calibration.get") == before
+    assert client.result("motion.open")["ok"]
+
+
+def test_a_client_learns_that_its_scale_is_wrong_though_none_is_in_use() -> None:
+    client = World(calibrated=False).enabled()
+    answer = client.call("calibration.load", content=content_of(NORMAL, scale=2.0))
+    assert answer["error"]["data"]["reason"] == "calibration_unreadable"
+    assert client.refusal("motion.open") == "not_calibrated"
+
+
+def assert_warned_of(world: World, caplog: pytest.LogCaptureFixture, sentence: str) -> None:
+    """Check that a scale in use is warned of wherever somebody may look."""
+    told = [one for one in caplog.records if sentence in one.getMessage()]
+    assert [one.levelno for one in told] == [logging.WARNING]
+    judged, reasons = verdict(world)
+    assert judged == "degraded"
+    assert sum(sentence in reason for reason in reasons) == 1
+    client = world.client()
+    assert sentence in client.result("calibration.get")["scale_warning"]
+    assert client.result("state.get")["scale_doubt"] == world.state.scale_doubt
+
+
+SUPERSEDED_SAYS = "the calibration takes the jaws' travel for 120.1 mm, as earlier versions did"
+
+
+@pytest.mark.parametrize("way", AT_START, ids=lambda way: way.name)
+def test_at_the_start_the_scale_of_earlier_versions_is_taken_and_warned_of(
+    root: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, way: Way
+) -> None:
+    caplog.set_level(logging.INFO)
+    path = way.put(root, content_of(OLD), monkeypatch)
+    world = started(way.mount(root))
+    world.run(0.1)
+    assert world.controller.calibrated.file == str(path)
+    assert world.state.scale_doubt == "superseded"
+    assert_warned_of(world, caplog, SUPERSEDED_SAYS)
+
+
+@by_clients
+def test_the_scale_of_earlier_versions_that_a_client_loads_is_taken_and_warned_of(
+    load: Loads, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO)
+    world = journalled(World()).start()
+    client = world.client()
+    assert client.result("calibration.get")["scale_warning"] is None
+    answer = load(world, client, content_of(OLD))
+    assert SUPERSEDED_SAYS in answer["result"]["scale_warning"]
+    world.run(0.1)
+    assert world.state.scale_doubt == "superseded"
+    assert_warned_of(world, caplog, SUPERSEDED_SAYS)
+    client.result("calibration.rescale")
+    world.tick()
+    assert client.result("state.get")["scale_doubt"] is None
+    assert verdict(world) == ("ok", [])
+    assert client.result("calibration.get")["scale_warning"] is None
+
+
+@pytest.mark.parametrize("rad_to_mm", [43.0, 82.0])
+def test_an_unusual_scale_that_fits_the_stroke_is_taken_and_warned_of(
+    rad_to_mm: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO)
+    world = journalled(World()).start()
+    content = content_of(Geometry(0.0, -86.0 / rad_to_mm, rad_to_mm))
+    world.client().result("calibration.load", content=content)
+    world.run(0.1)
+    assert world.state.scale_doubt == "unusual"
+    sentence = f"the calibration has {rad_to_mm:g} mm/rad, and grippers of 45 to 80 mm/rad"
+    assert_warned_of(world, caplog, sentence)
+
+
+def test_limits_are_judged_by_what_the_motor_itself_reports_at_most() -> None:
+    """PMAX is a register; a fresh motor has 12.5 rad."""
+    world = World().start()
+    content = content_of(Geometry(9.0, 9.0 - NORMAL.travel_rad, NORMAL.rad_to_mm))
+    assert world.client().result("calibration.load", content=content)["loaded"]
+    world.client().result("calibration.load", template="normal")
+    narrow = World()
+    narrow.gripper.receive(narrow.now_s, write(reg.PMAX, 8.0))
+    error = narrow.start().client().call("calibration.load", content=content)["error"]
+    assert "a limit is 9 rad, and the motor reports at most ±8 rad" in error["message"]

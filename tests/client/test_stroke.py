@@ -1,0 +1,330 @@
+"""How far the jaws open, as a program says it: kept, sent, shown again; and what is rescaled."""
+
+import copy
+import logging
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from litegrip_client import (
+    CalibrationData,
+    CommandError,
+    DefaultParams,
+    GripperConfig,
+    GripperState,
+    LiteGrip,
+    ParameterError,
+    Trajectory,
+    UnitConversion,
+)
+from litegrip_client.aio import LiteGrip as AioLiteGrip
+from litegrip_client.calibration import CALIBRATION_KEYS
+from litegrip_client.voices import in_python, in_shell
+from litegripd.model.calibration import NOMINAL
+from tests.client.aio_helpers import run
+from tests.client.fake_daemon import CALIBRATION, CONTENT, HELLO, STATE, ZERO, FakeDaemon
+from tests.client.helpers import Ctl
+from tests.geometry import (
+    CLOSED_RAD,
+    MM_RAD,
+    OPEN_RAD,
+    SPAN_MM,
+    STROKE_MM,
+    TRAVEL_RAD,
+    WORK_MM,
+)
+
+MARKS = {"closed_rad": 0.104334, "open_rad": -1.513123}
+
+
+@pytest.fixture(autouse=True)
+def _measuring(daemon: FakeDaemon) -> None:
+    daemon.handlers["calibration.zero"] = lambda request: ZERO
+    daemon.handlers["calibration.rescale"] = lambda request: CALIBRATION
+    answers = {"begin": {"job": 8}, "closed": MARKS, "open": MARKS, "finish": ZERO, "cancel": {}}
+    daemon.handlers["calibration.manual"] = lambda request: answers[request.params["step"]]
+
+
+def sent(daemon: FakeDaemon) -> float | None:
+    """Return the stroke of the last request."""
+    return daemon.requests[-1].params.get("stroke_mm")
+
+
+def by_hand(gripper: LiteGrip, *, stroke_mm: float | None = None) -> None:
+    with gripper.manual_calibration() as manual:
+        manual.finish(stroke_mm=stroke_mm)
+
+
+ALL = [LiteGrip.zero, LiteGrip.calibrate, LiteGrip.calibrate_guided, by_hand]
+ALL += [LiteGrip.rescale_calibration]
+TAKING = [one for one in ALL if one is not LiteGrip.calibrate_guided]
+"""Those with an argument for it; the vendor's `calibrate_guided` has none."""
+
+
+@pytest.mark.parametrize("measure", ALL, ids=lambda one: one.__name__)
+def test_an_assigned_stroke_is_what_calibrations_use(
+    daemon: FakeDaemon, gripper: LiteGrip, measure: Any
+) -> None:
+    measure(gripper)
+    assert sent(daemon) is None  # the daemon's then
+    _ = gripper.config
+    measure(gripper)
+    assert sent(daemon) is None
+    gripper.config.max_stroke_mm = STROKE_MM  # also if it is the daemon's already
+    measure(gripper)
+    assert sent(daemon) == STROKE_MM
+    gripper.config.max_stroke_mm = 84
+    measure(gripper)
+    assert sent(daemon) == 84.0
+
+
+@pytest.mark.parametrize("measure", TAKING, ids=lambda one: one.__name__)
+def test_an_argument_counts_more(daemon: FakeDaemon, gripper: LiteGrip, measure: Any) -> None:
+    gripper.config.max_stroke_mm = 84.0
+    measure(gripper, stroke_mm=86)
+    assert sent(daemon) == 86.0
+    assert gripper.config.max_stroke_mm == 84.0
+    with pytest.raises(ParameterError, match="stroke_mm is 'wide', it must be a number"):
+        measure(gripper, stroke_mm="wide")
+
+
+def test_it_is_read_back_and_belongs_to_its_object(daemon: FakeDaemon, gripper: LiteGrip) -> None:
+    assert gripper.config.max_stroke_mm == STROKE_MM
+    config = gripper.config
+    config.max_stroke_mm = 84.0
+    assert (config.max_stroke_mm, gripper.config.max_stroke_mm) == (84.0, 84.0)
+    gripper.disconnect()
+    gripper.connect()
+    assert gripper.config.max_stroke_mm == 84.0
+    with LiteGrip(socket_path=daemon.path) as other:
+        assert other.config.max_stroke_mm == STROKE_MM
+        other.zero()
+        assert sent(daemon) is None
+
+
+def test_without_an_assignment_it_is_what_the_daemon_has(daemon: FakeDaemon) -> None:
+    configured: dict[str, Any] = {**HELLO["gripper"], "stroke_mm": 87.0}  # type: ignore[dict-item]
+    daemon.handlers["info.get"] = lambda request: {**HELLO, "gripper": configured}
+    with LiteGrip(socket_path=daemon.path) as gripper:
+        assert gripper.config.max_stroke_mm == 87.0
+
+
+def test_nothing_else_of_the_daemons_can_be_set(gripper: LiteGrip) -> None:
+    for name in ("kp", "work_stroke_mm", "nm_to_n", "rad_to_mm", "own"):
+        with pytest.raises(CommandError, match=rf"config\.{name} cannot be set"):
+            setattr(gripper.config, name, 5.0)
+
+
+@pytest.mark.parametrize("value", ["wide", None, float("nan"), float("inf"), True])
+def test_what_is_no_stroke_is_rejected_and_the_former_one_stays(
+    gripper: LiteGrip, value: Any
+) -> None:
+    gripper.config.max_stroke_mm = 84.0
+    for config in (gripper.config, GripperConfig()):
+        with pytest.raises(ParameterError, match="max_stroke_mm is"):
+            config.max_stroke_mm = value
+    assert gripper.config.max_stroke_mm == 84.0
+
+
+def filled(**values: float) -> GripperConfig:
+    config = GripperConfig()
+    for name, value in values.items():
+        setattr(config, name, value)
+    return config
+
+
+@pytest.mark.parametrize(
+    ("config", "stroke_mm"),
+    [
+        (GripperConfig(), None),
+        (GripperConfig(max_stroke_mm=85.0), 85.0),
+        (filled(max_stroke_mm=85.0), 85.0),
+        (replace(filled(max_stroke_mm=84.0), can_id=8), 84.0),
+        (copy.copy(GripperConfig()), None),
+        (replace(GripperConfig(), can_id=8), None),
+    ],
+)
+def test_a_config_object_says_it_too(
+    daemon: FakeDaemon, config: GripperConfig, stroke_mm: float | None
+) -> None:
+    with LiteGrip(socket_path=daemon.path, config=config) as gripper:
+        gripper.zero()
+        assert sent(daemon) == stroke_mm
+        assert gripper.config.max_stroke_mm == (stroke_mm or STROKE_MM)
+        config.max_stroke_mm = 83.0
+        gripper.zero()
+        assert sent(daemon) == 83.0
+        gripper.config.max_stroke_mm = 82.0
+        assert config.max_stroke_mm == 82.0
+
+
+def test_two_configs_that_were_copied_are_two() -> None:
+    one = filled(max_stroke_mm=84.0)
+    other = copy.copy(one)
+    other.max_stroke_mm = 86.0
+    assert (one.max_stroke_mm, other.max_stroke_mm) == (84.0, 86.0)
+
+
+def test_the_asyncio_client_does_the_same(daemon: FakeDaemon) -> None:
+    async def main() -> None:
+        config = GripperConfig(max_stroke_mm=84.0)
+        async with AioLiteGrip(socket_path=daemon.path, config=config) as gripper:
+            await gripper.zero()
+            assert sent(daemon) == 84.0
+            (await gripper.config()).max_stroke_mm = 86.0
+            data = await gripper.rescale_calibration()
+            assert sent(daemon) == 86.0
+            assert data.stroke_mm == pytest.approx(STROKE_MM)
+
+    run(main())
+
+
+def test_rescaling_is_never_after_a_stop_and_says_what_is_in_use(
+    daemon: FakeDaemon, gripper: LiteGrip, caplog: pytest.LogCaptureFixture
+) -> None:
+    data = gripper.rescale_calibration(84.5)
+    assert daemon.requests[-1].params == {
+        "stroke_mm": 84.5,
+        "sent_s": daemon.requests[-1].params["sent_s"],
+        "stop_generation": 3,
+    }
+    assert data == CalibrationData.from_content(CONTENT)
+    assert not caplog.records
+    doubtful = {**CALIBRATION, "scale_warning": "it has 90 mm/rad: use calibration.rescale"}
+    daemon.handlers["calibration.rescale"] = lambda request: doubtful
+    gripper.rescale_calibration()
+    text = "it has 90 mm/rad: use gripper.rescale_calibration()"
+    assert caplog.record_tuples == [("litegrip_client", logging.WARNING, text)]
+
+
+def test_loading_logs_that_the_millimetres_are_wrong(
+    daemon: FakeDaemon, gripper: LiteGrip, caplog: pytest.LogCaptureFixture
+) -> None:
+    answer = {**CALIBRATION, "loaded": True, "factory": False, "skipped": []}
+    answer["scale_warning"] = "1.40 times too large"
+    daemon.handlers["calibration.load"] = lambda request: answer
+    assert gripper.load_calibration()
+    assert gripper.load_template("normal")
+    assert [record.getMessage() for record in caplog.records] == ["1.40 times too large"] * 2
+
+
+# What a calibration has
+
+
+def test_the_work_stroke_is_a_key_of_a_calibration(daemon: FakeDaemon, gripper: LiteGrip) -> None:
+    assert {"work_stroke_mm", "nm_to_n"} <= set(CALIBRATION_KEYS)
+    answer = {**CALIBRATION, "loaded": True, "factory": False, "skipped": []}
+    daemon.handlers["calibration.load"] = lambda request: answer
+    data = CalibrationData.from_content({**CONTENT, "work_stroke_mm": 70.0, "nm_to_n": 16.4})
+    gripper.use_calibration(data)
+    content = daemon.requests[-1].params["content"]
+    assert (content["work_stroke_mm"], content["nm_to_n"]) == (70.0, 16.4)
+    gripper.use_calibration(CalibrationData())
+    assert "work_stroke_mm" not in daemon.requests[-1].params["content"]
+
+
+def test_the_gripper_has_it_and_the_force_of_a_torque(daemon: FakeDaemon) -> None:
+    found: dict[str, Any] = {**HELLO["gripper"]}  # type: ignore[dict-item]
+    config = GripperConfig.from_wire({**HELLO, "gripper": {**found, "nm_to_n": 16.4}})
+    assert (config.work_stroke_mm, config.nm_to_n) == (WORK_MM, 16.4)
+    unknown = {"nm_to_n": None, "work_stroke_mm": None}
+    config = GripperConfig.from_wire({**HELLO, "gripper": {**found, **unknown}})
+    assert (config.work_stroke_mm, config.nm_to_n) == (0.0, 10.0)
+    for name in ("stroke_mm", *unknown):
+        del found[name]
+    config = GripperConfig.from_wire({**HELLO, "gripper": found})  # of an older daemon
+    assert (config.max_stroke_mm, config.work_stroke_mm, config.nm_to_n) == (STROKE_MM, 0.0, 10.0)
+
+
+def test_the_nominal_figures_are_the_templates() -> None:
+    nominal = (CLOSED_RAD, OPEN_RAD, MM_RAD)
+    assert (NOMINAL[0].closed_rad, NOMINAL[0].open_rad, NOMINAL[0].rad_to_mm) == nominal
+    data, taught = CalibrationData(), Trajectory()
+    assert (data.zero_position_rad, data.max_position_rad, data.rad_to_mm) == nominal
+    assert data.travel_range_rad == pytest.approx(TRAVEL_RAD)
+    assert (taught.pos_closed_rad, taught.pos_open_rad, taught.rad_to_mm) == nominal
+
+
+def test_the_constants_are_the_vendors() -> None:
+    assert UnitConversion.RAD_TO_MM == DefaultParams.RAD_TO_MM == pytest.approx(75.438596)
+    assert pytest.approx(1.0) == UnitConversion.MM_TO_RAD * UnitConversion.RAD_TO_MM
+    assert (DefaultParams.MAX_STROKE_MM, GripperConfig().max_stroke_mm) == (STROKE_MM, STROKE_MM)
+    assert CalibrationData(rad_to_mm=SPAN_MM / TRAVEL_RAD).stroke_mm == pytest.approx(STROKE_MM)
+
+
+# A doubt of the scale
+
+
+def test_a_state_has_the_doubt() -> None:
+    state = GripperState.from_wire({**STATE, "scale_doubt": "superseded", "work_stroke_mm": 80.0})
+    assert (state.scale_doubt, state.work_stroke_mm) == ("superseded", 80.0)
+    assert "scale_doubt='superseded'" in repr(state)
+    assert "scale_doubt" not in repr(GripperState.from_wire(STATE))
+
+
+@pytest.mark.parametrize(
+    ("doubt", "says"),
+    [
+        ("superseded", "WRONG: all millimetres are those of earlier versions"),
+        ("unusual", "DOUBTFUL: no gripper with such millimetres was seen"),
+        ("of tomorrow", "of tomorrow"),
+    ],
+)
+def test_litegripctl_says_a_doubt_first(
+    daemon: FakeDaemon, ctl: Ctl, doubt: str, says: str
+) -> None:
+    def subscribe(request: Any) -> None:
+        request.reply({"subscription": 1, "state": {**STATE, "scale_doubt": doubt}})
+
+    daemon.handlers["state.get"] = lambda request: {**STATE, "scale_doubt": doubt}
+    daemon.handlers["state.subscribe"] = subscribe
+    daemon.handlers["state.unsubscribe"] = lambda request: {"subscription": 1}
+    first = ctl("state")[1].splitlines()[0]
+    assert first.startswith(f"SCALE        {says}")
+    assert ("litegripctl calibration rescale" in first) == (doubt != "of tomorrow")
+    line = ctl("watch", "--count", "1")[1]
+    assert line.endswith(f"  SCALE {doubt}, see: litegripctl state\n")
+    daemon.handlers["state.get"] = lambda request: STATE
+    assert "SCALE" not in ctl("state")[1]
+
+
+def test_litegripctl_shows_where_open_goes(daemon: FakeDaemon, ctl: Ctl) -> None:
+    daemon.handlers["state.get"] = lambda request: {**STATE, "work_stroke_mm": WORK_MM}
+    assert "work stroke  open goes to 80.00 mm\n" in ctl("state")[1]
+
+
+def test_a_key_of_the_configuration_keeps_its_name() -> None:
+    wire = (
+        "stroke_mm is 120, and the configured stroke is 85 mm: if it is 120 mm, set stroke_mm = 120"
+        " in [gripper]; set stroke_mm in [gripper]"
+    )
+    for method in ("calibration.zero", "calibration.manual", "calibration.rescale"):
+        assert in_python(wire, method) == wire
+        assert in_shell(wire, method) == wire.replace("stroke_mm is", "--stroke-mm is")
+
+
+# The force
+
+
+@pytest.mark.parametrize(
+    ("command", "is_noted"),
+    [
+        ("grasp --force 20", False),
+        ("grasp", False),
+        ("grasp --force 20.5", True),
+        ("grasp --force 40 --no-wait", True),
+        ("force 20", False),
+        ("force 30", True),
+    ],
+)
+def test_a_force_that_is_not_for_long_is_noted(
+    daemon: FakeDaemon, ctl: Ctl, command: str, is_noted: bool
+) -> None:
+    for method in ("motion.grasp", "motion.set_force"):
+        daemon.handlers[method] = lambda request: {"job": 5, "ok": True, "state": STATE}
+    code, _, err = ctl(*command.split())
+    assert code == 0
+    note = "litegripctl: the vendor recommends 20 N for continuous work; how long the coil bears "
+    assert err.startswith(note) == is_noted
+    assert ("litegripctl health" in err) == is_noted
