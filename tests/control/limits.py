@@ -11,7 +11,7 @@ from itertools import combinations
 from litegripd.control.controller import Controller
 from litegripd.control.holds import Grip, Hold, Idle, Slack
 from litegripd.control.motions.calibrate import Calibrate, CalibrateByHand
-from litegripd.model.gripper import FASTEST_RAD_S, Geometry
+from litegripd.model.gripper import Geometry
 from litegripd.model.motor import Feedback, MitCommand, MotorPhase, Ranges
 from litegripd.model.state import JobState
 

@@ -102,7 +102,7 @@ def test_no_gains_of_a_file_change_how_a_stop_is_met(method: str, kd: float) -> 
     for kp in (5.0, 55.0, 200.0, 500.0):
         world = made("normal", 200, 0.5 * TRAVEL_MM, 1500.0)
         peaks_nm.append(peak_nm(world, kp, method, 50.0, None, 1500.0, kd))
-    assert peaks_nm == pytest.approx([peaks_nm[0]] * 4, rel=1e-3)
+    assert peaks_nm == pytest.approx([peaks_nm[0]] * 4, rel=2e-3)
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from tests.world import PERIOD_S, Client, World
 MOUNTS = ("normal", "reverse")
 CONFIG, MM_RAD, TRAVEL_MM = MotionConfig(), NOMINAL[0].rad_to_mm, NOMINAL[0].travel_mm
 LEAD_RAD, PRESS_RAD = CONFIG.travel_nm / MOVING_KP_NM_RAD, CONFIG.stop_nm / MOVING_KP_NM_RAD
+RUN_IN_RAD = 1.1 * PRESS_RAD  # near the stop, until the jaws are home
 FAR_RAD = 0.5  # so far that the jaws do not get where they stick in front of the true stop
 CODE_RAD = 25.0 / 65535
 SLOWEST_MM_S = (
@@ -89,7 +90,8 @@ def test_the_commands_lead_stays_within_two_tiers_in_every_phase(
     pressing = 0
     for position_rad, command_rad in seen:
         short_mm = (limit_rad - position_rad) * towards * MM_RAD
-        allowed_rad = PRESS_RAD if short_mm <= 2.0 else LEAD_RAD
+        allowed_rad = PRESS_RAD if short_mm <= CONFIG.stop_tol * MM_RAD else RUN_IN_RAD
+        allowed_rad = allowed_rad if short_mm <= 2.0 else LEAD_RAD
         pressing += short_mm <= 2.0
         assert abs(command_rad - position_rad) <= allowed_rad + CODE_RAD
     assert pressing > 0.3 / PERIOD_S  # the settle phase is among them
