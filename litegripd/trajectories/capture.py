@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from litegrip_client.protocol.trajectory import MAX_SOURCE, MOST_FORCE_N, MOST_GRIPS, SAMPLE
+from litegrip_client.protocol.trajectory import MAX_SOURCE, MOST_GRIPS, SAMPLE
 from litegripd.control.events import JobBook
 from litegripd.control.holds import Grip, Slack
 from litegripd.control.motions.base import PlainAction, Step, progress_of
@@ -72,7 +72,7 @@ class GripNotes:
             source = "unknown" if job is None else f"{_METHODS[job.kind]} by {job.owner.program}"
             note = _Note(grip, grip.force_n, closing_s, t_s, t_s, position_rad, _plain(source))
             self._held = note
-            if len(self._notes) < MOST_GRIPS and grip.force_n <= MOST_FORCE_N:
+            if len(self._notes) < MOST_GRIPS:
                 self._notes.append(note)
             else:
                 self.left_out += 1

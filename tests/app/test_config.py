@@ -248,7 +248,10 @@ def test_a_key_of_the_interface_is_no_misspelt_one(tmp_path: Path, key: str) -> 
         ('[motor]\ntype = "DM6006"', "[motor] type is 'DM6006', a type of the family that cannot"),
         ('[motor]\ntype = "DM6006"', "missing: ranges of position, speed and torque, gear ratio, "),
         ('[motor]\ntype = "DM4340P"', "except for its ranges of position, speed and torque; miss"),
-        ('[motor]\ntype = "DM4340P"', "missing: gear ratio, rated torque, peak torque, rated spe"),
+        (
+            '[motor]\ntype = "DM4340P"',
+            "missing: gear ratio, rated torque, torque of a long hold, peak",
+        ),
         ('[motor]\ntype = "dm4310"', "'dm4310', no type of the family; it must be DM4310 or DM4"),
         ('[motor]\ntype = "dm4310"', "DM8009, DM10010L, DM10010, DMH3510, DMH6215, DMS3519, DMG"),
         ('[gripper]\nmount = "sideways"', "one of normal, reverse, or the absolute path"),

@@ -11,6 +11,7 @@ from litegrip_client.ctl.main import main
 from tests.client.fake_daemon import FakeDaemon
 from tests.client.fake_trajectories import CONTENT, FakeTrajectories
 from tests.client.helpers import Ctl
+from tests.geometry import TRAVEL_MM
 from tests.trajectories import lgt
 
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -63,7 +64,7 @@ def test_plot_text_needs_no_library_and_a_local_file_no_daemon(
         assert main([*NOWHERE, "plot", "--text", *arguments]) == 0
         lines = capsys.readouterr().out.splitlines()
         assert lines[0] == "300 samples, 2.99 s, mount normal"
-        assert lines[1].startswith("120 mm ┤")
+        assert lines[1].startswith(f"{TRAVEL_MM:.0f} mm ┤")
         assert len(lines) == 1 + 10 + 2
         assert all(len(line) <= 80 for line in lines)
         assert "█" in lines[10]

@@ -22,6 +22,7 @@ from litegripd.recorder.files import read as read_memory
 from litegripd.recorder.files import to_mcap
 from tests.client.helpers import Ctl
 from tests.client.taught import TAUGHT
+from tests.geometry import TRAVEL_MM
 from tests.trajectories import HEADER_BYTES, lgt
 from tests.world import World
 
@@ -268,7 +269,7 @@ def test_the_lines_of_a_trajectory_are_what_was_recorded() -> None:
     assert figure.axes[-1].get_xlabel() == "time [s]"
     assert figure.get_suptitle().startswith("pick   ·   121 samples at 100 Hz   ·   mount normal")
     times_s, openness, _position, velocity, torque = map(list, zip(*SAMPLES, strict=True))
-    travel_mm = abs(-1.491 - 0.114) * 74.8
+    travel_mm = TRAVEL_MM
     drawn: dict[str, Any] = {}
     for axes in figure.axes:
         (line,) = axes.lines

@@ -271,8 +271,9 @@ def test_plot_as_text_shows_grips_and_their_force(
     lines = capsys.readouterr().out.splitlines()
     begin, end = lines[12].index("━"), lines[12].rindex("━")
     assert lines[12].split()[0] == "grip"
-    assert begin - 8 == int(70 * 0.5 / 2.99)
-    assert end - 8 == int(70 * 1.25 / 2.99)
+    left = lines[1].index("┤") + 1
+    assert begin - left == int(70 * 0.5 / 2.99)
+    assert end - left == int(70 * 1.25 / 2.99)
     assert lines[-1] == "grip: 0.50 to 1.25 s, 8 N, 60.0 mm wide, motion.grasp by demo"
     assert main([*NOWHERE, "--json", "plot", "--text", "--local", "pick"]) == 0
     (grip,) = json.loads(capsys.readouterr().out)["grips"]

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from litegrip_client import CommandError, Trajectory, TrajectorySample
+from litegrip_client.calibration import NOMINAL_CLOSED_RAD, NOMINAL_OPEN_RAD, NOMINAL_RAD_TO_MM
 from litegrip_client.protocol.trajectory import MAX_SAMPLES
 from tests.mutations import MUTATIONS, mutated
 from tests.trajectories import HEADER_BYTES, SAMPLE_BYTES, lgt, points_of
@@ -14,9 +15,9 @@ from tests.trajectories import HEADER_BYTES, SAMPLE_BYTES, lgt, points_of
 FULL: dict[str, Any] = {
     "sample_hz": 100.0,
     "created": 1.7e9,
-    "pos_closed_rad": 0.114,
-    "pos_open_rad": -1.491,
-    "rad_to_mm": 74.8,
+    "pos_closed_rad": NOMINAL_CLOSED_RAD,
+    "pos_open_rad": NOMINAL_OPEN_RAD,
+    "rad_to_mm": NOMINAL_RAD_TO_MM,
 }
 
 

@@ -11,14 +11,13 @@ from litegripd.control.events import JobBook
 from litegripd.control.holds import Grip, GripSettings
 from litegripd.model.calibration import NOMINAL
 from litegripd.model.errors import Refusal
-from litegripd.model.gripper import DM4310, DM4340
+from litegripd.model.gripper import DM4310
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.state import Owner
 from litegripd.trajectories.capture import GripNotes
 from tests.control.grips import beside, both, gripper, grips, picked
 from tests.control.replays import TRAVEL_MM
 from tests.trajectories import fetched, points_of, send
-from tests.world import World
 
 
 def test_a_grip_is_noted_with_its_contact_its_force_and_who_commanded_it() -> None:
@@ -178,19 +177,6 @@ def calls_of(do: Callable[[], object]) -> int:
     finally:
         sys.setprofile(before)
     return calls
-
-
-def test_a_grip_that_no_file_can_hold_is_counted() -> None:
-    """Files go from gripper to gripper; a stronger motor may grip harder than they can say."""
-    world = World(motor_type=DM4340)
-    client = world.enabled()
-    world.gripper.put_object(width_mm=36.0)
-    client.result("trajectory.record_start", zero_gravity=False)
-    rate = {"force_rate_n_s": 200.0}
-    assert client.result("motion.grasp", force_n=40.0, until="verdict", config=rate)["ok"]
-    world.run(1.0)
-    stopped = client.result("trajectory.record_stop")
-    assert (stopped["grips"], stopped["grips_left_out"]) == (0, 1)
 
 
 def test_more_grips_than_are_kept_are_counted() -> None:

@@ -73,7 +73,7 @@ def test_nothing_is_pressed_harder_than_a_grasp_would_and_no_command_jumps(
     world.run(0.2)
     commands = [command for _, command in world.commands_since(since_s + 2 * PERIOD_S)]
     for one, other in pairwise(commands):
-        assert abs(other.position_rad - one.position_rad) < 0.029  # of 3.3 rad/s: 0.0165
+        assert abs(other.position_rad - one.position_rad) < 0.029  # of 2.9 rad/s: 0.0145
 
 
 @pytest.mark.parametrize("loop", [False, True])

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from litegrip_client.errors import TrajectoryFormatError
 from litegrip_client.protocol.trajectory import (
     MAX_GRIP_BYTES,
+    MOST_FORCE_N,
     MOST_GRIPS,
     TaughtGrip,
     check_grips,
@@ -33,7 +34,7 @@ any_grips = st.lists(
         st.tuples(finite, finite, finite),
         st.floats(0.0, 1.0),
         st.floats(0.0, 1e300),
-        st.floats(5e-324, 30.0),
+        st.floats(5e-324, MOST_FORCE_N),
         st.text(st.characters(min_codepoint=32, max_codepoint=126), min_size=1, max_size=80),
     ),
     max_size=5,
@@ -117,6 +118,6 @@ def test_mutations_are_read_whole_or_refused() -> None:
             assert all(map(math.isfinite, figures))
             assert grip.closing_s <= grip.start_s <= grip.end_s
             assert 0.0 <= grip.openness <= 1.0
-            assert 0.0 < grip.force_n <= 30.0
+            assert 0.0 < grip.force_n <= MOST_FORCE_N
             assert grip.source.isprintable()
     assert 0.01 * MUTATIONS < read_again < 0.9 * MUTATIONS

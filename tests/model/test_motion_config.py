@@ -156,8 +156,8 @@ def test_the_bound_that_a_speed_breaks_is_told() -> None:
     at_motor = fast_conflict(100.0, replace(GEOMETRY, rad_to_mm=20.0), DM4310, "grasp_speed_mm_s")
     assert at_motor is not None
     assert at_motor.field == "grasp_speed_mm_s"
-    assert at_motor.limit == pytest.approx(66.0)
-    assert "at most 66: the motor turns at no more than 3.3 rad/s" in at_motor.message
+    assert at_motor.limit == pytest.approx(20.0 * FASTEST_RAD_S)
+    assert "at most 58: the motor turns at no more than 2.9 rad/s" in at_motor.message
     assert "the calibration has 20 mm/rad" in at_motor.message
 
 

@@ -50,7 +50,7 @@ def test_what_follows_from_the_usual_motor_is_what_it_always_was() -> None:
         1.85e-3,
     )
     assert motor.largest_acceleration_rad_s2 == 6000.0
-    assert (motor.most_force_n, motor.fastest_rad_s) == (40.0, 3.3)
+    assert (motor.most_force_n, motor.fastest_rad_s) == (40.0, 2.9)
     assert motor.watts_per_nm2 == pytest.approx(1.43, abs=0.005)
 
 
