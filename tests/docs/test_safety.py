@@ -42,7 +42,7 @@ MOTIONS: dict[str, tuple[Callable[[LiteGrip, Site], object], float, float]] = {
     "grasp": (lambda gripper, _: gripper.grasp(force_n=10, hold_s=1), 1.0, 1.1),
     "close": (lambda gripper, _: gripper.close(), 6.0, 6.7),
     "goto": (lambda gripper, _: gripper.goto(10.0, duration=None), 6.0, 7.0),
-    "goto, as fast as it may": (lambda gripper, _: gripper.goto(10.0), 6.8, 7.2),
+    "goto, as fast as it may": (lambda gripper, _: gripper.goto(10.0), 5.2, 6.0),
     "stream": (stream, 0.9, 1.05),
     "stream of 3 N·m": (lambda gripper, site: stream(gripper, site, torque_nm=3.0), 2.8, 3.05),
     "play": (play, 1.9, 2.05),
