@@ -52,13 +52,16 @@ def lines_of(name: str, process: subprocess.Popen[bytes]) -> Iterator[str]:
     if process.stdout is None:
         return
     text, line = io.TextIOWrapper(process.stdout, "utf-8", newline=""), ""  # \r stays \r
-    while letter := text.read(1):
-        if letter not in "\r\n":
-            line += letter
-            continue
-        if line:
-            yield _shown(name, line, changes=letter == "\r")
-        line = ""
+    try:
+        while letter := text.read(1):
+            if letter not in "\r\n":
+                line += letter
+                continue
+            if line:
+                yield _shown(name, line, changes=letter == "\r")
+            line = ""
+    finally:
+        text.detach()  # or its end would close the pipe, and the process could not write its last
 
 
 def _shown(name: str, line: str, *, changes: bool) -> str:

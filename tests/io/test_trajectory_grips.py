@@ -95,7 +95,7 @@ def test_delete_removes_both(rig: Rig) -> None:
         beside(LONG, GRIP),
         beside(TAUGHT, {**GRIP, "end_s": 3.1}),
         beside(TAUGHT, {**GRIP, "closing_s": -0.1}),
-        beside(TAUGHT, {**GRIP, "force_n": 31}),
+        beside(TAUGHT, {**GRIP, "force_n": 41}),
         beside(TAUGHT, GRIP, GRIP),
         beside(TAUGHT, GRIP)[:-1],
         b"x",

@@ -161,6 +161,7 @@ def test_what_lay_unread_in_the_kernel_when_a_stop_came_does_not_undo_it(
     with running.connect() as client, running.connect() as watcher:
         client.result("state.get")
         running.process.send_signal(signal.SIGSTOP)
+        os.waitid(os.P_PID, running.process.pid, os.WSTOPPED)
         try:
             numbers = [client.send(method) for method in ("stop.clear", "motor.enable")]
             with socket.socket(socket.AF_UNIX) as stopper:
