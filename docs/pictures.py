@@ -21,8 +21,6 @@ from litegrip_client import LiteGrip, LiteGripError
 from litegrip_client.connection import Connection
 from litegrip_client.ctl.live import picture, scenes
 from litegrip_client.ctl.main import main as litegripctl
-from litegrip_client.ctl.parser import parse
-from litegrip_client.ctl.run import way_of
 from litegrip_client.testing import SimulatedDaemon, simulated
 
 IMAGES = Path(__file__).parent / "images"
@@ -100,11 +98,14 @@ def on_the_page(tab: Page) -> None:
 
 def draw_watch(daemon: SimulatedDaemon) -> None:
     """Record the live view while another program works."""
-    way = way_of(parse(["--socket", daemon.socket_path, "watch"]))
+
+    def connect() -> Connection:
+        return Connection(daemon.socket_path)
+
     console = Console(record=True, width=96, file=io.StringIO(), force_terminal=True)
     with daemon.gripper() as gripper:
         worker = threading.Thread(target=work, args=(daemon, gripper))
-        for count, scene in enumerate(scenes(way, Connection(daemon.socket_path), 10.0)):
+        for count, scene in enumerate(scenes(connect, connect(), 10.0)):
             if count == 0:
                 worker.start()
             if count == WATCHED_STATES:
