@@ -453,7 +453,7 @@ class GripperActions:
         `kp` (5 to 500 N·m/rad) and `kd` (0.1 to 5 N·m·s/rad, and at least kp · 0.002 s) are the
         calibration's by default; `torque_nm` is what the jaws press with on what is in the way, at
         most (0.3 to 3, 2 by default). With `align` they first go to where it begins, at
-        `motion_config.speed_mm_s`; without, they must be there, within `motion_config.max_lead_mm`.
+        `motion_config.speed_mm_s`; without, they must be there, within 4 mm.
         `repeat` is how often.
 
         With `force` "replay" the jaws do each of `trajectory.grips` again, as `grasp` does, with
@@ -615,7 +615,7 @@ class GripperActions:
         udp a master's `host` may name several slaves, separated by commas.
 
         A slave first goes to where its master is, at `align_speed_mm_s` (`motion_config.speed_mm_s`
-        by default), and never leads its jaws by more than `lead_cap_mm` (`max_lead_mm`).
+        by default). `lead_cap_mm` (`max_lead_mm`) bounds what its lead pushes with: 1.34 N·m a mm.
 
         `align` false is refused: the jaws would jump. So is `transport`: the link is the daemon's.
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from litegrip_client.doctor.findings import Daemon, Facts, Finding, error, ok, warning
 from litegrip_client.results import USABLE_BUS
-from litegrip_client.sdk.fields import STROKE_MM
+from litegrip_client.sdk.fields import SPAN_INSET_MM, STROKE_MM
 
 MIT_MODE = 1
 CAN_BR_1_MBIT_S = 4
@@ -31,6 +31,8 @@ BIT_RATES = {0: "125 kbit/s", 1: "200 kbit/s", 2: "250 kbit/s", 3: "500 kbit/s",
 IMPLAUSIBLE_OUTSIDE_RAD = 1.0
 """Further outside the calibrated travel the daemon moves no jaws, for none can be there."""
 
+STROKE_TOLERANCE_MM = 2.0
+"""By how much calibration and configuration may differ; a template has 1 mm too much."""
 SUPERSEDED_STROKE_MM = 120.0
 
 _DAY_S = 86_400.0
@@ -189,7 +191,7 @@ def calibration(facts: Facts) -> Finding | None:
         f"{_work_stroke(gripper)}"
     )
     doubt = daemon.state.get("scale_doubt")
-    if doubt == "superseded" and not source.get("nominal"):
+    if doubt == "superseded":
         return warning(
             f"{text}: the scale of earlier versions, which took the travel for 120 mm; all mm are"
             " too large",
@@ -200,7 +202,9 @@ def calibration(facts: Facts) -> Finding | None:
     if doubt == "unusual":
         return warning(
             f"{text}: {gripper.get('rad_to_mm', 0.0):.4g} mm/rad, as no gripper was seen to have",
-            advice="measure how far the jaws open, by a caliper, then:"
+            f"{facts.ctl} enable && {facts.ctl} zero",
+            "its limits are probably wrong; if a caliper says that the jaws do not open"
+            f" {gripper.get('stroke_mm', STROKE_MM):g} mm, then:"
             f" {facts.ctl} calibration rescale --stroke-mm MM",
         )
     if source.get("nominal"):
@@ -228,6 +232,16 @@ def stroke(facts: Facts) -> Finding | None:
     if stroke_mm is None:
         return None
     if stroke_mm != SUPERSEDED_STROKE_MM:
+        gripper = {} if daemon is None else daemon.hello.get("gripper", {})
+        travel_mm = gripper.get("travel_mm")
+        opens_mm = stroke_mm if travel_mm is None else travel_mm - SPAN_INSET_MM
+        if abs(opens_mm - stroke_mm) > STROKE_TOLERANCE_MM:
+            return warning(
+                f"by the configuration the jaws open {stroke_mm:g} mm, by the calibration"
+                f" {opens_mm:.1f} mm",
+                f"{facts.ctl} calibration rescale",
+                "if a caliper agrees with the configuration; else correct stroke_mm in [gripper]",
+            )
         return ok(f"the jaws open {stroke_mm:g} mm, as configured")
     file = (found or {}).get("file") or "the configuration"
     return warning(

@@ -32,7 +32,7 @@ from litegripd.io.loop import Reactor
 from litegripd.io.realtime import RealtimeRights
 from litegripd.io.server import Server
 from litegripd.io.sockets import Places, occupy, runtime_directory
-from litegripd.model.calibration import from_plain
+from litegripd.model.calibration import from_plain, of_stroke
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import MotorType
 from litegripd.model.motion_config import MotionConfig, MotionConfigError
@@ -351,7 +351,8 @@ def _use_calibration(controller: Controller, result: TaskResult) -> None:
         _log.warning("no calibration for channel %s: motions are refused", channel)
         controller.use_calibration(None)
         return
-    calibration, path = from_plain(found), result.value["path"]
+    calibration = of_stroke(from_plain(found), controller.gripper_id.stroke_mm)
+    path = result.value["path"]
     unfitting = controller.why_unfitting(calibration, path)
     if unfitting is not None:
         _log.error("%s", unfitting.message)

@@ -6,7 +6,13 @@ from typing import Literal
 
 from litegripd.model.calibration import SCALE_TOLERANCE
 from litegripd.model.errors import Refusal
-from litegripd.model.gripper import SPAN_INSET_MM, Geometry, GripperId, MotorType
+from litegripd.model.gripper import (
+    SPAN_INSET_MM,
+    SUPERSEDED_STROKE_MM,
+    Geometry,
+    GripperId,
+    MotorType,
+)
 from litegripd.model.motion_config import Conflict
 from litegripd.model.motor import MotorPhase, MotorView
 from litegripd.model.state import Job, JobKind, JobState
@@ -159,14 +165,16 @@ def stroke_refusal(stroke_mm: float | None, gripper_id: GripperId) -> Refusal | 
     """Return a refusal if a measured stroke is too far from the configured one, or None."""
     if stroke_mm is None:
         return None
-    configured_mm = gripper_id.stroke_mm
+    configured_mm, written_mm = gripper_id.stroke_mm, stroke_mm
+    if stroke_mm == SUPERSEDED_STROKE_MM:  # which counts as the default there
+        written_mm += 0.1
     if abs((stroke_mm + SPAN_INSET_MM) / gripper_id.span_mm - 1.0) <= SCALE_TOLERANCE:
         return None
     return Refusal(
         "out_of_limits",
         f"stroke_mm is {stroke_mm:g}, and the configured stroke is {configured_mm:g} mm: they may"
         f" differ by {SCALE_TOLERANCE:.0%}; measure how far the jaws open (caliper), and if it is"
-        f" {stroke_mm:g} mm, set stroke_mm = {stroke_mm:g} in [gripper]",
+        f" {stroke_mm:g} mm, set stroke_mm = {written_mm:g} in [gripper]",
         {"field": "stroke_mm", "requested": stroke_mm, "limit": configured_mm},
     )
 

@@ -49,6 +49,7 @@ from litegripd.model.motor import (
     MotorPhase,
     MotorRequest,
     MotorView,
+    Ranges,
     ZeroView,
 )
 from litegripd.model.plain import Carried
@@ -67,6 +68,10 @@ from litegripd.model.state import (
 
 _SAFE_JOBS = ("disable", "clear_fault")
 """The jobs that continue while another program commands the motor: they energise nothing."""
+
+FORETELL_EVERY_S, FORETELL_MORE = 600.0, 1.1
+"""How often it is said that a hold is too hot to last, and by how much more a force is said again.
+A program that grasps again and again must not fill the journal."""
 
 _Begun = TypeVar("_Begun")
 
@@ -122,8 +127,11 @@ class Controller:
         "period_s",
         "idle",  # beside this
         "tasks",
+        "_foretold_n",
+        "_foretold_s",
         "_is_ending",
         "_owed",
+        "_ranges",
         "_replaced",
         "_starting",
     )
@@ -150,6 +158,8 @@ class Controller:
         self.events: list[Event] = []
         self.tasks: list[HelperTask] = []
         self.must_disable = False
+        self._foretold_n, self._foretold_s = 0.0, -math.inf
+        self._ranges: Ranges | None = None
         self._is_ending = False
         self._owed: OnLost | None = None
         self._starting: Job | None = None
@@ -231,7 +241,8 @@ class Controller:
         why = unfitting(calibration, self.gripper_id.stroke_mm, ranges.position_rad)
         if why is None:
             return None
-        text = f"the calibration {file or 'that was given'} cannot be this gripper's: {why}"
+        kept = "; the calibration in use stays in force" if self.geometry is not None else ""
+        text = f"the calibration {file or 'that was given'} cannot be this gripper's: {why}{kept}"
         return Refusal("calibration_unreadable", text, {"file": file})
 
     def note_bus(self, bus: BusCondition) -> None:
@@ -583,6 +594,7 @@ class Controller:
         motor = _finite(motor)
         self._note_phase(motor)
         self._note_zero(motor.zero)
+        self._note_ranges(motor)
         self.ticks += 1
         self.now_s = now_s
         self._step_authority(now_s)
@@ -654,10 +666,24 @@ class Controller:
         change = self.output.send(now_s, command, feedback, bounds, ranges, grips=grip is not None)
         if change is not None:
             self.events.append(events.heat_changed(change))
+        if grip is not None:
+            self._foretell_heat(now_s, grip)
         sent = self.output.command
         if grip is not None and sent is not None:
             grip.note_sent(sent.torque_nm)
         return sent
+
+    def _foretell_heat(self, now_s: float, grip: Grip) -> None:
+        """Report that the coil does not bear the force of a hold for ever: once in a while."""
+        heat, torque_nm = self.output.heat, grip.geometry.torque_nm(grip.force_n)
+        if now_s - self._foretold_s >= FORETELL_EVERY_S:
+            self._foretold_n = 0.0
+        if not heat.lasting_nm < torque_nm or grip.force_n <= FORETELL_MORE * self._foretold_n:
+            return
+        bears_s = heat.bears_s(torque_nm)
+        if bears_s is not None:
+            self._foretold_n, self._foretold_s = grip.force_n, now_s
+            self.events.append(events.heat_foretold(grip.force_n, bears_s, heat))
 
     def _send_nothing(self, now_s: float) -> None:
         change = self.output.unpowered(now_s, self.motor.feedback)
@@ -672,6 +698,22 @@ class Controller:
             self.events.append(events.calibrated(useless, self.calibrated.file, self.gripper_id))
             if self.action is not None and self.action.needs_power:
                 self.end(ZERO_MOVED)  # its travel is no longer known
+
+    def _note_ranges(self, motor: MotorView) -> None:
+        """Give up a calibration beyond what the motor, as soon as it is known, can report."""
+        ranges = None if motor.identity is None else motor.identity.ranges
+        calibration = self.calibrated.calibration
+        if ranges is None or ranges == self._ranges:
+            return
+        self._ranges = ranges
+        if calibration is None or not calibration.calibrated:
+            return
+        refusal = self.why_unfitting(calibration, self.calibrated.file)
+        if refusal is not None:
+            self.use_calibration(None, refusal)
+            self.events.append(Event("calibration", refusal.message, {"error": refusal.reason}))
+            if self.action is not None and self.action.needs_power:
+                self.end(refusal)
 
     def _saved(self, result: TaskResult) -> None:
         if result.error is not None:

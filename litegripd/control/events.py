@@ -259,6 +259,11 @@ def calibrated(calibration: Calibration, file: str | None, gripper_id: GripperId
         f"calibration {file or 'given by a client'}: mount {geometry.mount}, closing by {turning}"
         f" radians, {geometry.travel_mm:.1f} mm of travel{usable}{other}"
     )
+    if calibration.work_stroke_mm >= geometry.travel_mm:
+        text += (
+            f"; its work_stroke_mm {calibration.work_stroke_mm:g} is beyond the travel: open goes"
+            " to the stop"
+        )
     doubt = scale_warning(calibration, gripper_id.stroke_mm)
     data: dict[str, object] = {"mount": geometry.mount, "file": file}
     if doubt is not None:

@@ -262,13 +262,14 @@ class Grip:
         self._aim(force_n)
 
     @property
-    def _geometry(self) -> Geometry:
+    def geometry(self) -> Geometry:
+        """The travel and the force per torque with which it began; they stay until it ends."""
         return self._settings.geometry
 
     @property
     def applied_n(self) -> float:
         """The commanded force, on its way to `force_n`."""
-        return self._applied_nm * self._geometry.nm_to_n
+        return self._applied_nm * self.geometry.nm_to_n
 
     @property
     def is_lost(self) -> bool:
@@ -286,7 +287,7 @@ class Grip:
         A hold where they were measured would throw them back.
         """
         closing_rad_s = self._watch.speed_rad_s or 0.0
-        return position_rad + self._geometry.close_sign * closing_rad_s * period_s
+        return position_rad + self.geometry.close_sign * closing_rad_s * period_s
 
     @property
     def _effective_nm(self) -> float:
@@ -306,8 +307,8 @@ class Grip:
         "gains") around a position at which the object may no longer be.
         """
         friction_nm = self._settings.likely_friction_nm(self._motor_type)
-        hidden_n = BREAKAWAY_SHARE * friction_nm * self._geometry.nm_to_n
-        commanded_n = self._effective_nm * self._geometry.nm_to_n
+        hidden_n = BREAKAWAY_SHARE * friction_nm * self.geometry.nm_to_n
+        commanded_n = self._effective_nm * self.geometry.nm_to_n
         may_be_none = self._watch.is_searching or self._settings.by == "gains"
         low_n = 0.0 if may_be_none else max(commanded_n - hidden_n, 0.0)
         return low_n, commanded_n + hidden_n
@@ -324,14 +325,14 @@ class Grip:
         if friction_nm is None:
             friction_nm = round(LARGE * self._motor_type.coulomb_nm, 3)
         needed_nm = NOTICED_SHARE * friction_nm + NOTICED_NM
-        if opening_mm < STICK_RAD * self._geometry.rad_to_mm:
+        if opening_mm < STICK_RAD * self.geometry.rad_to_mm:
             needed_nm = max(needed_nm, STICK_NM)
-        return needed_nm * self._geometry.nm_to_n
+        return needed_nm * self.geometry.nm_to_n
 
     def take_moved_mm(self) -> float | None:
         """Return how far the object has given way, once for each time that it did."""
         moved_rad, self._watch.moved_rad = self._watch.moved_rad, None
-        return None if moved_rad is None else moved_rad * self._geometry.rad_to_mm
+        return None if moved_rad is None else moved_rad * self.geometry.rad_to_mm
 
     def squeeze(self, force_n: float) -> None:
         """Change to another force; an unwatched grip closes further for it."""
@@ -359,7 +360,7 @@ class Grip:
         The torque from before a search counts as in flight, and comes back.
         """
         had_nm = max(self._return_nm, self._applied_nm)
-        self.force_n = min(self.force_n, had_nm * self._geometry.nm_to_n)
+        self.force_n = min(self.force_n, had_nm * self.geometry.nm_to_n)
 
     def resume(self) -> None:
         """Continue from the present state after a silence; the motor kept its last command."""
@@ -386,7 +387,7 @@ class Grip:
 
     def _judge(self, feedback: Feedback) -> None:
         was_searching = self._watch.is_searching
-        wanted_nm = self._geometry.torque_nm(self.force_n)
+        wanted_nm = self.geometry.torque_nm(self.force_n)
         is_full = math.isclose(self._applied_nm, wanted_nm)
         effective_nm = self._effective_nm
         is_new = self._watch.see(feedback, self._sign, effective_nm, is_full=is_full)
@@ -427,7 +428,7 @@ class Grip:
         self.force_n = force_n
         if self._watch.state == "held":
             self._return_nm = self._applied_nm
-        wanted_nm = self._geometry.torque_nm(force_n)
+        wanted_nm = self.geometry.torque_nm(force_n)
         lowers = self._settings.by == "torque" and wanted_nm < self._applied_nm
         friction_nm = self._settings.likely_friction_nm(self._motor_type)
         below_nm = max(wanted_nm - friction_nm, 0.0)
@@ -438,7 +439,7 @@ class Grip:
 
     def _ramp(self, elapsed_s: float) -> None:
         """Move the torque towards the one that is wanted now."""
-        wanted_nm = self._geometry.torque_nm(self.force_n)
+        wanted_nm = self.geometry.torque_nm(self.force_n)
         rate_nm_s = self._settings.rate_nm_s
         if self._watch.is_searching and self._settings.by == "torque":
             search_nm, _, _ = self._settings.search(self.force_n, self._motor_type)

@@ -9,7 +9,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
-from litegripd.control import events
 from litegripd.control.admission import (
     FAULTLESS,
     NO_FEEDBACK,
@@ -33,7 +32,7 @@ from litegripd.control.motions.base import ClearFault, Disable, Enable, SetZero
 from litegripd.control.motions.calibrate import Calibrate, CalibrateByHand, Side
 from litegripd.control.motions.grasp import BUDGET_NM, Grasp, GraspRequest
 from litegripd.control.motions.move import Direction, MoveTo, MoveToStop, SetPoint, Stream
-from litegripd.model.calibration import Calibration
+from litegripd.model.calibration import Calibration, of_stroke
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import Geometry, MotorType, Mount
 from litegripd.model.motion_config import (
@@ -88,7 +87,6 @@ class MotionRequests:
 
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
-        self._foretold_n = 0.0
 
     def enable(self, owner: Owner, config: MotionConfig, detached: bool) -> Job | Refusal:
         """Begin to enable the motor."""
@@ -129,7 +127,8 @@ class MotionRequests:
     ) -> Job | Refusal:
         """Begin to open or close at `speed_mm_s` (the configured speed by default).
 
-        With a work stroke, opening is a plain move to that opening, and never meets the stop.
+        With a work stroke, opening is a plain move to that opening, and never meets the stop. Jaws
+        that hold something wider let go of it: they open as far as they can, and press nowhere.
         """
         controller, geometry = self._controller, self._ready()
         if isinstance(geometry, Refusal):
@@ -139,8 +138,12 @@ class MotionRequests:
         refusal = conflict_refusal(move_conflict(config, speed, geometry, motor_type))
         if refusal is not None:
             return refusal
+        held, feedback = self._held(), controller.motor.feedback
         work_mm = controller.calibrated.work_opening_mm
         if direction == "open" and work_mm is not None:
+            if held is not None and feedback is not None:
+                is_wider = geometry.opening_mm(feedback.position_rad) >= work_mm
+                work_mm = geometry.travel_mm if is_wider else work_mm
             opening = MoveTo(
                 Target("opening_mm", work_mm).position_rad(geometry),
                 geometry.to_rad(speed),
@@ -160,7 +163,6 @@ class MotionRequests:
             travel_nm=travel_push_nm(config, controller.gains.kp_nm_rad),
             period_s=controller.period_s,
         )
-        held = self._held()
         if held is not None and direction == "close":
             return controller.settle("close", held, owner, self._blocked(action.target_rad))
         return controller.begin(direction, action, owner, detached)
@@ -194,10 +196,7 @@ class MotionRequests:
             motor_type=motor_type,
             held=held,
         )
-        job = controller.begin("grasp", action, owner, detached)
-        self._foretold_n = 0.0
-        self._foretell_heat(request.force_n, request.hold_s, geometry)
-        return job
+        return controller.begin("grasp", action, owner, detached)
 
     def move_to(
         self,
@@ -264,13 +263,13 @@ class MotionRequests:
         A running grasp of the owner continues with the new force; another client's is not changed.
         """
         controller, grip = self._controller, self._controller.grip
-        running, geometry = controller.jobs.running, controller.geometry
-        motor_type = controller.gripper_id.motor_type
+        running, motor_type = controller.jobs.running, controller.gripper_id.motor_type
+        geometry = controller.geometry if grip is None else grip.geometry
         refusal = None if geometry is None else force_refusal(force_n, geometry, motor_type)
         if refusal is not None:
             return refusal
         if grip is not None and running is not None and running.owner.client == owner.client:
-            self._squeeze(grip, force_n, geometry)
+            grip.squeeze(force_n)
             return running
         ready, feedback = self._ready(), controller.motor.feedback
         if isinstance(ready, Refusal) or feedback is None:
@@ -279,14 +278,8 @@ class MotionRequests:
             settings = GripSettings.of(ready, config, config.grasp_speed_mm_s, "torque")
             in_flight_nm = min(ready.close_sign * feedback.torque_nm, ready.torque_nm(force_n))
             grip = Grip(settings, force_n, in_flight_nm, motor_type, watched=False)
-            self._foretold_n = 0.0
-        self._squeeze(grip, force_n, ready)
-        return controller.settle("set_force", grip, owner, ForceResult(force_n))
-
-    def _squeeze(self, grip: Grip, force_n: float, geometry: Geometry | None) -> None:
         grip.squeeze(force_n)
-        if geometry is not None:
-            self._foretell_heat(force_n, 0.0, geometry)
+        return controller.settle("set_force", grip, owner, ForceResult(force_n))
 
     def stream(
         self,
@@ -322,20 +315,6 @@ class MotionRequests:
         )
         action.set(point)
         return running or controller.begin("stream", action, owner, detached=False)
-
-    def _foretell_heat(self, force_n: float, hold_s: float, geometry: Geometry) -> None:
-        """Report that the coil does not bear a force for as long as it is held, once for a hold.
-
-        `hold_s` 0 is without an end. A force that is raised is reported again.
-        """
-        heat, torque_nm = self._controller.output.heat, force_n / geometry.nm_to_n
-        if torque_nm <= heat.lasting_nm or force_n <= self._foretold_n:
-            return
-        bears_s = heat.bears_s(torque_nm)
-        if bears_s is None or 0.0 < hold_s <= bears_s:
-            return
-        self._foretold_n = force_n
-        self._controller.events.append(events.heat_foretold(force_n, bears_s, heat))
 
     def _held(self) -> Grip | None:
         """Return the hold of an object, None without one."""
@@ -476,6 +455,7 @@ class CalibrationRequests:
 
     def load(self, calibration: Calibration, file: str | None, owner: Owner) -> Refusal | None:
         """Use another calibration, which `owner` has loaded; one that cannot fit is refused."""
+        calibration = of_stroke(calibration, self._controller.gripper_id.stroke_mm)
         refusal = self.refusal_to_load() or self._controller.why_unfitting(calibration, file)
         if refusal is None:
             self._controller.use_calibration(calibration, file=file, by=owner.client)

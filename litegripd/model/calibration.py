@@ -14,7 +14,6 @@ from litegripd.model.gripper import (
     FORCE_PER_TORQUE_N_NM,
     MOTOR_TYPES,
     SPAN_INSET_MM,
-    STROKE_MM,
     SUPERSEDED_STROKE_MM,
     Geometry,
     why_not_driven,
@@ -57,6 +56,7 @@ _MEASURED = (
     "max_position_rad",
     "travel_range_rad",
     "rad_to_mm",
+    "nm_to_n",
 )
 """The keys that a calibration sets. A rewrite keeps the file's values of all others."""
 
@@ -133,6 +133,11 @@ class Calibration:
         """Return what a template may set: limits, scale and work stroke, but no ids and gains."""
         return Calibration(self.geometry, work_stroke_mm=self.work_stroke_mm)
 
+    def with_force_of(self, before: "Calibration") -> "Calibration":
+        """Return this calibration with the force per torque of another one of this gripper."""
+        geometry = replace(self.geometry, nm_to_n=before.geometry.nm_to_n)
+        return replace(self, geometry=geometry)
+
     def rescaled(self, stroke_mm: float) -> "Calibration":
         """Return this calibration for jaws that open `stroke_mm`; the limits stay.
 
@@ -174,6 +179,7 @@ class Calibration:
             "travel_range_rad": geometry.travel_rad,
             "rad_to_mm": geometry.rad_to_mm,
             "work_stroke_mm": self.work_stroke_mm,
+            "nm_to_n": geometry.nm_to_n,
             "motor_type": motor_type,
             "kp": kp_nm_rad if self.kp_nm_rad is None else self.kp_nm_rad,
             "kd": kd_nm_s_rad if self.kd_nm_s_rad is None else self.kd_nm_s_rad,
@@ -193,6 +199,8 @@ class Calibration:
             del content["mst_id"]
         if not content["work_stroke_mm"]:
             del content["work_stroke_mm"]
+        if geometry.nm_to_n == FORCE_PER_TORQUE_N_NM and "nm_to_n" not in self.content:
+            del content["nm_to_n"]
         return content
 
 
@@ -222,6 +230,18 @@ def plausible_travel_rad(before: Calibration) -> tuple[float, float]:
     return low * before.geometry.travel_rad, high * before.geometry.travel_rad
 
 
+def of_stroke(calibration: Calibration, stroke_mm: float) -> Calibration:
+    """Return a calibration as it counts for jaws that open `stroke_mm`.
+
+    The scale of a template was measured on no gripper: with another stroke than the usual one it
+    follows from that. All others are as they are.
+    """
+    geometry = calibration.geometry
+    is_template = replace(geometry, nm_to_n=FORCE_PER_TORQUE_N_NM) in NOMINAL
+    is_off = abs(geometry.travel_mm / (stroke_mm + SPAN_INSET_MM) - 1.0) > SCALE_TOLERANCE
+    return calibration.rescaled(stroke_mm) if is_template and is_off else calibration
+
+
 def unfitting(calibration: Calibration, stroke_mm: float, position_rad: float) -> str | None:
     """Return why a calibration cannot be that of a gripper that opens `stroke_mm`, or None.
 
@@ -233,7 +253,7 @@ def unfitting(calibration: Calibration, stroke_mm: float, position_rad: float) -
     if furthest_rad > position_rad:
         return (
             f"a limit is {furthest_rad:g} rad, and the motor reports at most ±{position_rad:g} rad:"
-            " limits are radians, not degrees"
+            " limits are radians, not degrees (divide those by 57.3), or measure again"
         )
     span_mm = stroke_mm + SPAN_INSET_MM
     if abs(geometry.travel_mm / span_mm - 1.0) <= SCALE_TOLERANCE or calibration.is_superseded:
@@ -243,8 +263,8 @@ def unfitting(calibration: Calibration, stroke_mm: float, position_rad: float) -
         f" that is {geometry.travel_mm:.4g} mm of travel, and the configured stroke is"
         f" {stroke_mm:g} mm ({span_mm:g} between the limits): they may differ by"
         f" {SCALE_TOLERANCE:.0%}. Measure how far the jaws open (caliper). If the file is wrong,"
-        f" correct its rad_to_mm ({span_mm / geometry.travel_rad:.4g} for these limits), or load a"
-        " template and measure again (zero). If the stroke is wrong, set stroke_mm in [gripper]"
+        f" correct its rad_to_mm ({span_mm / geometry.travel_rad:.4g} for these limits), or measure"
+        " again (calibration.zero with a mount). If the stroke is wrong, set stroke_mm in [gripper]"
     )
 
 
@@ -256,7 +276,8 @@ unlike that of any gripper that was seen."""
 def scale_doubt(calibration: Calibration, stroke_mm: float) -> ScaleDoubt | None:
     """Return why a scale is probably wrong though it is used, or None."""
     geometry, low_high = calibration.geometry, USUAL_RAD_TO_MM
-    if abs(geometry.travel_mm / (stroke_mm + SPAN_INSET_MM) - 1.0) > SCALE_TOLERANCE:
+    is_off = abs(geometry.travel_mm / (stroke_mm + SPAN_INSET_MM) - 1.0) > SCALE_TOLERANCE
+    if is_off and calibration.is_superseded:
         return "superseded"
     return None if low_high[0] <= geometry.rad_to_mm <= low_high[1] else "unusual"
 
@@ -270,15 +291,16 @@ def scale_warning(calibration: Calibration, stroke_mm: float) -> str | None:
         factor = geometry.travel_mm / (stroke_mm + SPAN_INSET_MM)
         return (
             f"the calibration takes the jaws' travel for {geometry.travel_mm:.4g} mm, as earlier"
-            f" versions did; the gripper that ships opens {STROKE_MM:g} mm, so every length and"
+            f" versions did; by the configuration they open {stroke_mm:g} mm, so every length and"
             f" speed in mm reads {factor:.2f} times too large: litegripctl calibration rescale"
             " corrects it, without another measurement"
         )
     low, high = USUAL_RAD_TO_MM
     return (
         f"the calibration has {geometry.rad_to_mm:.4g} mm/rad, and grippers of {low:g} to"
-        f" {high:g} mm/rad were seen: measure how far the jaws open (caliper), then correct it by"
-        " litegripctl calibration rescale --stroke-mm MM, or measure the travel again (zero)"
+        f" {high:g} mm/rad were seen: its limits are probably wrong, so measure the travel again"
+        " (litegripctl zero). If a caliper says that the jaws do not open"
+        f" {stroke_mm:g} mm: litegripctl calibration rescale --stroke-mm MM"
     )
 
 

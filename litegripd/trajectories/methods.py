@@ -34,7 +34,7 @@ from litegripd.trajectories.file_methods import (
     Whole,
     check_name,
 )
-from litegripd.trajectories.replay import ReplayRequest
+from litegripd.trajectories.replay import AT_START_MM, ReplayRequest
 from litegripd.trajectories.requests import Trajectories
 from litegripd.trajectories.values import Summary
 
@@ -238,7 +238,7 @@ class TrajectoryMethods:
                 "align",
                 "boolean",
                 "Go to its start first, at speed_mm_s of the configuration (default true). With"
-                " false the jaws must be there already, within max_lead_mm.",
+                f" false the jaws must be there already, within {AT_START_MM:g} mm.",
             ),
             Param(
                 "force",

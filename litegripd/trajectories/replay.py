@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from litegrip_client.protocol.trajectory import TaughtGrip
+from litegripd.control.admission import force_refusal
 from litegripd.control.holds import Grip, Hold, Idle
 from litegripd.control.limiter import Gains, budgeted, clamp_lead
 from litegripd.control.motions.base import PlainAction, Step
@@ -101,20 +102,24 @@ class ReplayRequest:
     force: Force = "path"
 
 
+AT_START_MM = 4.0
+"""Without `align`, jaws this near are where a path begins (the vendor's default lead)."""
+
+
 def check_fits(
-    request: ReplayRequest, path: Path, geometry: Geometry, config: MotionConfig, here_rad: float
+    request: ReplayRequest, path: Path, geometry: Geometry, here_rad: float
 ) -> Refusal | None:
     """Return a refusal if the path is too long, or starts too far away and `align` is off."""
     if not path.duration_s <= LONGEST_S:
         text = f"the trajectory takes {path.duration_s:g} s, at most {LONGEST_S:g} s are played"
         return Refusal("out_of_limits", text)
     distance_rad = abs(geometry.position_rad(path.openness_at(0.0)) - here_rad)
-    distance_mm, most_mm = distance_rad * geometry.rad_to_mm, config.max_lead_mm
+    distance_mm, most_mm = distance_rad * geometry.rad_to_mm, AT_START_MM
     if request.align or distance_mm <= most_mm:
         return None
     text = (
         f"the trajectory begins {distance_mm:.1f} mm from where the jaws are, without align"
-        f" at most {most_mm:g} mm (max_lead_mm): leave align on, or move there first"
+        f" at most {most_mm:g} mm: leave align on, or move there first"
     )
     data = {"field": "align", "requested": distance_mm, "limit": most_mm}
     return Refusal("out_of_limits", text, data)
@@ -153,10 +158,15 @@ def fastest_rad_s(
     return min(CATCH_UP * max(taught_rad_s, usual_rad_s), fastest)
 
 
-def grips_refusal(force: Force, loading: Loading) -> Refusal | None:
+def grips_refusal(
+    force: Force, loading: Loading, geometry: Geometry, motor_type: MotorType
+) -> Refusal | None:
     """Return a refusal if the grips are to be repeated and cannot be, or None."""
-    if force == "path" or loading.grips:
+    if force == "path":
         return None
+    if loading.grips:
+        hardest_n = max(grip.force_n for grip in loading.grips)
+        return force_refusal(hardest_n, geometry, motor_type)
     hint = "only its path can be replayed"
     if loading.grip_problem is not None:
         text = f"the grips of this trajectory cannot be used: {loading.grip_problem}; {hint}"
@@ -391,11 +401,11 @@ class Replay(PlainAction):
             return Step(outcome=loading.failure)
         if loading.path is None:
             return Step(task=task)
-        refusal = check_fits(
-            self._request, loading.path, self._geometry, self._config, feedback.position_rad
-        )
+        refusal = check_fits(self._request, loading.path, self._geometry, feedback.position_rad)
         refusal = refusal or self._speed_refusal(self.speed)
-        refusal = refusal or grips_refusal(self._request.force, loading)
+        refusal = refusal or grips_refusal(
+            self._request.force, loading, self._geometry, self._motor_type
+        )
         if refusal is not None:
             return Step(outcome=refusal)
         self._path = loading.path

@@ -23,7 +23,7 @@ from litegripd.control.controller import Controller
 from litegripd.control.limiter import Gains
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import Geometry
-from litegripd.model.motion_config import MotionConfig, slow_conflict
+from litegripd.model.motion_config import MotionConfig, fast_conflict, slow_conflict
 from litegripd.model.state import HelperTask, Job, Owner, TaskResult
 from litegripd.trajectories.capture import Capture, Teach, result_of
 from litegripd.trajectories.replay import Replay, ReplayRequest
@@ -251,7 +251,11 @@ class Trajectories:
             return refusal or (geometry if isinstance(geometry, Refusal) else NO_FEEDBACK)
         if request.force == "replay":
             speed, field = config.grasp_speed_mm_s, "grasp_speed_mm_s"
-            refusal = conflict_refusal(slow_conflict(config, speed, geometry, field))
+            motor_type = controller.gripper_id.motor_type
+            refusal = conflict_refusal(
+                fast_conflict(speed, geometry, motor_type, field)
+                or slow_conflict(config, speed, geometry, field)
+            )
             if refusal is not None:
                 return refusal
         action = Replay(

@@ -264,15 +264,19 @@ def test_a_state_has_the_doubt() -> None:
 
 
 @pytest.mark.parametrize(
-    ("doubt", "says"),
+    ("doubt", "says", "remedy"),
     [
-        ("superseded", "WRONG: all millimetres are those of earlier versions"),
-        ("unusual", "DOUBTFUL: no gripper with such millimetres was seen"),
-        ("of tomorrow", "of tomorrow"),
+        (
+            "superseded",
+            "WRONG: all millimetres are those of earlier versions",
+            "litegripctl calibration rescale",
+        ),
+        ("unusual", "DOUBTFUL: no gripper with such millimetres was seen", "litegripctl zero"),
+        ("of tomorrow", "of tomorrow", ""),
     ],
 )
 def test_litegripctl_says_a_doubt_first(
-    daemon: FakeDaemon, ctl: Ctl, doubt: str, says: str
+    daemon: FakeDaemon, ctl: Ctl, doubt: str, says: str, remedy: str
 ) -> None:
     def subscribe(request: Any) -> None:
         request.reply({"subscription": 1, "state": {**STATE, "scale_doubt": doubt}})
@@ -282,7 +286,7 @@ def test_litegripctl_says_a_doubt_first(
     daemon.handlers["state.unsubscribe"] = lambda request: {"subscription": 1}
     first = ctl("state")[1].splitlines()[0]
     assert first.startswith(f"SCALE        {says}")
-    assert ("litegripctl calibration rescale" in first) == (doubt != "of tomorrow")
+    assert first.endswith(remedy)
     line = ctl("watch", "--count", "1")[1]
     assert line.endswith(f"  SCALE {doubt}, see: litegripctl state\n")
     daemon.handlers["state.get"] = lambda request: STATE

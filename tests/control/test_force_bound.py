@@ -128,3 +128,82 @@ def test_the_force_changes_at_its_rate_in_newton() -> None:
     client.result("motion.set_force", force_n=30.0)
     world.run(0.5)  # at 20 N/s half of the way
     assert squeeze_nm(world) == pytest.approx(20.0 / 20.0, abs=2 * CODE_NM)
+
+
+def test_a_grip_keeps_the_newtons_with_which_it_began() -> None:
+    world, client = gripper(5.0)
+    squeeze(world, client, "motion.grasp", 5.0)
+    content = Calibration(replace(NOMINAL[0], nm_to_n=30.0)).file_content(
+        channel="can0", can_id=8, master_id=None, motor_type="DM4310", kp_nm_rad=100, kd_nm_s_rad=2
+    )
+    assert client.result("calibration.load", content=content)["loaded"]
+    assert client.refusal("motion.set_force", force_n=40.0) == "out_of_limits"
+    squeeze(world, client, "motion.set_force", 10.0)
+    assert squeeze_nm(world) == pytest.approx(2.0, abs=0.05)
+
+
+def test_a_taught_grip_that_takes_more_torque_than_a_grip_may_have_is_refused() -> None:
+    world, client = gripper()
+    client.result("trajectory.record_start", zero_gravity=False)
+    squeeze(world, client, "motion.grasp", 40.0)
+    client.result("motion.open")
+    client.result("trajectory.record_stop", name="hard")
+    world.controller.use_calibration(Calibration(replace(NOMINAL[0], nm_to_n=5.0)))
+    number = client.send("trajectory.play", name="hard", force="replay")
+    hardest_nm = 0.0
+    while not client.has_answer(number):
+        world.tick()
+        hardest_nm = max(hardest_nm, squeeze_nm(world))
+    assert client.answers[number]["error"]["data"]["field"] == "force_n"
+    assert hardest_nm < 1.0
+
+
+def test_taught_grips_are_closed_on_no_faster_than_any_motion() -> None:
+    world, client = gripper()
+    world.controller.use_calibration(Calibration(replace(NOMINAL[0], rad_to_mm=46.7)))
+    client.result("trajectory.record_start", zero_gravity=False)
+    squeeze(world, client, "motion.grasp", 10.0)
+    client.result("trajectory.record_stop", name="quick")
+    config = {"grasp_speed_mm_s": 150.0}
+    for method, params in (
+        ("motion.grasp", {}),
+        ("trajectory.play", {"name": "quick", "force": "replay"}),
+    ):
+        assert client.refusal(method, config=config, **params) == "out_of_limits"
+
+
+def heat_events(client: Client) -> list[str]:
+    client.read()
+    return [
+        note["params"]["message"]
+        for note in client.notifications
+        if note["method"] == "event" and note["params"]["kind"] == "heat"
+    ]
+
+
+@pytest.mark.parametrize("waits_s", [0.0, 3.0])
+def test_how_long_the_coil_bears_a_force_is_said_once(waits_s: float) -> None:
+    world, client = gripper()
+    client.result("events.subscribe")
+    world.run(waits_s)  # a temperature is believed after a second
+    squeeze(world, client, "motion.grasp", 40.0)
+    for number in range(50):
+        client.result("motion.set_force", force_n=38.0 + 0.02 * number)
+    (said,) = heat_events(client)
+    assert "40 N can be held for about" in said
+
+
+def test_a_force_that_the_coil_bears_is_not_foretold() -> None:
+    world, client = gripper()
+    client.result("events.subscribe")
+    world.run(3.0)
+    squeeze(world, client, "motion.grasp", 20.0)
+    assert heat_events(client) == []
+
+
+def test_a_template_leaves_a_measured_force_per_torque() -> None:
+    world, client = gripper(19.0)
+    world.gripper.remove_object()
+    client.result("calibration.load", template="normal")
+    assert client.result("calibration.get")["content"]["nm_to_n"] == 19.0
+    assert client.result("calibration.zero", save=False)["content"]["nm_to_n"] == 19.0

@@ -1,5 +1,6 @@
 """The millimetres of a calibration: by a stroke that a caliper measured, or corrected later."""
 
+import struct
 from dataclasses import replace
 from typing import Any
 
@@ -7,6 +8,7 @@ import pytest
 
 from litegripd.model.calibration import NOMINAL, Calibration
 from litegripd.model.gripper import SPAN_INSET_MM, STROKE_MM, Geometry
+from tests.motor.helpers import set_register
 from tests.world import Client, World
 
 GEOMETRY = NOMINAL[0]
@@ -209,3 +211,25 @@ def test_a_gripper_that_another_client_has_is_not_rescaled() -> None:
     client.result("lease.acquire")
     assert world.client().refusal("calibration.rescale") == "lease_held"
     assert client.result("calibration.rescale")
+
+
+@pytest.mark.parametrize("stroke_mm", [40.0, 110.0])
+def test_a_template_takes_the_configured_stroke(stroke_mm: float) -> None:
+    """Otherwise a gripper of another stroke could never be calibrated."""
+    world = World(calibrated=False)
+    world.controller.gripper_id = replace(world.controller.gripper_id, stroke_mm=stroke_mm)
+    client = world.enabled()
+    assert client.result("calibration.load", template="normal")["loaded"]
+    assert client.result("calibration.get")["travel_mm"] == pytest.approx(stroke_mm + 1.0)
+    assert client.result("calibration.zero", save=False)["ok"]
+    assert client.result("calibration.get")["travel_mm"] == pytest.approx(stroke_mm + 1.0)
+
+
+def test_limits_that_the_motor_cannot_report_are_given_up_once_it_is_known() -> None:
+    world = World()
+    set_register(world, 21, struct.pack("<f", 1.0))
+    world.start()
+    world.run(1.0)
+    assert not world.state.calibrated
+    problem = world.client().result("calibration.get")["problem"]
+    assert "the motor reports at most ±1 rad" in problem

@@ -127,6 +127,25 @@ def test_what_is_held_is_let_go() -> None:
     assert not world.state.is_grasped
 
 
+@pytest.mark.parametrize("mount", MOUNTS)
+@pytest.mark.parametrize(("work_mm", "width_mm"), [(40.0, 60.0), (WORK_MM, 82.0)])
+def test_what_is_held_and_wider_is_let_go_and_not_squeezed(
+    mount: str, work_mm: float, width_mm: float
+) -> None:
+    world, client = gripper(84.0, mount, work_mm)
+    world.gripper.put_object(width_mm=width_mm)
+    assert client.result("motion.grasp", force_n=10.0, until="verdict")["outcome"] == "object_held"
+    world.run(0.5)
+    sign, hardest_nm = world.gripper.parameters.close_sign, 0.0
+    number = client.send("motion.open")
+    while not client.has_answer(number):
+        world.tick()
+        hardest_nm = max(hardest_nm, sign * world.gripper.motor_torque_nm)
+    assert client.answers[number]["result"]["outcome"] == "reached"
+    assert hardest_nm < 1.1
+    assert world.gripper.opening_mm == pytest.approx(TRAVEL_MM, abs=REACH_MM)
+
+
 def test_what_is_in_the_way_blocks_it() -> None:
     """Something holds the jaws: the command leads no further than a move's."""
     world, client = gripper()

@@ -324,7 +324,7 @@ def test_only_a_travel_near_the_stroke_or_the_placeholder_of_earlier_versions_fi
         assert f"{travel_mm:.4g} mm of travel" in why
         assert "the configured stroke is 85 mm (86 between the limits)" in why
         assert f"rad_to_mm ({SPAN_MM / travel_rad:.4g} for these limits)" in why
-        assert "measure again (zero)" in why
+        assert "measure again (calibration.zero with a mount)" in why
         assert "set stroke_mm in [gripper]" in why
 
 
@@ -365,7 +365,7 @@ def test_the_scale_of_earlier_versions_is_taken_and_warned_of(geometry: Geometry
     assert scale_doubt(calibration, STROKE_MM) == "superseded"
     warning = scale_warning(calibration, STROKE_MM) or ""
     assert "takes the jaws' travel for 120.1 mm, as earlier versions did" in warning
-    assert "opens 85 mm, so every length and speed in mm reads 1.40 times too large" in warning
+    assert "they open 85 mm, so every length and speed in mm reads 1.40 times too large" in warning
     assert "litegripctl calibration rescale corrects it" in warning
     rescaled = calibration.rescaled(STROKE_MM)
     assert (rescaled.geometry.closed_rad, rescaled.geometry.open_rad) == (

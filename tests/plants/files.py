@@ -12,6 +12,7 @@ from typing import Any
 from litegripd.model.calibration import Calibration
 from litegripd.model.gripper import Geometry
 from tests.plants.parameters import LIMITS_RAD, MM_RAD, Item, PlantParameters
+from tests.plants.scenes import EASY_NM
 from tests.plants.world import PlantWorld
 from tests.trajectories import sampled, swing, uploaded
 from tests.world import Client
@@ -116,8 +117,8 @@ def replays(here: Course) -> None:
     assert geometry is not None
     here.call("trajectory.record_start")
     here.world.run(0.3)
-    here.world.hold_open(20.0, 1.5)
-    here.world.run(2.0)
+    here.world.hold_open(20.0, 3.0)
+    here.world.run(3.5)
     taught_mm = here.world.state.opening_mm or 0.0
     recording = here.call("trajectory.record_stop").get("recording")
     here.call("motion.move", opening_mm=20.0)
@@ -156,8 +157,8 @@ def follows(here: Course) -> None:
 
 def zeroes(here: Course) -> None:
     """Measure the travel."""
-    result = here.call("calibration.zero")
-    if here.world.parameters.stick_nm <= 0.75 and here.world.parameters.torque_factor > 0.85:
+    result, plant = here.call("calibration.zero"), here.world.parameters
+    if max(plant.stick_nm, plant.breakaway_nm) < EASY_NM:
         here.expect("zero", result, "measured")
 
 

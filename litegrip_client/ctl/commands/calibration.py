@@ -317,6 +317,8 @@ def show(run: Run) -> int:
 def _calibration_text(data: Data) -> str:
     """Return the calibration in use in aligned lines."""
     if not data.get("calibrated"):
+        if data.get("problem"):
+            return f"not calibrated: {plain(in_shell(str(data['problem'])))}\n{CHOOSE_MOUNT}"
         return f"not calibrated; {CHOOSE_MOUNT}"
     rows = [
         ("mount", data.get("mount")),
@@ -369,7 +371,11 @@ def load(run: Run) -> int:
         params["template"] = source
     elif source is not None:
         params["content"] = _read_file(source)
-    data = run.connection.call("calibration.load", params)
+    try:
+        data = run.connection.call("calibration.load", params)
+    except CommandError as error:
+        error.message = f"{source}: {error.message}" if "content" in params else error.message
+        raise
     if data["loaded"] and run.options.keep:
         data = {**data, "saved": _store(run)}
     run.output.result(data, _loaded_text(data, source=source))

@@ -198,8 +198,8 @@ _LABEL_WIDTH = 12
 _DOUBTS = {
     "superseded": "WRONG: all millimetres are those of earlier versions, which took the travel for"
     " 120 mm; correct them with: litegripctl calibration rescale",
-    "unusual": "DOUBTFUL: no gripper with such millimetres was seen; measure how far the jaws open,"
-    " then: litegripctl calibration rescale --stroke-mm MM",
+    "unusual": "DOUBTFUL: no gripper with such millimetres was seen; measure the travel again:"
+    " litegripctl zero",
 }
 """By the doubt of a calibration's scale: what it means, and what to do."""
 _MEASURED = {"opening", "position", "command", "velocity", "torque", "temperature", "status"}

@@ -46,7 +46,8 @@ Authority: TypeAlias = Callable[[], "Refusal | None"]
 class CalibrationView(TypedDict):
     """The calibration in use; `content` is that of its file, empty where there is none.
 
-    `scale_warning` says why its millimetres are probably wrong, and what corrects them.
+    `scale_warning` says why its millimetres are probably wrong, and what corrects them; `problem`
+    why none is in use.
     """
 
     calibrated: bool
@@ -61,6 +62,7 @@ class CalibrationView(TypedDict):
     kd: float
     file: str | None
     scale_warning: str | None
+    problem: str | None
     content: Mapping[str, object]
 
 
@@ -175,6 +177,7 @@ class SettingsMethods:
             "scale_warning": None
             if calibration is None
             else scale_warning(calibration, controller.gripper_id.stroke_mm),
+            "problem": in_use.problem.message if in_use.geometry is None else None,
             "content": {}
             if calibration is None
             else content_of(calibration, controller.gripper_id, in_use.gains, controller.motor),
@@ -221,7 +224,9 @@ class SettingsMethods:
                 call,
                 "calibration.load",
                 wanted,
-                lambda value: self._adopt_found(value, authority, call.owner),
+                lambda value: self._adopt_found(
+                    value, authority, call.owner, is_template=template is not None
+                ),
             )
         try:
             calibration = read_content(params["content"])
@@ -256,16 +261,21 @@ class SettingsMethods:
         return refusal
 
     def _adopt_found(
-        self, value: Any, authority: Authority, owner: Owner
+        self, value: Any, authority: Authority, owner: Owner, *, is_template: bool
     ) -> CalibrationLoaded | Refusal:
-        """Use what the helper found, unless a motion has begun or the authority has changed."""
+        """Use what the helper found, unless a motion has begun or the authority has changed.
+
+        A template says nothing of the fingers: a measured force per torque stays.
+        """
         refusal = authority()
         if refusal is not None:
             return refusal
         skipped = list(value["skipped"])
         if value["calibration"] is None:
             return self._loaded(loaded=False, factory=False, skipped=skipped)
-        calibration = from_plain(value["calibration"])
+        calibration, before = from_plain(value["calibration"]), self._controller.calibrated
+        if is_template and before.calibration is not None:
+            calibration = calibration.with_force_of(before.calibration)
         refusal = self._calibrations.load(calibration, value["path"], owner)
         return refusal or self._loaded(loaded=True, factory=value["factory"], skipped=skipped)
 
