@@ -35,7 +35,13 @@ from litegripd.control.events import JobBook, RegisterReads, Start
 from litegripd.control.holds import Grip, Hold, Idle, Slack
 from litegripd.control.limiter import CATCHING_GAINS, Gains, Output, bounds_of
 from litegripd.control.motions.base import Action
-from litegripd.model.calibration import Calibration, ScaleDoubt, scale_doubt, unfitting
+from litegripd.model.calibration import (
+    Calibration,
+    ScaleDoubt,
+    out_of_range,
+    scale_doubt,
+    unfitting,
+)
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import Geometry, GripperId
 from litegripd.model.motion_config import MotionConfig
@@ -239,8 +245,9 @@ class Controller:
         identity = self.motor.identity
         ranges = self.gripper_id.motor_type.ranges if identity is None else identity.ranges
         why = unfitting(calibration, self.gripper_id.stroke_mm, ranges.position_rad)
-        if why is None:
-            return None
+        return None if why is None else self._unfitting(why, file)
+
+    def _unfitting(self, why: str, file: str | None) -> Refusal:
         kept = "; the calibration in use stays in force" if self.geometry is not None else ""
         text = f"the calibration {file or 'that was given'} cannot be this gripper's: {why}{kept}"
         return Refusal("calibration_unreadable", text, {"file": file})
@@ -708,9 +715,11 @@ class Controller:
         self._ranges = ranges
         if calibration is None or not calibration.calibrated:
             return
-        refusal = self.why_unfitting(calibration, self.calibrated.file)
-        if refusal is not None:
-            self.use_calibration(None, refusal)
+        why = out_of_range(calibration, ranges.position_rad)
+        if why is not None:
+            file = self.calibrated.file
+            self.use_calibration(None)
+            self.calibrated.problem = refusal = self._unfitting(why, file)
             self.events.append(Event("calibration", refusal.message, {"error": refusal.reason}))
             if self.action is not None and self.action.needs_power:
                 self.end(refusal)

@@ -242,19 +242,27 @@ def of_stroke(calibration: Calibration, stroke_mm: float) -> Calibration:
     return calibration.rescaled(stroke_mm) if is_template and is_off else calibration
 
 
+def out_of_range(calibration: Calibration, position_rad: float) -> str | None:
+    """Return why a motor that reports up to ±`position_rad` (register PMAX) reaches no limit."""
+    geometry = calibration.geometry
+    furthest_rad = max(abs(geometry.closed_rad), abs(geometry.open_rad))
+    if furthest_rad <= position_rad:
+        return None
+    return (
+        f"a limit is {furthest_rad:g} rad, and the motor reports at most ±{position_rad:g} rad:"
+        " limits are radians, not degrees (divide those by 57.3), or measure again"
+    )
+
+
 def unfitting(calibration: Calibration, stroke_mm: float, position_rad: float) -> str | None:
     """Return why a calibration cannot be that of a gripper that opens `stroke_mm`, or None.
 
-    The motor reports positions of up to ±`position_rad` (register PMAX). A wrong scale makes every
-    length, speed and force limit wrong. The scale of earlier versions passes: `advice` warns of it.
+    The motor reports positions of up to ±`position_rad`. A wrong scale makes every length, speed
+    and force wrong. The scale of earlier versions passes: `scale_warning` warns of it.
     """
-    geometry = calibration.geometry
-    furthest_rad = max(abs(geometry.closed_rad), abs(geometry.open_rad))
-    if furthest_rad > position_rad:
-        return (
-            f"a limit is {furthest_rad:g} rad, and the motor reports at most ±{position_rad:g} rad:"
-            " limits are radians, not degrees (divide those by 57.3), or measure again"
-        )
+    geometry, beyond = calibration.geometry, out_of_range(calibration, position_rad)
+    if beyond is not None:
+        return beyond
     span_mm = stroke_mm + SPAN_INSET_MM
     if abs(geometry.travel_mm / span_mm - 1.0) <= SCALE_TOLERANCE or calibration.is_superseded:
         return None

@@ -33,6 +33,8 @@ def test_a_hold_that_would_pass_the_limit_is_reduced_step_by_step_and_told() -> 
         while events := world.service.take_events():
             reported += [event for event in events if event.kind == "heat"]
     assert 79.0 < hottest_c < 81.0
+    foretold, *reported = reported  # that it cannot be held for ever
+    assert foretold.data["force_n"] == 30.0
     assert len(reported) >= 3
     steps = [event.data["to_nm"] for event in reported]
     assert steps == sorted(steps, reverse=True)  # type: ignore[type-var]
