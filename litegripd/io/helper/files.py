@@ -217,20 +217,12 @@ def save_calibration(parameters: Mapping[str, object], file_system: FileSystem =
         parse_calibration(text)
     except CalibrationError as error:
         raise CalibrationError(f"{path} is not written: {error}") from error
-    is_there = _has(path, text)  # to write it again would lose the one before
-    kept = previous.exists() if is_there else _write(path, text, previous, file_system)
+    kept = _write(path, text, previous, file_system)
     return {
         "path": str(path),
         "previous": str(previous) if kept else None,
         "saved_s": time.time(),
     }
-
-
-def _has(path: Path, text: str) -> bool:
-    try:
-        return atomic_file.read(path, MAX_FILE_BYTES) == text
-    except (FileNotFoundError, FileError):
-        return False
 
 
 def load_motion(parameters: Mapping[str, object]) -> dict[str, object]:
