@@ -43,11 +43,11 @@ def check_motions(rpc: Rpc, where: str) -> None:
     enabled = rpc.insist("motor.enable")
     tries = f"tries {enabled.get('tries')}"
     check(f"{where}: enable", enabled.get("ok") is True, enabled.get("error", tries))
-    for motion, opening_mm in (("open", 120.0), ("close", 0.0)):
+    for motion, opening_mm, outcome in (("open", 80.0, "reached"), ("close", 0.0, "pressed_home")):
         result = rpc.insist(f"motion.{motion}")
-        ok = result.get("ok") is True and result.get("stalled") is True
-        outcome = result.get("error", result.get("outcome"))
-        check(f"{where}: {motion} ends ok, stalled on the stop", ok, outcome)
+        ok = result.get("ok") is True and result.get("outcome") == outcome
+        seen = result.get("error", result.get("outcome"))
+        check(f"{where}: {motion} ends {outcome}", ok, seen)
         seen = result.get("state", {}).get("opening_mm")
         near = seen is not None and abs(seen - opening_mm) < 10.0
         check(f"{where}: {motion} arrives at about {opening_mm:g} mm", near, f"{seen} mm")
