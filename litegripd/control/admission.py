@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from litegripd.model.calibration import SCALE_TOLERANCE
+from litegripd.model.calibration import SCALE_TOLERANCE, fits_stroke
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import (
     SPAN_INSET_MM,
@@ -168,7 +168,7 @@ def stroke_refusal(stroke_mm: float | None, gripper_id: GripperId) -> Refusal | 
     configured_mm, written_mm = gripper_id.stroke_mm, stroke_mm
     if stroke_mm == SUPERSEDED_STROKE_MM:  # which counts as the default there
         written_mm += 0.1
-    if abs((stroke_mm + SPAN_INSET_MM) / gripper_id.span_mm - 1.0) <= SCALE_TOLERANCE:
+    if fits_stroke(stroke_mm + SPAN_INSET_MM, configured_mm):
         return None
     return Refusal(
         "out_of_limits",

@@ -230,6 +230,11 @@ def plausible_travel_rad(before: Calibration) -> tuple[float, float]:
     return low * before.geometry.travel_rad, high * before.geometry.travel_rad
 
 
+def fits_stroke(travel_mm: float, stroke_mm: float) -> bool:
+    """Return whether limits `travel_mm` apart may be those of jaws that open `stroke_mm`."""
+    return abs(travel_mm / (stroke_mm + SPAN_INSET_MM) - 1.0) <= SCALE_TOLERANCE
+
+
 def of_stroke(calibration: Calibration, stroke_mm: float) -> Calibration:
     """Return a calibration as it counts for jaws that open `stroke_mm`.
 
@@ -238,7 +243,7 @@ def of_stroke(calibration: Calibration, stroke_mm: float) -> Calibration:
     """
     geometry = calibration.geometry
     is_template = replace(geometry, nm_to_n=FORCE_PER_TORQUE_N_NM) in NOMINAL
-    is_off = abs(geometry.travel_mm / (stroke_mm + SPAN_INSET_MM) - 1.0) > SCALE_TOLERANCE
+    is_off = not fits_stroke(geometry.travel_mm, stroke_mm)
     return calibration.rescaled(stroke_mm) if is_template and is_off else calibration
 
 
@@ -264,7 +269,7 @@ def unfitting(calibration: Calibration, stroke_mm: float, position_rad: float) -
     if beyond is not None:
         return beyond
     span_mm = stroke_mm + SPAN_INSET_MM
-    if abs(geometry.travel_mm / span_mm - 1.0) <= SCALE_TOLERANCE or calibration.is_superseded:
+    if fits_stroke(geometry.travel_mm, stroke_mm) or calibration.is_superseded:
         return None
     return (
         f"its limits are {geometry.travel_rad:.4g} rad apart, with {geometry.rad_to_mm:.4g} mm/rad"
@@ -284,8 +289,7 @@ unlike that of any gripper that was seen."""
 def scale_doubt(calibration: Calibration, stroke_mm: float) -> ScaleDoubt | None:
     """Return why a scale is probably wrong though it is used, or None."""
     geometry, low_high = calibration.geometry, USUAL_RAD_TO_MM
-    is_off = abs(geometry.travel_mm / (stroke_mm + SPAN_INSET_MM) - 1.0) > SCALE_TOLERANCE
-    if is_off and calibration.is_superseded:
+    if calibration.is_superseded and not fits_stroke(geometry.travel_mm, stroke_mm):
         return "superseded"
     return None if low_high[0] <= geometry.rad_to_mm <= low_high[1] else "unusual"
 

@@ -367,8 +367,3 @@ class GripperId:
     stroke_mm: float = STROKE_MM
     mount: str | None = None
     motor_type: MotorType = DM4310
-
-    @property
-    def span_mm(self) -> float:
-        """The distance between the two limits that a probe finds."""
-        return self.stroke_mm + SPAN_INSET_MM
