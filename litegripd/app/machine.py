@@ -9,6 +9,7 @@ import logging
 from collections.abc import Sequence
 
 from litegripd.control.controller import Controller
+from litegripd.model.errors import Refusal
 from litegripd.model.gripper import GripperId
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import UP, BusCondition, CanFrame, MotorPhase
@@ -16,6 +17,11 @@ from litegripd.motor.exchange import SILENT_AFTER_POLLS
 from litegripd.motor.motor import Motor
 
 _log = logging.getLogger(__name__)
+
+_NOT_REACHED = (
+    "the motor does not answer, and {}; if it is not that, check the motor's 24 V supply, the CAN"
+    " wiring and its id"
+)
 
 OFF = (MotorPhase.DISABLED, MotorPhase.FAULT)
 """Phases of a motor that has confirmed that it is not energised."""
@@ -52,7 +58,11 @@ class Machine:
         is_asked = self.motor.unanswered > SILENT_AFTER_POLLS  # since the bus is open
         is_silent = view.phase is MotorPhase.SILENT and is_asked
         if is_silent and bus.is_usable and view.problem is not None:
-            bus = BusCondition("motor_silent", view.problem.message)
+            problem = view.problem
+            if bus.error is not None:  # the adapter is the nearer suspect
+                problem = Refusal("motor_silent", _NOT_REACHED.format(bus.error))
+                view = view._replace(problem=problem)
+            bus = BusCondition("motor_silent", problem.message)
         refusal = bus.refusal(self.controller.gripper_id.bus_channel)
         if refusal is not None:
             view = view._replace(problem=refusal)

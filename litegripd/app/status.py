@@ -228,6 +228,9 @@ class DaemonFacts:
         if other.is_active and not other.is_tolerated:
             down.append(f"another program commands the motor ({other.count} frames so far)")
         degraded = self._gripper_complaints(is_usable=not down)
+        doubt = parts.bus.condition.error
+        if not down and doubt is not None:
+            degraded.append(f"the bus: {doubt}")
         degraded += self._teleop_complaints(parts)
         return down, degraded + _process_complaints(parts)
 

@@ -53,7 +53,10 @@ def remedy(state: BusState, bus_channel: str) -> str | None:
 
 @dataclass(frozen=True, slots=True)
 class BusCondition:
-    """The state of the bus; `error` is a sentence that says why it is not up."""
+    """The state of the bus; `error` is a sentence that says why it is not up.
+
+    Of a bus that is up, it says what is doubtful about it.
+    """
 
     state: BusState
     error: str | None = None

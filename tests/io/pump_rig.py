@@ -72,7 +72,7 @@ class Pump:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.told: list[bytes] = []
         self._orders: deque[bytes] = deque()
-        monkeypatch.setattr(sys, "argv", ["pump", '["slcan", "/dev/null", 1000000, {}]'])
+        monkeypatch.setattr(sys, "argv", ["pump", '["gs_usb", "can9", 1000000, {}]'])
         monkeypatch.setattr(os, "_exit", self._end)
 
     def read(self, adapter: FakeAdapter) -> None:

@@ -193,9 +193,12 @@ def to_frame(message: can.Message) -> CanFrame | None:
 
 
 def describe(error: BaseException) -> str:
-    """Return an error of python-can in one line, with the system's error number if it has one."""
+    """Return an error of python-can in one line, with its cause and the system's error number."""
     code = getattr(error, "error_code", None)
     text = str(error) or type(error).__name__
+    cause = error.__cause__
+    if cause is not None and str(cause) not in text:
+        text += f": {describe(cause)}"
     return text if code is None else f"{text} (error {code})"
 
 

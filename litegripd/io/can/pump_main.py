@@ -9,6 +9,7 @@ import fcntl
 import json
 import os
 import socket
+import struct
 import sys
 import threading
 import time
@@ -19,17 +20,35 @@ import can
 
 from litegripd.io.can.bus import BusSettings, condition_of, describe, open_bus, to_frame, to_message
 from litegripd.io.can.pumped import pack_frames, unpack_send_request
+from litegripd.io.can.slcan import MUTE_AFTER_S, SlcanBus, holders
 from litegripd.io.helper.child import inherited_socket, next_packet, use_all_cpus
 from litegripd.model.motor import CanFrame
 
 _READ_TIMEOUT_S = 0.05
 _QUEUED_AT_MOST = 4  # packets; what comes while the adapter is blocked is dropped
 _LONGEST_TEXT = 4000
+_LOOK_EVERY_S = 10.0
+_MUTE = (
+    "nothing has come from the adapter since it was opened, not even an answer to the question for"
+    " its version: it may be no SLCAN adapter, or speak at another baud rate"
+)
 _CORRUPT_AT_MOST = 50  # in a row; an adapter that gives nothing else is opened again
 
 
 def _channel() -> str:
     return str(json.loads(sys.argv[1])[1])
+
+
+def _device(channel: str) -> str:
+    """Return the device file of a channel: python-can takes a baud rate after it."""
+    return channel.partition("@")[0]
+
+
+def _others() -> str:
+    """Return a sentence on other programs that have the adapter's port open, or nothing."""
+    device = _device(_channel())
+    others = ", ".join(holders(device)) if device.startswith("/") else ""
+    return others and f"another program has {device} open, too, and takes a part of it: {others}"
 
 
 def _report(peer: socket.socket, packet: bytes) -> None:
@@ -42,25 +61,65 @@ def _report(peer: socket.socket, packet: bytes) -> None:
 
 def _fail(peer: socket.socket, error: Exception, doing: str) -> NoReturn:
     """Report to the daemon why the pump ends, and end it from any thread."""
-    text = f"{doing}: {describe(error)}"[:_LONGEST_TEXT]
+    others = _others()
+    text = f"{doing}: {describe(error)}{'; ' if others else ''}{others}"[:_LONGEST_TEXT]
     condition = condition_of(error, text, _channel())
     _report(peer, b"x" + json.dumps([condition.state, condition.error]).encode())
     os._exit(1)
 
 
+def _is_damage(error: BaseException) -> bool:
+    """Return True if an error comes from what was read, and not from the adapter itself.
+
+    python-can wraps most errors of its interfaces, damaged bytes included, in one class of its own.
+    """
+    while (cause := error.__cause__ or error.__context__) is not None:
+        error = cause
+    return isinstance(error, ValueError | LookupError | ArithmeticError | struct.error)
+
+
+def _read_lines(bus: SlcanBus, peer: socket.socket) -> None:
+    """Read an SLCAN adapter until it fails, or turns out to be none."""
+    lines, ignored, told, looked_s = bus.lines, 0, "", float("-inf")
+    while True:
+        try:
+            frames = bus.read()
+        except Exception as error:  # noqa: BLE001 - a serial port may raise anything
+            _fail(peer, error, "reading")
+        if frames:
+            _report(peer, b"f" + pack_frames(frames))
+        now_s, doubt = time.monotonic(), told
+        if lines.ignored > ignored:
+            _report(peer, b"i%d" % (lines.ignored - ignored))
+            ignored = lines.ignored
+            if now_s - looked_s >= _LOOK_EVERY_S:
+                looked_s, doubt = now_s, _others()
+        elif lines.is_mute:
+            doubt = _MUTE if now_s - bus.opened_s >= MUTE_AFTER_S else ""
+        elif told == _MUTE:
+            doubt = ""
+        if doubt != told:
+            _report(peer, b"?" + doubt.encode())
+            told = doubt
+        verdict = lines.verdict(now_s)
+        if verdict is not None:
+            _fail(peer, can.CanOperationError(verdict), "reading")
+
+
 def _read(bus: can.BusABC, peer: socket.socket) -> None:
+    """Read another adapter by python-can until it fails."""
     corrupt = 0
     while True:
         try:
             message = bus.recv(_READ_TIMEOUT_S)
-        except (ValueError, IndexError) as error:  # a corrupt line of an SLCAN adapter
+        except Exception as error:  # noqa: BLE001 - an interface may raise anything
+            if not _is_damage(error):
+                _fail(peer, error, "reading")
             corrupt += 1
             if corrupt > _CORRUPT_AT_MOST:
                 _fail(peer, error, "reading: nothing but corrupt frames")
             _report(peer, b"i1")
             continue
-        except Exception as error:  # noqa: BLE001 - an interface may raise anything
-            _fail(peer, error, "reading")
         corrupt = 0
         if message is not None:
             frame = to_frame(message)
@@ -99,7 +158,7 @@ def _lock_device(channel: str) -> None:
     """
     if not channel.startswith("/"):
         return
-    device = channel.partition("@")[0]  # python-can takes a baud rate after it
+    device = _device(channel)
     try:
         descriptor = os.open(device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
     except OSError:
@@ -118,14 +177,19 @@ def main() -> None:
         options.setdefault("timeout", _READ_TIMEOUT_S)  # else its reader wakes 1000 times a second
     use_all_cpus()
     peer = inherited_socket()
+    bus: can.BusABC
     try:
         _lock_device(channel)
-        bus = open_bus(BusSettings(interface, channel, bitrate, options))
+        if interface == "slcan":
+            bus = SlcanBus(channel, bitrate=bitrate, **options)
+        else:
+            bus = open_bus(BusSettings(interface, channel, bitrate, options))
     except Exception as error:  # noqa: BLE001 - an interface may raise anything; it is reported to the daemon
         _fail(peer, error, "cannot be opened")
     _report(peer, b"o")
     requests: SimpleQueue[bytes] = SimpleQueue()
-    threading.Thread(target=_read, args=(bus, peer), daemon=True).start()
+    read = _read_lines if isinstance(bus, SlcanBus) else _read
+    threading.Thread(target=read, args=(bus, peer), daemon=True).start()
     threading.Thread(target=_write, args=(bus, peer, requests), daemon=True).start()
     while packet := next_packet(peer):
         if requests.qsize() < _QUEUED_AT_MOST:

@@ -66,6 +66,7 @@ class PumpedBus:
         self._start = start
         self._child: Child | None = None
         self._is_open = False
+        self._doubt: str | None = None
         self._was_open = False
         self._dropping_since_s: float | None = None
         self._dropped_at_s = 0.0
@@ -156,9 +157,14 @@ class PumpedBus:
             self._dropped_at_s = now_s
             if self._dropping_since_s is None:
                 self._dropping_since_s = now_s
+        elif kind == b"?":
+            self._doubt = body.decode() or None
+            if self._is_open:
+                self._works()
         elif kind == b"o":
             self.counters.reopened += self._was_open
             self._was_open = True
+            self._doubt = None
             self._works()
             self._restart_after_s = _RESTART_FIRST_S
         else:
@@ -183,7 +189,7 @@ class PumpedBus:
     def _works(self) -> None:
         self._is_open = True
         self._dropping_since_s = None
-        self.condition = UP
+        self.condition = UP if self._doubt is None else BusCondition("up", self._doubt)
 
     def _spawn(self, now_s: float) -> Child | None:
         if now_s < self._restart_at_s:
