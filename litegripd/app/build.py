@@ -153,7 +153,7 @@ def make_bus(config: Config, period_s: float, spawner: Spawner) -> FrameBus:
     """Return the bus: an adapter is driven in the control thread, or by a process of its own."""
     if config.bus.interface in DIRECT_INTERFACES:
         return DirectBus(config.bus)
-    return PumpedBus(config.bus, period_s, spawner.start)
+    return PumpedBus(config.bus, period_s, spawner.start, config.control.priority)
 
 
 def make_recorder(config: Config, period_s: float, version: str) -> tuple[Recorder, SharedMemory]:
@@ -230,7 +230,7 @@ class Parts:
 
     def figures(self, uptime_s: float, machine: Machine) -> Figures:
         """Return all figures, by room."""
-        reactor, counters = self.reactor, self.bus.counters
+        reactor, counters, pump = self.reactor, self.bus.counters, self.bus.lateness
         return {
             "uptime_s": round(uptime_s, 3),
             "control": {
@@ -258,6 +258,7 @@ class Parts:
                 "error_frames": counters.error_frames,
                 "errors": counters.errors,
                 "reopened": counters.reopened,
+                "pump_late_us": None if pump is None else round(pump.worst_s() * 1e6, 1),
             },
             "motor": motor_figures(machine),
             "heat": _heat(machine.controller.output.heat),

@@ -15,6 +15,7 @@ from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import UP, BusCondition, CanFrame, MotorPhase
 from litegripd.motor.exchange import SILENT_AFTER_POLLS
 from litegripd.motor.motor import Motor
+from litegripd.motor.phases import SILENT
 
 _log = logging.getLogger(__name__)
 
@@ -57,12 +58,14 @@ class Machine:
             self.may_be_energised = False
         is_asked = self.motor.unanswered > SILENT_AFTER_POLLS  # since the bus is open
         is_silent = view.phase is MotorPhase.SILENT and is_asked
+        if bus.is_usable and bus.error is not None:  # the adapter is the nearer suspect
+            doubted = Refusal("motor_silent", _NOT_REACHED.format(bus.error))
+            if view.problem is SILENT:
+                view = view._replace(problem=doubted)
+            if view.failure is SILENT:
+                view = view._replace(failure=doubted)
         if is_silent and bus.is_usable and view.problem is not None:
-            problem = view.problem
-            if bus.error is not None:  # the adapter is the nearer suspect
-                problem = Refusal("motor_silent", _NOT_REACHED.format(bus.error))
-                view = view._replace(problem=problem)
-            bus = BusCondition("motor_silent", problem.message)
+            bus = BusCondition("motor_silent", view.problem.message)
         refusal = bus.refusal(self.controller.gripper_id.bus_channel)
         if refusal is not None:
             view = view._replace(problem=refusal)

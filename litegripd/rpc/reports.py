@@ -208,7 +208,11 @@ class ControlFigures(TypedDict):
 
 
 class BusFigures(TypedDict):
-    """The figures of the bus."""
+    """The figures of the bus.
+
+    `pump_late_us`: the longest that a frame has lately waited for the process that drives the
+    adapter while the adapter was free; null for an adapter without such a process.
+    """
 
     state: BusState
     error: str | None
@@ -220,6 +224,7 @@ class BusFigures(TypedDict):
     error_frames: int
     errors: int
     reopened: int
+    pump_late_us: float | None
 
 
 MotorFigures = NewType("MotorFigures", dict[str, object])

@@ -12,7 +12,7 @@ from litegripd.app.status import DaemonFacts
 from litegripd.control.authority import QUIET_AFTER_S
 from litegripd.io.can.bus import BusSettings
 from litegripd.io.helper.files import DATA
-from litegripd.io.loop import RecentLateness
+from litegripd.io.meters import RecentLateness
 from litegripd.model.calibration import to_plain
 from litegripd.model.motor import UP, CanFrame
 from tests.world import CAN_ID, World

@@ -2,7 +2,7 @@
 
 import pytest
 
-from litegripd.io.loop import LatenessMeter, RecentLateness
+from litegripd.io.meters import LatenessMeter, RecentLateness
 
 
 def test_percentiles_are_upper_edges_of_ten_microseconds_and_never_above_the_worst() -> None:

@@ -2,14 +2,15 @@
 
 import errno
 import json
+import time
 
 import can
 import pytest
 
 from litegripd.io.can import pump_main
-from litegripd.io.can.pumped import pack_frames
+from litegripd.io.can.pumped import pack_frames, pack_send_request
 from litegripd.model.motor import CanFrame
-from tests.io.pump_rig import FakeAdapter, Pump
+from tests.io.pump_rig import FakeAdapter, Pump, PumpEndsError
 
 FRAME = CanFrame(0x18, bytes(8))
 MESSAGE = can.Message(arbitration_id=0x18, data=bytes(8), is_extended_id=False)
@@ -100,3 +101,35 @@ def test_what_else_sending_raises_ends_the_pump(pump: Pump) -> None:
     assert [condition(packet) for packet in pump.told] == [
         ("down", "sending: Could not write to serial device")
     ]
+
+
+@pytest.mark.parametrize(
+    ("takes_s", "waits_s", "told"),
+    [(0.0, 0.05, b"w1"), (0.05, 0.0, b"d1")],
+    ids=["the process itself was late", "the adapter was not free"],
+)
+def test_what_was_late_is_told_by_who_was_late(
+    pump: Pump, monkeypatch: pytest.MonkeyPatch, takes_s: float, waits_s: float, told: bytes
+) -> None:
+    now_s = 100.0
+    monkeypatch.setattr(time, "monotonic", lambda: now_s)
+
+    class Adapter(FakeAdapter):
+        def send(self, message: can.Message) -> None:
+            nonlocal now_s
+            super().send(message)
+            now_s += takes_s
+
+    def get() -> bytes:
+        nonlocal now_s
+        now_s += waits_s * bool(adapter.sent)
+        if not requests:
+            raise PumpEndsError
+        return requests.pop(0)
+
+    adapter = Adapter()
+    requests = [pack_send_request(ORDER[:1], 100.0 + at_s) for at_s in (0.01, 0.015)]
+    monkeypatch.setattr(pump, "get", get)
+    pump.write(adapter, [])
+    assert pump.told == [told]
+    assert len(adapter.sent) == 1

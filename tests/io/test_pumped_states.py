@@ -1,12 +1,13 @@
 """The states of a pumped bus, by what its pump tells and when; the pump is a fake one."""
 
+import json
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import pytest
 
 from litegripd.io.can.bus import BusSettings
-from litegripd.io.can.pumped import PumpedBus, pack_frames
+from litegripd.io.can.pumped import PumpedBus, pack_frames, pack_lateness
 from litegripd.model.motor import CanFrame
 from tests.io.pump_rig import FakeChild
 
@@ -150,3 +151,50 @@ def test_a_pump_that_opens_its_adapter_is_soon_started_again() -> None:
     assert rig.state == "down"
     rig.run(0.6)
     assert rig.state == "up"
+
+
+def test_frames_that_the_pump_itself_was_late_for_are_no_blocked_adapter(rig: Rig) -> None:
+    rig.run(2.0, pack_lateness(0.023), b"w1")
+    assert rig.state == "up"
+    assert rig.bus.counters.send_failures == 40
+    error = rig.bus.condition.error or ""
+    assert "waited up to 23 ms" in error
+    assert "rights" not in error
+    assert rig.bus.lateness.worst_s() == 0.023
+    rig.run(29.0)
+    assert rig.bus.condition.error is not None
+    rig.run(2.0)
+    assert rig.bus.condition.error is None
+
+
+def test_a_late_pump_without_real_time_rights_says_so(rig: Rig) -> None:
+    rig.tick(b"r", pack_lateness(0.023), b"w1")
+    assert "no real-time rights" in (rig.bus.condition.error or "")
+
+
+def test_what_the_pump_doubts_is_told_while_the_bus_is_up(rig: Rig) -> None:
+    rig.tick(b"?nothing has come")
+    assert (rig.state, rig.bus.condition.error) == ("up", "nothing has come")
+    rig.tick(GOT)
+    assert rig.bus.condition.error == "nothing has come"
+    rig.tick(b"?")
+    assert rig.bus.condition.error is None
+
+
+def test_what_a_newer_pump_reports_does_no_harm(rig: Rig) -> None:
+    rig.tick(b"Nonsense", GOT)
+    assert (rig.state, rig.bus.counters.received) == ("up", 1)
+
+
+def test_the_pump_runs_just_below_the_control_thread() -> None:
+    rig = Rig(opens)
+    given: list[list[object]] = []
+
+    def start(_module: str, arguments: Sequence[str]) -> FakeChild:
+        given.append(json.loads(arguments[0]))
+        return FakeChild()
+
+    for priority, wanted in ((50, 48), (2, 1), (0, 0)):
+        settings = BusSettings("slcan", "/dev/x", 1_000_000)
+        PumpedBus(settings, PERIOD_S, start, priority).receive(rig.now_s)  # type: ignore[arg-type]
+        assert given[-1][-2:] == [2 * PERIOD_S, wanted]

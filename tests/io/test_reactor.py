@@ -8,7 +8,8 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from litegripd.io.loop import REQUEST_SHARE, LatenessMeter, PeriodicTimer, Reactor, Signals
+from litegripd.io.loop import REQUEST_SHARE, PeriodicTimer, Reactor, Signals
+from litegripd.io.meters import LatenessMeter
 
 pytestmark = pytest.mark.alone
 

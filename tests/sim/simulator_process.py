@@ -24,6 +24,11 @@ class SimulatorProcess:
             stderr=subprocess.PIPE,
         )
 
+    @property
+    def pid(self) -> int:
+        """Its process id."""
+        return self._process.pid
+
     def write(self, *lines: str) -> None:
         """Give it commands."""
         assert self._process.stdin is not None

@@ -16,6 +16,7 @@ from typing import Any, Protocol
 import can
 import can.bus
 
+from litegripd.io.meters import RecentLateness
 from litegripd.model.motor import NOT_OPENED, UP, BusCondition, BusState, CanFrame
 
 SIMULATOR = "litegrip_sim"
@@ -69,6 +70,10 @@ class FrameBus(Protocol):
 
     counters: BusCounters
     condition: BusCondition
+
+    @property
+    def lateness(self) -> RecentLateness | None:
+        """How long frames have waited for the process that drives the adapter; None without one."""
 
     def receive(self, now_s: float) -> list[CanFrame]:
         """Return what has come since the last call; opens the bus again when that is due."""
@@ -212,6 +217,8 @@ _BUS_ERRORS = (can.CanError, OSError, ValueError)
 
 class DirectBus:
     """Sends and reads by python-can without waiting, and opens the bus again when it is lost."""
+
+    lateness: RecentLateness | None = None
 
     def __init__(self, settings: BusSettings) -> None:
         self.counters = BusCounters()

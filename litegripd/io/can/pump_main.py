@@ -19,7 +19,7 @@ from typing import NoReturn
 import can
 
 from litegripd.io.can.bus import BusSettings, condition_of, describe, open_bus, to_frame, to_message
-from litegripd.io.can.pumped import pack_frames, unpack_send_request
+from litegripd.io.can.pumped import pack_frames, pack_lateness, unpack_send_request
 from litegripd.io.can.slcan import MUTE_AFTER_S, SlcanBus, holders
 from litegripd.io.helper.child import inherited_socket, next_packet, use_all_cpus
 from litegripd.model.motor import CanFrame
@@ -28,6 +28,7 @@ _READ_TIMEOUT_S = 0.05
 _QUEUED_AT_MOST = 4  # packets; what comes while the adapter is blocked is dropped
 _LONGEST_TEXT = 4000
 _LOOK_EVERY_S = 10.0
+_TELL_EVERY_S = 1.0
 _MUTE = (
     "nothing has come from the adapter since it was opened, not even an answer to the question for"
     " its version: it may be no SLCAN adapter, or speak at another baud rate"
@@ -126,17 +127,29 @@ def _read(bus: can.BusABC, peer: socket.socket) -> None:
             _report(peer, b"i1" if frame is None else b"f" + pack_frames((frame,)))
 
 
-def _write(bus: can.BusABC, peer: socket.socket, requests: "SimpleQueue[bytes]") -> None:
+def _write(
+    bus: can.BusABC, peer: socket.socket, requests: "SimpleQueue[bytes]", lifetime_s: float
+) -> None:
     """Send the frames of each request; drop and report those that are too late, or have no room.
 
-    After a dropped frame, the others of its request are dropped, too.
+    After a dropped frame, the others of its request are dropped, too. A request waits for the
+    adapter as long as it takes earlier ones, and else for this process: both are reported apart.
     """
+    free_s = worst_s = told_s = 0.0
     while True:
         frames, deadline_s = unpack_send_request(requests.get())
+        now_s = time.monotonic()
+        worst_s = max(worst_s, now_s - max(deadline_s - lifetime_s, free_s))
+        is_late = now_s > deadline_s
+        if is_late or now_s - told_s >= _TELL_EVERY_S:
+            _report(peer, pack_lateness(worst_s))
+            worst_s, told_s = 0.0, now_s
+        is_ours = is_late and free_s <= deadline_s
         for number, frame in enumerate(frames):
             if time.monotonic() > deadline_s or not _send(bus, peer, frame):
-                _report(peer, b"d%d" % (len(frames) - number))
+                _report(peer, (b"w%d" if is_ours else b"d%d") % (len(frames) - number))
                 break
+        free_s = time.monotonic()
 
 
 def _send(bus: can.BusABC, peer: socket.socket, frame: CanFrame) -> bool:
@@ -170,9 +183,18 @@ def _lock_device(channel: str) -> None:
         raise OSError(errno.EBUSY, text) from None
 
 
+def _rise(priority: int) -> bool:
+    """Ask for real-time priority, for the threads to come as well; return True if granted."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except OSError:
+        return False
+    return True
+
+
 def main() -> None:
     """Open the adapter given as JSON in the first argument and pump until the daemon is gone."""
-    interface, channel, bitrate, options = json.loads(sys.argv[1])
+    interface, channel, bitrate, options, lifetime_s, priority = json.loads(sys.argv[1])
     if interface == "slcan":
         options.setdefault("timeout", _READ_TIMEOUT_S)  # else its reader wakes 1000 times a second
     use_all_cpus()
@@ -187,10 +209,12 @@ def main() -> None:
     except Exception as error:  # noqa: BLE001 - an interface may raise anything; it is reported to the daemon
         _fail(peer, error, "cannot be opened")
     _report(peer, b"o")
+    if priority > 0 and not _rise(priority):
+        _report(peer, b"r")
     requests: SimpleQueue[bytes] = SimpleQueue()
     read = _read_lines if isinstance(bus, SlcanBus) else _read
     threading.Thread(target=read, args=(bus, peer), daemon=True).start()
-    threading.Thread(target=_write, args=(bus, peer, requests), daemon=True).start()
+    threading.Thread(target=_write, args=(bus, peer, requests, lifetime_s), daemon=True).start()
     while packet := next_packet(peer):
         if requests.qsize() < _QUEUED_AT_MOST:
             requests.put(packet)

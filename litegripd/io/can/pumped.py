@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 
 from litegripd.io.can.bus import MAX_FRAMES_PER_TICK, BusCounters, BusSettings
 from litegripd.io.helper.child import Child, start_here
+from litegripd.io.meters import RECENT_S, RecentLateness
 from litegripd.model.motor import NOT_OPENED, UP, BusCondition, CanFrame
 
 MODULE = "litegripd.io.can.pump_main"
@@ -21,8 +22,16 @@ _STALLED_AFTER_S = 1.0
 """A pump that drops frames for so long, and brings none, has a blocked adapter; one that drops
 none for so long takes them again."""
 _FRAME = struct.Struct("<IB3x8s")  # as the kernel's struct can_frame
-_DEADLINE = struct.Struct("<d")
+_SECONDS = struct.Struct("<d")
 FRAME_LIFETIME_PERIODS = 2.0
+_BELOW_CONTROL = 2
+"""The pump's real-time priority: so far below the control thread's, and above ordinary processes,
+which kept frames waiting for longer than they live (python -m bench.pump)."""
+_TOO_LATE = (
+    "frames waited up to {ms:.0f} ms for the process that drives the adapter, and were dropped:"
+    " this machine is too busy{rights}"
+)
+_NO_RIGHTS = ", and that process has no real-time rights (litegripctl doctor)"
 
 
 def pack_frames(frames: Sequence[CanFrame]) -> bytes:
@@ -37,13 +46,18 @@ def unpack_frames(packed: bytes) -> list[CanFrame]:
 
 def pack_send_request(frames: Sequence[CanFrame], deadline_s: float) -> bytes:
     """Return the packet that makes the pump send `frames`, but not after `deadline_s`."""
-    return _DEADLINE.pack(deadline_s) + pack_frames(frames)
+    return _SECONDS.pack(deadline_s) + pack_frames(frames)
 
 
 def unpack_send_request(packet: bytes) -> tuple[list[CanFrame], float]:
     """Return the content of `pack_send_request`'s packet."""
-    (deadline_s,) = _DEADLINE.unpack_from(packet)
-    return unpack_frames(packet[_DEADLINE.size :]), deadline_s
+    (deadline_s,) = _SECONDS.unpack_from(packet)
+    return unpack_frames(packet[_SECONDS.size :]), deadline_s
+
+
+def pack_lateness(late_s: float) -> bytes:
+    """Return the packet that reports how long a frame has waited for the pump at most."""
+    return b"l" + _SECONDS.pack(late_s)
 
 
 class PumpedBus:
@@ -58,11 +72,18 @@ class PumpedBus:
         settings: BusSettings,
         period_s: float,
         start: Callable[[str, Sequence[str]], Child] = start_here,
+        priority: int = 0,
     ) -> None:
+        """`priority` is the control thread's (SCHED_FIFO), 0 for an ordinary one."""
+        self.lateness = RecentLateness(RECENT_S)
+        """How long frames have waited for the pump while the adapter was free."""
         self.counters = BusCounters()
         self.condition = NOT_OPENED
         self._settings = settings
         self._lifetime_s = FRAME_LIFETIME_PERIODS * period_s
+        self._priority = max(priority - _BELOW_CONTROL, 1) if priority > 0 else 0
+        self._has_rights = True
+        self._late_until_s = 0.0
         self._start = start
         self._child: Child | None = None
         self._is_open = False
@@ -92,6 +113,8 @@ class PumpedBus:
                 break
             self._take(packet, frames, now_s)
         self._judge_drops(now_s)
+        if self.condition.state == "up":
+            self._note_doubts(now_s)
         return frames
 
     def send(self, frames: Sequence[CanFrame], now_s: float) -> None:
@@ -157,20 +180,31 @@ class PumpedBus:
             self._dropped_at_s = now_s
             if self._dropping_since_s is None:
                 self._dropping_since_s = now_s
-        elif kind == b"?":
-            self._doubt = body.decode() or None
-            if self._is_open:
-                self._works()
         elif kind == b"o":
             self.counters.reopened += self._was_open
             self._was_open = True
             self._doubt = None
             self._works()
             self._restart_after_s = _RESTART_FIRST_S
-        else:
+        elif kind == b"x":
             state, text = json.loads(body)
             self._is_open = False
             self.condition = BusCondition(state, text)
+        else:
+            self._take_report(kind, body, now_s)
+
+    def _take_report(self, kind: bytes, body: bytes, now_s: float) -> None:
+        """Take what the pump reports of itself, and of what is doubtful about its adapter."""
+        if kind == b"l":
+            (late_s,) = _SECONDS.unpack(body)
+            self.lateness.add(now_s, late_s)
+        elif kind == b"w":
+            self.counters.send_failures += int(body)
+            self._late_until_s = now_s + RECENT_S
+        elif kind == b"r":
+            self._has_rights = False
+        elif kind == b"?":
+            self._doubt = body.decode() or None
 
     def _judge_drops(self, now_s: float) -> None:
         """Report a blocked adapter once drops have lasted; end that when they end.
@@ -189,14 +223,30 @@ class PumpedBus:
     def _works(self) -> None:
         self._is_open = True
         self._dropping_since_s = None
-        self.condition = UP if self._doubt is None else BusCondition("up", self._doubt)
+        self.condition = UP
+
+    def _note_doubts(self, now_s: float) -> None:
+        """Name what may be the reason when the motor is not reached, though the bus is up."""
+        doubt = self._doubt
+        if now_s < self._late_until_s:
+            rights = "" if self._has_rights else _NO_RIGHTS
+            doubt = _TOO_LATE.format(ms=1e3 * self.lateness.worst_s(), rights=rights)
+        if doubt != self.condition.error:
+            self.condition = UP if doubt is None else BusCondition("up", doubt)
 
     def _spawn(self, now_s: float) -> Child | None:
         if now_s < self._restart_at_s:
             return None
         settings = self._settings
         described = json.dumps(
-            [settings.interface, settings.channel, settings.bitrate, dict(settings.options)],
+            [
+                settings.interface,
+                settings.channel,
+                settings.bitrate,
+                dict(settings.options),
+                self._lifetime_s,
+                self._priority,
+            ],
             default=str,  # a date, say, which TOML has: python-can then says that it is none of its
         )
         try:
