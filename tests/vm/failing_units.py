@@ -45,6 +45,25 @@ def ends_and_returns(number: signal.Signals, what: str, result: str) -> None:
         rpc.call("motor.disable")
 
 
+def full_tmp() -> None:
+    """With /tmp full a unit cannot be started (226): it is tried again until there is room."""
+    unit = Unit()
+    with at_work(unit):
+        must("mount", "-t", "tmpfs", "-o", "nr_inodes=1", "full", "/tmp")
+        try:
+            before = unit.pid
+            os.kill(before, signal.SIGKILL)
+            fails = reaches(lambda: unit.show("ExecMainStatus") == "226")
+            check("full /tmp: it cannot start", fails, unit.tell())
+            tries = unit.restarts
+            goes_on = reaches(lambda: unit.restarts >= tries + 2)
+            check("full /tmp: it is tried again", goes_on, unit.tell())
+        finally:
+            must("umount", "/tmp")
+        took_s = unit.comes_back(before)
+        check("full /tmp: with room, it is back by itself", took_s is not None, f"{took_s} s")
+
+
 def interface_goes_and_comes() -> None:
     """The interface is set down and up, its card is removed and found: the daemon goes on."""
     unit = Unit()
@@ -125,4 +144,11 @@ def plug() -> None:
         raise TimeoutError("can0 does not come back")
 
 
-FAILING_UNITS = (killed, hung, interface_goes_and_comes, started_by_udev, beside_networkd)
+FAILING_UNITS = (
+    killed,
+    hung,
+    full_tmp,
+    interface_goes_and_comes,
+    started_by_udev,
+    beside_networkd,
+)

@@ -186,9 +186,13 @@ def _after_installation(root: Path, done: Sequence[Done], channels: Sequence[str
     ]
     running = install.running(root)
     stopped = [name for name in install.enabled(root) if "@" in name and name not in running]
-    if running:
+    daemons = [name for name in running if name.startswith("litegripd@")]
+    others = [name for name in running if name not in daemons]  # they hold nothing, nor reload
+    if daemons:
         verb = "restart" if _has_new_settings(done) else "reload"
-        following.append(f"systemctl {verb} {' '.join(running)}")
+        following.append(f"systemctl {verb} {' '.join(daemons)}")
+    if others:
+        following.append(f"systemctl restart {' '.join(others)}")
     if stopped:
         following.append(f"systemctl start {' '.join(stopped)}")
     if not running and not stopped and not channels:

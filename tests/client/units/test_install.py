@@ -89,11 +89,13 @@ def test_what_only_a_person_can_mend_is_not_tried_again() -> None:
     unit = install.units(PROGRAMS)[0].content
     named = " ".join(re.findall(r"^RestartPreventExitStatus=(.*)$", unit, re.M)).split()
     assert named[:2] == [str(EXIT_USAGE), str(EXIT_NO_PACKAGES)]
-    no_program, no_such_group, no_such_user, no_namespace = "203", "216", "217", "226"
-    assert {no_program, no_such_group, no_such_user, no_namespace} < set(named)
+    no_program, no_such_group, no_such_user = "203", "216", "217"
+    assert {no_program, no_such_group, no_such_user} < set(named)
     assert all(200 <= int(code) <= 243 for code in named[2:]), "the daemon itself ends with none"
     no_descriptors, no_memory, no_journal, no_cgroup = "202", "204", "209", "219"
     assert not {no_descriptors, no_memory, no_journal, no_cgroup} & set(named), "these may pass"
+    full_tmp, full_disk, full_credentials = "226", "238", "243"
+    assert not {full_tmp, full_disk, full_credentials} & set(named)
 
 
 def test_no_unit_gives_directories_of_all_to_its_own_group() -> None:
@@ -403,6 +405,20 @@ def test_what_is_enabled_and_has_ended_is_started_and_not_reloaded(
     assert json.loads(capsys.readouterr().out)["next"][-2:] == [
         "systemctl reload litegripd@can1",
         "systemctl start litegripd@can0",
+    ]
+
+
+@pytest.mark.usefixtures("usable")
+def test_page_and_fleet_which_cannot_reload_are_restarted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(tmp_path)
+    for name in ("litegripd@can0", "litegripd-web", "litegripd-fleet@portal"):
+        start(tmp_path, f"{name}.service")
+    assert main(["install-units", "--root", str(tmp_path), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["next"][-2:] == [
+        "systemctl reload litegripd@can0",
+        "systemctl restart litegripd-fleet@portal litegripd-web",
     ]
 
 
