@@ -475,7 +475,7 @@ def load(channel: str, path: Path | None) -> Config:
             content = tomllib.load(file)
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # not only by the parser's own class
         raise ConfigError(f"{path}: not valid TOML: {error}") from error
     return _build(channel, content, path)
 
