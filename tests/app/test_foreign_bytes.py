@@ -69,7 +69,7 @@ def test_a_teleoperation_packet_is_a_frame_or_nothing(payload: bytes) -> None:
 
 
 def test_a_hundred_thousand_random_frames_leave_a_hold_as_it_is() -> None:
-    """From every id but that of the motor's own answers; commands among them are a second master's."""
+    """From every id but that of the motor's own answers; some are a second master's commands."""
     world, chance = World(), random.Random(3)
     client = world.enabled()
     before = client.result("state.get")
