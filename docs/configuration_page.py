@@ -107,6 +107,8 @@ SIMULATOR = {
     " 0.4: a longer one the daemon sets back to 0.1 when it enables the motor.",
     "comm_loss_s": "After so long it really disarms, whatever its register TIMEOUT says: 0.1, 0.4"
     " and 0.9 were seen, 0 is never. Left out: as `watchdog_s`.",
+    "idle_loss_s": "After so long without a command it latches the same while it is disabled, as"
+    " motors do after about 0.9. Left out: never.",
     "unasked_hz": "How often it reports by itself while it is enabled: about 10 was seen. Left"
     " out: never.",
     "motor_type": f"The type of its motor, {' or '.join(MOTOR_TYPES)}; {DM4310.name} unless given."

@@ -910,7 +910,10 @@ class BlockingGripper(GripperActions):
         return complete(self._core.get_state(wait))
 
     def health(self) -> dict[str, Any]:
-        """Return the daemon's health: its verdict, the bus, the ticks, the clients."""
+        """Return the daemon's health: its verdict, the bus, the ticks, the clients.
+
+        `reasons` say why the verdict is not "ok"; `notes` what is normal and worth knowing.
+        """
         return complete(self._core.health())
 
     def info(self) -> dict[str, Any]:

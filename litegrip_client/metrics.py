@@ -113,6 +113,12 @@ ROWS: tuple[Row, ...] = (
     _counter("motor.ignored_frames", "motor_ignored_frames", "Frames that nobody had asked for."),
     _counter("motor.foreign_commands", "motor_foreign_commands", "Commands of a second master."),
     Row("motor.foreign_active", "motor_foreign_active", "gauge", "Whether it commands just now."),
+    Row(
+        "motor.in_use",
+        "motor_in_use",
+        "gauge",
+        "Whether anybody uses the motor, or has tried to; else its silence is no alarm.",
+    ),
     _counter(
         "motor.implausible_frames", "motor_implausible_frames", "Positions that no jaw can have."
     ),

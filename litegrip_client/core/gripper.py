@@ -185,12 +185,18 @@ class Gripper(GripperActions):
         return GripperState.from_wire(await self._session.wire.call("state.get"))
 
     async def health(self) -> dict[str, Any]:
-        """Return the daemon's health: its verdict, the bus, the ticks, the clients."""
+        """Return the daemon's health: its verdict, the bus, the ticks, the clients.
+
+        `reasons` say why the verdict is not "ok"; `notes` what is normal and worth knowing.
+        """
         from litegrip_client.voices import in_python  # noqa: PLC0415 - see above
 
         figures = await self._session.wire.call("health")
-        reasons = figures.get("reasons", ())
-        return {**figures, "reasons": [in_python(str(reason)) for reason in reasons]}
+        told = {
+            name: [in_python(str(text)) for text in figures.get(name, ())]
+            for name in ("reasons", "notes")
+        }
+        return {**figures, **told}
 
     async def info(self) -> dict[str, Any]:
         """Return what does not change: versions, the motor's registers, ranges, calibration."""

@@ -131,6 +131,10 @@ def picture(scene: Scene, name: str, for_gripper: Callable[[str], str] = str) ->
             Text(f"- {render.plain(for_gripper(in_shell(str(reason))))}", "yellow")
             for reason in scene.health.get("reasons", ())
         ]
+        parts += [
+            Text(f"note: {render.plain(for_gripper(in_shell(str(note))))}", "dim")
+            for note in scene.health.get("notes", ())
+        ]
     return Group(*parts, Text(), *_events(scene), Text(), Text("q ends it", "dim"))
 
 

@@ -35,6 +35,18 @@ STROKE_TOLERANCE_MM = 2.0
 """By how much calibration and configuration may differ; a template has 1 mm too much."""
 SUPERSEDED_STROKE_MM = 120.0
 
+_RESTING: Mapping[str, tuple[str, str | None]] = {
+    "communication_lost": (
+        "it has latched 'communication lost' while unused; that is normal, enabling clears it",
+        None,
+    ),
+    "under_voltage": (
+        "its power stage has no supply, so it cannot be enabled",
+        "switch its 24 V on before you enable it",
+    ),
+}
+"""By the status of a disabled motor: what it means, and what to do, if anything."""
+
 _DAY_S = 86_400.0
 _SET = "with the maker's tool, while the daemon does not run"
 _NO_ANSWER = "switch its 24 V on and look at its plug; it is expected at 0x%02X, at 1 Mbit/s"
@@ -42,9 +54,14 @@ _NO_ANSWER = "switch its 24 V on and look at its plug; it is expected at 0x%02X,
 
 def bus(facts: Facts) -> Finding | None:
     """Check that the daemon can use the bus."""
-    figures = facts.daemon.health.get("bus") if facts.daemon is not None else None
-    if not figures:
+    if facts.daemon is None or not (figures := facts.daemon.health.get("bus")):
         return None
+    if figures.get("state") == "bus_stalled" and not _is_in_use(facts.daemon):
+        return warning(
+            "nobody on it acknowledges a frame, as with a motor without power; nobody uses the"
+            " gripper, so nothing is lost",
+            advice="to use it: switch the motor's 24 V on, and look at its plug",
+        )
     if figures.get("state") not in USABLE_BUS:
         return error(
             f"the daemon cannot use it ({figures.get('state')}): {figures.get('error')}",
@@ -55,7 +72,7 @@ def bus(facts: Facts) -> Finding | None:
 
 
 def motor(facts: Facts) -> Finding | None:
-    """Check that the motor answers and reports no fault."""
+    """Check that the motor answers and reports no fault; one that nobody uses may rest."""
     daemon = facts.daemon
     if daemon is None or not _bus_is_up(daemon):
         return None
@@ -70,8 +87,21 @@ def motor(facts: Facts) -> Finding | None:
         return error(f"it reports a fault: {status}, {age}", f"{facts.ctl} enable", advice)
     if phase in ("silent", "unknown") or state.get("stale") or age_s is None:
         can_id = daemon.hello.get("motor", {}).get("can_id", 0x08)
-        return error(f"{phase}, {age}", advice=_NO_ANSWER % can_id)
+        advice = _NO_ANSWER % can_id
+        if _is_in_use(daemon):
+            return error(f"{phase}, {age}", advice=advice)
+        text = "it does not answer, which is normal while its power is off, and nobody uses it"
+        return warning(f"{phase}, {age}: {text}", advice=advice)
+    if phase == "disabled" and state.get("status") in _RESTING:
+        meaning, remedy = _RESTING[state["status"]]
+        text = f"{phase}, {age}: {meaning}"
+        return ok(text) if remedy is None else warning(text, advice=remedy)
     return ok(f"{phase}, {age}")
+
+
+def _is_in_use(daemon: Daemon) -> bool:
+    """Return False if nobody misses the motor; an older daemon does not say so."""
+    return bool(daemon.health.get("motor", {}).get("in_use", True))
 
 
 def other_master(facts: Facts) -> Finding | None:

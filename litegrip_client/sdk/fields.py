@@ -31,6 +31,7 @@ class StateNames:
         feedback_s: float | None
         enabled: bool | None
         error_code: int | None
+        motor: str
         velocity_rad_s: float | None
 
     @property
@@ -67,8 +68,12 @@ class StateNames:
 
     @property
     def is_error(self) -> bool:
-        """True if the motor reports a fault: a status other than disabled and enabled."""
-        return self.error_code not in (None, 0, 1)
+        """True if the motor reports a fault: a status other than disabled and enabled.
+
+        What a disabled motor takes by itself while nobody uses it, `communication_lost` above all,
+        is none: enabling clears it.
+        """
+        return self.motor != "disabled" and self.error_code not in (None, 0, 1)
 
     @property
     def is_moving(self) -> bool:

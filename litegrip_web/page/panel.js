@@ -173,6 +173,7 @@ export class Panel {
     const { mode, why, stopped, "stop-text": text } = this.#nodes;
     const phase = state.job?.phase ? ` (${state.job.phase})` : "";
     mode.dataset.mode = state.mode;
+    mode.dataset.verdict = this.#health?.verdict ?? "";
     mode.textContent = state.job ? `${state.mode}: ${state.job.kind}${phase}` : state.mode;
     why.textContent = this.#reason(state);
     stopped.hidden = state.stop === null;
@@ -228,7 +229,8 @@ export class Panel {
     this.#fact("Driver", figure(state?.driver_temperature_c, 0, "°C"));
     this.#fact("Time to the heat limit", isNumber(toLimit) ? figure(toLimit, 0, "s") : heat ? "none" : "--");
     this.#fact("Tick lateness (99 %)", figure(this.#health?.control?.lateness.p99_us, 0, "µs"));
-    this.#fact("Health", this.#health ? [this.#health.verdict, ...this.#health.reasons].join(": ") : "--", "wide");
+    const { verdict, reasons, notes = [] } = this.#health ?? {};
+    this.#fact("Health", verdict ? [verdict, ...reasons, ...notes].join(": ") : "--", "wide");
     this.#fact("Lease", held ? `${owner(held)}${purpose}` : lease ? "free" : "--", "wide");
   }
 

@@ -42,7 +42,7 @@ from litegripd.rpc.jsonrpc import encode
 from litegripd.rpc.method import Feature, Method, methods_of
 from litegripd.rpc.methods import CORE
 from litegripd.rpc.openrpc import document
-from litegripd.rpc.reports import Facts, Figures, ForeignActive, HeatFigures, MotorFigures, Reporter
+from litegripd.rpc.reports import Facts, Figures, HeatFigures, MotorFigures, MotorUse, Reporter
 from litegripd.rpc.service import RpcService
 from litegripd.rpc.sessions import Peer, Role
 from litegripd.sim.methods import GripperOf, SimMethods
@@ -296,9 +296,10 @@ class Parts:
 
 
 def motor_figures(machine: Machine) -> MotorFigures:
-    """Return the motor's counters; `foreign_active` is true if another program commands it now."""
-    is_active = machine.controller.second_master.is_active
-    own: ForeignActive = {"foreign_active": is_active}
+    """Return the motor's counters, and who uses it."""
+    controller = machine.controller
+    is_active = controller.second_master.is_active
+    own: MotorUse = {"foreign_active": is_active, "in_use": controller.is_missed}
     return MotorFigures({**dataclasses.asdict(machine.motor.counters), **own})
 
 

@@ -49,6 +49,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             master_id=arguments.master_id,
             watchdog_s=arguments.watchdog,
             comm_loss_s=arguments.comm_loss,
+            idle_loss_s=arguments.idle_loss,
             unasked_hz=arguments.unasked_hz,
             motor_type=arguments.motor_type,
         )
@@ -129,6 +130,14 @@ def make_parser() -> argparse.ArgumentParser:
         metavar="S",
         help="time after which it really faults, whatever the register holds; 0.1, 0.4 and 0.9 "
         "were seen, 0 is never (default: the register's)",
+    )
+    parser.add_argument(
+        "--idle-loss",
+        type=float,
+        default=0.0,
+        metavar="S",
+        help="time without a command after which it faults while it is disabled, as motors do "
+        "after about 0.9; 0 is never (default: 0)",
     )
     parser.add_argument(
         "--unasked-hz",

@@ -6,6 +6,7 @@ import os
 import secrets
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -19,9 +20,10 @@ from litegripd.io.log import FIELDS, JournalSink, LogHandler, goes_to_journal
 from litegripd.io.server import MAX_CONNECTIONS, MAX_CONNECTIONS_PER_UID
 from litegripd.model.calibration import scale_warning
 from litegripd.model.gripper import STROKE_MM, MotorType
-from litegripd.model.motor import MotorIdentity, MotorPhase
+from litegripd.model.motor import UNANSWERED, MotorIdentity, MotorPhase
 from litegripd.model.state import Event
-from litegripd.motor.identity import warnings
+from litegripd.motor.identity import STILL_READ, warnings
+from litegripd.motor.phases import RESTING
 from litegripd.rpc.jsonrpc import MAX_LINE_BYTES
 from litegripd.rpc.openrpc import PROTOCOL_VERSION
 from litegripd.rpc.reports import (
@@ -50,6 +52,21 @@ _FIELDS = {
 _WARNINGS = frozenset({"stop", "refused", "object_lost", "heat", "second_master", "implausible"})
 
 
+_UNPOWERED = (
+    "the motor does not answer, and nobody uses the gripper: normal while its power is off;"
+    " otherwise check its 24 V supply, the CAN wiring and its id"
+)
+
+
+@dataclass(slots=True)
+class _Complaints:
+    """What makes the gripper unusable, what degrades it, and what is normal but worth a note."""
+
+    down: list[str] = field(default_factory=list)
+    degraded: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+
 def make_log_handler(channel: str, post: Callable[[str], bool]) -> LogHandler:
     """Return a log handler that never waits: it writes to the journal, or passes text to `post`."""
     if goes_to_journal():
@@ -63,6 +80,7 @@ def make_log_handler(channel: str, post: Callable[[str], bool]) -> LogHandler:
 def log_event(event: Event) -> None:
     """Log one event."""
     is_bad = event.kind in _WARNINGS or any(event.data.get(key) for key in ("error", "warning"))
+    is_bad = is_bad and not event.data.get("at_rest")
     level = logging.WARNING if is_bad else logging.INFO
     fields = {name: event.data[key] for key, name in _FIELDS.items() if event.data.get(key)}
     _log.log(level, "%s", event.message, extra={FIELDS: {"LITEGRIP_EVENT": event.kind, **fields}})
@@ -203,36 +221,62 @@ class DaemonFacts:
 
     def health(self, now_s: float) -> Mapping[str, object]:
         """Return the verdict and the figures."""
-        verdict, reasons = self.verdict()
+        verdict, reasons, notes = self._judge()
         parts, uptime_s = self._parts, now_s - self._began_s
-        judged: Judged = {"verdict": verdict, "reasons": reasons, "remote": None}
+        judged: Judged = {"verdict": verdict, "reasons": reasons, "notes": notes, "remote": None}
         return judged if parts is None else {**judged, **parts.figures(uptime_s, self._machine)}
 
     def verdict(self) -> tuple[Verdict, list[str]]:
         """Return ok, degraded or down, and the reasons."""
-        starting, parts = ["the daemon is still starting"], self._parts
-        down, degraded = (starting, []) if parts is None else self._complaints(parts)
-        return "down" if down else "degraded" if degraded else "ok", down + degraded
+        return self._judge()[:2]
 
-    def _complaints(self, parts: Parts) -> tuple[list[str], list[str]]:
-        """Return what makes the gripper unusable, and what only degrades it."""
-        view = self._machine.motor.view()
-        down: list[str] = []
-        refusal = parts.bus.condition.refusal(self._config.bus.channel)
-        if refusal is not None:
-            down.append(refusal.message)
-        elif view.phase in (MotorPhase.SILENT, MotorPhase.FAULT) or view.problem is not None:
-            problem = view.fault or view.problem
-            down.append("the motor is silent" if problem is None else problem.message)
+    def notes(self) -> list[str]:
+        """Return what is worth a note though it is normal."""
+        return self._judge()[2]
+
+    def _judge(self) -> tuple[Verdict, list[str], list[str]]:
+        """Return the verdict, its reasons, and what is worth a note though it is normal."""
+        parts = self._parts
+        if parts is None:
+            return "down", ["the daemon is still starting"], []
+        found = self._motor_complaints(parts)
         other = self._machine.controller.second_master
         if other.is_active and not other.is_tolerated:
-            down.append(f"another program commands the motor ({other.count} frames so far)")
-        degraded = self._gripper_complaints(is_usable=not down)
+            found.down.append(f"another program commands the motor ({other.count} frames so far)")
+        is_usable = not found.down and self._machine.motor.view().feedback is not None
+        found.degraded += self._gripper_complaints(is_usable=is_usable)
         doubt = parts.bus.condition.error
-        if not down and doubt is not None:
-            degraded.append(f"the bus: {doubt}")
-        degraded += self._teleop_complaints(parts)
-        return down, degraded + _process_complaints(parts)
+        if not found.down and doubt is not None and parts.bus.condition.is_usable:
+            found.degraded.append(f"the bus: {doubt}")
+        found.degraded += self._teleop_complaints(parts) + _process_complaints(parts)
+        verdict: Verdict = "down" if found.down else "degraded" if found.degraded else "ok"
+        return verdict, found.down + found.degraded, found.notes
+
+    def _motor_complaints(self, parts: Parts) -> "_Complaints":
+        """Return what keeps the motor from being used: an alarm only if somebody misses it."""
+        view, controller = self._machine.motor.view(), self._machine.controller
+        found, condition = _Complaints(), parts.bus.condition
+        refusal = condition.refusal(self._config.bus.channel)
+        if refusal is not None:
+            if condition.state in UNANSWERED and not controller.is_missed:
+                found.notes.append(_UNPOWERED)
+            elif controller.is_missed:
+                found.down.append(refusal.message)
+            else:
+                found.degraded.append(refusal.message)
+        elif view.fault is not None:
+            found.down.append(view.fault.message)
+        elif view.phase is MotorPhase.SILENT and not controller.is_missed:
+            found.notes.append(_UNPOWERED)
+        elif view.problem is STILL_READ and not controller.is_missed:
+            found.notes.append("the motor has been found, and its registers are being read")
+        elif view.problem is not None:
+            found.down.append(view.problem.message)
+        elif view.latched is not None and controller.missed is not None:
+            found.down.append(controller.missed.message)
+        elif view.latched is not None:
+            found.notes.append(RESTING[view.latched])
+        return found
 
     def _gripper_complaints(self, *, is_usable: bool) -> list[str]:
         """Return what degrades a gripper that can be used, or could be."""

@@ -60,6 +60,7 @@ from litegripd.model.motor import (
 )
 from litegripd.model.plain import Carried
 from litegripd.model.state import (
+    DisableResult,
     Event,
     HelperTask,
     Job,
@@ -74,6 +75,12 @@ from litegripd.model.state import (
 
 _SAFE_JOBS = ("disable", "clear_fault")
 """The jobs that continue while another program commands the motor: they energise nothing."""
+
+_POWERED = (MotorPhase.ENABLING, MotorPhase.ENABLED, MotorPhase.DISABLING)
+_OFF = (MotorPhase.DISABLED, MotorPhase.FAULT)
+
+_MOTOR_REASONS = ("motor_silent", "bus_down", "motor_fault")
+"""Who gets such a refusal wanted to use the motor, and could not."""
 
 FORETELL_EVERY_S, FORETELL_MORE = 600.0, 1.1
 """How often it is said that a hold is too hot to last, and by how much more a force is said again.
@@ -121,6 +128,9 @@ class Controller:
     stop_latch: Carried[StopLatch]
     output: Carried[Output]
     recordings: Carried[int] = 0
+    missed: Carried[Refusal | None] = None
+    """Why a client's request for the motor has failed, until the motor can be used again."""
+    _is_powered: Carried[bool] = False
     NOT_CARRIED = (
         "action",
         "capture",  # `why_not_restartable` if it would be lost
@@ -205,6 +215,22 @@ class Controller:
         """True if the daemon's end has begun."""
         return self._is_ending
 
+    @property
+    def is_missed(self) -> bool:
+        """True if somebody needs the motor: what keeps it from being used is an alarm only then.
+
+        It was being enabled, or enabled, and has not reported since that it is off; or somebody has
+        the lease, or a motion; or a client's request has failed for it.
+        """
+        jobs = self.jobs
+        in_use = self._is_powered or self.lease.holder is not None
+        return in_use or jobs.running is not None or bool(jobs.queue) or self.missed is not None
+
+    def note_refused(self, refusal: Refusal) -> None:
+        """Take the refusal, or failure, of a client's request that needs the motor."""
+        if refusal.reason in _MOTOR_REASONS:
+            self.missed = refusal
+
     def progress(self) -> Progress | None:
         """Return the progress of the running job."""
         return None if self.action is None else self.action.progress()
@@ -259,7 +285,8 @@ class Controller:
         """
         is_first = self.bus == NOT_OPENED and bus != NOT_OPENED
         if is_first or bus.state != self.bus.state:
-            self.events.append(events.bus_changed(self.bus, bus, self.gripper_id.bus_channel))
+            channel, is_missed = self.gripper_id.bus_channel, self.is_missed
+            self.events.append(events.bus_changed(self.bus, bus, channel, is_missed=is_missed))
         self.bus = bus
 
     # Refusals
@@ -350,6 +377,10 @@ class Controller:
             self.action = None
             return
         self.jobs.end(job, outcome, self.now_s)
+        if isinstance(outcome, Refusal):
+            self.note_refused(outcome)
+        elif isinstance(outcome, DisableResult):
+            self.missed = None
         self.idle, self.action = self._left(by_defect=by_defect), None
         broken_off = job.kind == "enable" and isinstance(outcome, Refusal)
         if broken_off and self.motor.phase is not MotorPhase.ENABLED:
@@ -418,6 +449,7 @@ class Controller:
 
     def _end_queued(self, job: Job, refusal: Refusal) -> None:
         self.jobs.end(job, refusal, self.now_s)
+        self.note_refused(refusal)
         self.events += events.job_ended(job, refusal)
 
     # The stop
@@ -746,6 +778,14 @@ class Controller:
         """
         self.events += events.motor_changed(self.motor, motor)
         before, self.motor = self.motor.phase, motor
+        if motor.phase in _POWERED:
+            self._is_powered = True
+        elif motor.phase in _OFF:
+            self._is_powered = False
+        if motor.phase is MotorPhase.ENABLED or (
+            motor.phase is MotorPhase.DISABLED and motor.latched is None and motor.problem is None
+        ):
+            self.missed = None
         if motor.phase is before:
             return
         if motor.phase is not MotorPhase.ENABLED or motor.feedback is None:

@@ -16,6 +16,7 @@ from litegripd.model.calibration import Calibration, scale_warning
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import GripperId
 from litegripd.model.motor import (
+    UNANSWERED,
     BusCondition,
     MotorIdentity,
     MotorPhase,
@@ -411,12 +412,20 @@ def _registers_changed(before: MotorIdentity, now: MotorIdentity) -> list[Event]
     return [Event("motor", text, {"registers": finite, "error": text})]
 
 
-def bus_changed(before: BusCondition, now: BusCondition, bus_channel: str) -> Event:
-    """Report a change of the bus's state, and what to do about it."""
+def bus_changed(
+    before: BusCondition, now: BusCondition, bus_channel: str, *, is_missed: bool
+) -> Event:
+    """Report a change of the bus's state, and what to do about it.
+
+    A bus on which nobody answers is at rest unless the motor is missed: its power may be off.
+    """
     text = "CAN bus: " + ("" if before.state == now.state else f"{before.state} -> ") + now.state
     hint = remedy(now.state, bus_channel)
     if now.error is not None:
         text += f": {now.error}"
     if hint is not None and now.state != "motor_silent":  # its error says what to do
         text += f" ({hint})"
-    return Event("bus", text, {"state": now.state, "error": now.error, "hint": hint})
+    data: dict[str, object] = {"state": now.state, "error": now.error, "hint": hint}
+    if now.state in UNANSWERED and not is_missed:
+        text, data = f"{text}; nobody uses the gripper", {**data, "at_rest": True}
+    return Event("bus", text, data)

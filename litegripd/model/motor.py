@@ -75,6 +75,10 @@ class BusCondition:
         return Refusal("bus_down", text, {"bus": self.state, "hint": hint})
 
 
+UNANSWERED: tuple[BusState, ...] = ("bus_stalled", "motor_silent")
+"""The states of a bus whose motor has no power: nobody acknowledges a frame, or answers one. While
+nobody uses the gripper that is as it should be. All others take a person to mend."""
+
 UP = BusCondition("up")
 NOT_OPENED = BusCondition("down", "not opened yet")
 
@@ -233,9 +237,12 @@ class MotorView(NamedTuple):
 
     `feedback` is the latest, whatever its age; `enable_tries` counts the tries of the present or
     latest enabling; `problem` is why the motor cannot be enabled now, or None; `failure` why the
-    latest enabling or disabling did not succeed; `fault` what the motor reports; `register` is the
-    reply to the latest answered register request; `foreign_commands` counts the frames to the motor
-    from other senders, and `foreign_write` is the latest of them that wrote registers.
+    latest enabling or disabling did not succeed; `fault` what the motor reports; `latched` the
+    status that a disabled motor has taken by itself while nobody used it, which is no fault;
+    `last_known` the feedback before the motor fell silent, which is only to be shown, because
+    another motor may answer next; `register` is the reply to the latest answered register request;
+    `foreign_commands` counts the frames to the motor from other senders, and `foreign_write` is the
+    latest of them that wrote registers.
     """
 
     phase: MotorPhase
@@ -245,6 +252,8 @@ class MotorView(NamedTuple):
     problem: Refusal | None = None
     failure: Refusal | None = None
     fault: Refusal | None = None
+    latched: int | None = None
+    last_known: Feedback | None = None
     register: RegisterReply | None = None
     zero: ZeroView = ZeroView()
     foreign_commands: int = 0

@@ -53,6 +53,7 @@ from litegripd.motor.phases import (
     ARMING_PHASES,
     FAULTY,
     PUBLIC,
+    RESTING,
     SILENT,
     STILL_ENABLED,
     TRANSITIONS,
@@ -65,6 +66,8 @@ from litegripd.motor.procedures import NOT_DISABLED, UNDER_WAY, Arming, FaultCle
 _JUDGED = frozenset({*ARMING_PHASES, Phase.ENABLED, Phase.LOST})
 """The phases in which the daemon holds the position, or is about to. In the others every report
 of the motor counts at once, above all that it is enabled."""
+_UNUSED = frozenset({Phase.LOOKING, Phase.DISABLED, Phase.DISABLING, Phase.FAULT})
+"""The phases in which a motor may be at rest. A status of `RESTING` is a fault in all others."""
 _FASTEST_SHARE = 0.99  # share of the range of speeds: beyond it, a code may stand for more
 _HELD = frozenset({Phase.ENABLED, Phase.LOST})
 """The phases in which one single report of "not enabled" is ignored."""
@@ -90,6 +93,9 @@ class Motor:
     """How long the daemon sent nothing before the present fault, if it stood still."""
     _tries: Carried[int] = 0
     _failure: Carried[Refusal | None] = None
+    _is_used: Carried[bool] = False
+    """True from the enabling until a report of "disabled", or a request to disable: a fault in
+    between, or found after a silence in between, has taken something away."""
     NOT_CARRIED = (
         "counters",
         "_arming",
@@ -101,6 +107,7 @@ class Motor:
         "_register_reader",
         "_status",
         "_fault_clearing",
+        "_last_known",  # a motor is handed over only while it answers
     )
 
     def __init__(
@@ -128,6 +135,7 @@ class Motor:
         """When the motor's ranges were last certain."""
         self._standstill = Standstill(period_s)
         self._fault_clearing: FaultClearing | None = None
+        self._last_known: Feedback | None = None
 
     def view(self) -> MotorView:
         """Return what is known now."""
@@ -139,6 +147,8 @@ class Motor:
             problem=self._problem(),
             failure=self._failure,
             fault=self._fault(),
+            latched=self._latched(),
+            last_known=self._last_known,
             register=self._register_reader.reply,
             zero=self._zeroing.view,
             foreign_commands=self.counters.foreign_commands,
@@ -326,8 +336,7 @@ class Motor:
 
     def _note_identity(self) -> None:
         if self._identification.finish():  # earlier feedback may have been coded in other ranges
-            self._feedback = None
-            self._fresh = False
+            self._feedback, self._fresh = None, False
             self._plausibility.believe(None)
 
     def _take_status(self, now_s: float) -> None:
@@ -339,13 +348,19 @@ class Motor:
         if feedback.status == Status.ENABLED:
             self._standstill.note_enabled(now_s)
             self._go(Event.SAW_ENABLED, now_s)
-        elif is_fault(feedback.status):
+        elif is_fault(feedback.status) and not self._is_at_rest(feedback.status):
             if self._phase not in FAULTY:
                 self._stood_still_s = self._standstill.before(now_s)
             self._go(Event.SAW_FAULT, now_s)
         elif self._arming is None or self._arming.has_stored_zero:
+            if is_fault(feedback.status):
+                self._zeroing.leave()
             self._zeroing.take(feedback, now_s)
             self._go(Event.SAW_DISABLED, now_s)
+
+    def _is_at_rest(self, status: int) -> bool:
+        """Return True if a fault is one that the motor takes by itself while nobody uses it."""
+        return status in RESTING and self._phase in _UNUSED and not self._is_used
 
     def _go(self, event: Event, now_s: float) -> None:
         following = TRANSITIONS.get((self._phase, event))
@@ -356,10 +371,18 @@ class Motor:
         if self._phase is Phase.LOST and following is Phase.ENABLED:
             self._identification.verifier.begin()  # writes during the silence went unnoticed
         self._status.reset()
+        if following is Phase.ENABLED:
+            self._is_used = True
+        elif event is Event.SAW_DISABLED or following is Phase.DISABLING:
+            self._is_used = False
+        if following is not Phase.CLEARING_FAULT:
+            self._fault_clearing = None
         self._phase = following
         self._entered_s = now_s
         self._silence.begin_phase(event)
         if following is Phase.LOOKING:
+            if self._feedback is not None and self._identification.usable_ranges:
+                self._last_known = self._feedback
             self._identification.begin()
             self._feedback = None
             self._plausibility.believe(None)
@@ -410,6 +433,8 @@ class Motor:
             return self._traffic.probe(now_s)
         if self._zeroing.is_pending:
             return self._zeroing.step(now_s)
+        if self._phase is Phase.DISABLED and self._fault_clearing is not None:
+            return self._clear_at_rest(now_s, self._fault_clearing)
         if self._phase is Phase.LOOKING:
             return self._traffic.poll(now_s) + self._scan_again(now_s)
         return self._unstore() + self._traffic.poll(now_s)
@@ -431,6 +456,11 @@ class Motor:
         feedback = self._feedback if self._phase in FAULTY else None
         return None if feedback is None else fault_refusal(feedback, self._stood_still_s)
 
+    def _latched(self) -> int | None:
+        """Return the status of `RESTING` that a motor at rest reports, or None."""
+        feedback = self._feedback if self._phase is Phase.DISABLED else None
+        return None if feedback is None or not is_fault(feedback.status) else feedback.status
+
     def _begin_enable(self, request: EnableMotor, now_s: float) -> None:
         self._failure = UNDER_WAY if self._zeroing.is_pending else self._problem()
         self._tries = 0
@@ -444,7 +474,7 @@ class Motor:
     def _begin_zero(self, now_s: float) -> None:
         if self._zeroing.is_pending:
             return
-        is_disabled = self._phase is Phase.DISABLED
+        is_disabled = self._phase is Phase.DISABLED and self._latched() is None
         refusal = self._problem() or self._fault() or (None if is_disabled else NOT_DISABLED)
         view = ZeroView("pending" if refusal is None else "failed", failure=refusal)
         self._zeroing = Zeroing(self._can_id, self._identification.ranges, now_s, view)
@@ -458,7 +488,8 @@ class Motor:
         self._plausibility.reset()
         if self._identification.problem() is not None:
             self._go(Event.SCAN, now_s)
-        self._fault_clearing = FaultClearing(self._can_id, now_s)
+        if self._phase is Phase.FAULT or self._latched() is not None:
+            self._fault_clearing = FaultClearing(self._can_id, now_s)
         self._go(Event.CLEAR, now_s)
 
     def _clear_fault(self, now_s: float) -> list[CanFrame]:
@@ -467,6 +498,17 @@ class Motor:
             self._go(Event.STAYED, now_s)
             return []
         return self._fault_clearing.step(now_s)
+
+    def _clear_at_rest(self, now_s: float, clearing: FaultClearing) -> list[CanFrame]:
+        """Clear what a motor at rest has latched; it stays disabled all the while."""
+        feedback = self._feedback
+        is_cleared = feedback is None or self._latched() is None
+        if is_cleared or clearing.has_failed(now_s):
+            self._fault_clearing = None
+            if feedback is not None and not is_cleared:
+                self._failure = fault_refusal(feedback)
+            return self._traffic.poll(now_s)
+        return clearing.step(now_s)
 
     def _command(self, command: MitCommand, is_motion: bool) -> list[CanFrame]:
         """Return the command; while the position is in doubt, only the damping of a stiff one.

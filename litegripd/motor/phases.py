@@ -8,14 +8,24 @@ from litegripd.model.errors import Refusal
 from litegripd.model.motor import Feedback, MotorPhase, Status, status_name
 
 REMEDIES: Mapping[int, str] = {
-    Status.OVER_VOLTAGE: "lower the supply voltage (24 V nominal, 32 V at most)",
-    Status.UNDER_VOLTAGE: "check that the 24 V supply of the power stage is on",
+    Status.OVER_VOLTAGE: "lower the supply voltage (24 V nominal, 32 V at most), then enable again",
+    Status.UNDER_VOLTAGE: "switch the 24 V supply of the power stage on, then enable again",
     Status.OVER_CURRENT: "check that the jaws are not jammed, then enable again",
     Status.DRIVER_HOT: "let the driver cool down, then enable again",
-    Status.COIL_HOT: "let the motor cool down, then hold with less force",
+    Status.COIL_HOT: "let the motor cool down, then enable again and hold with less force",
     Status.COMMUNICATION_LOST: "enable again; if it recurs, check the CAN wiring",
     Status.OVERLOAD: "remove what loads the jaws, then enable again",
 }
+
+RESTING: Mapping[int, str] = {
+    Status.COMMUNICATION_LOST: "the motor has latched 'communication lost' while it was not used:"
+    " that is normal, and enabling clears it",
+    Status.UNDER_VOLTAGE: "the motor's power stage has no supply while it is not used: switch its"
+    " 24 V on before you enable it",
+}
+"""The statuses that a motor takes by itself while nobody uses it, and what they mean then: nothing
+was lost, and it is as good as disabled. Motors were seen to latch "communication lost" after 0.9 s
+without traffic (the vendor's bench); without 24 V they answer "under-voltage" (its manual)."""
 
 SILENT = Refusal(
     "motor_silent",

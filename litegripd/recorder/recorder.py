@@ -387,13 +387,13 @@ class Dumps:
         self, before: MotorPhase, phase: MotorPhase, now_s: float, *, bus_is_up: bool
     ) -> None:
         """Note the cause that a change of the motor's phase shows, if any."""
-        has_jumped = self._controller.motor.has_jumped
+        has_jumped, was_powered = self._controller.motor.has_jumped, self._is_powered
         if phase in _POWERED:
             self._is_powered = True
         elif phase in (MotorPhase.DISABLED, MotorPhase.FAULT):
             self._is_powered = False
             self._seen_s.pop("motor_silent", None)  # the next one needs a client that enables it
-        if phase is MotorPhase.FAULT and self._has_worked:
+        if phase is MotorPhase.FAULT and self._has_worked and was_powered:
             self._has_worked = False
             self._note("motor_fault", now_s)
         elif phase in (MotorPhase.ENABLED, MotorPhase.DISABLED):

@@ -16,13 +16,13 @@ from litegripd.rpc.methods.reading import Discovered
 from litegripd.rpc.methods.settings import FrameInterval
 from litegripd.rpc.reports import (
     EndState,
-    ForeignActive,
     JobEnd,
     JobHead,
     JobNumber,
     JobSummaryView,
     MotionFields,
     MotorFigures,
+    MotorUse,
     NumberedEvent,
     ProgressEnd,
     ProgressHead,
@@ -107,7 +107,7 @@ FORMS: Mapping[Any, Any] = {
     JobSummary: JobSummaryView,
     Job: Shape("Job", (JobHead, JobEnd)),
     MotionFields: Shape("MotionFields", (MotionConfig, FrameInterval)),
-    MotorFigures: Shape("MotorFigures", (MotorCounters, ForeignActive)),
+    MotorFigures: Shape("MotorFigures", (MotorCounters, MotorUse)),
     **{
         kind: Shape(kind.__name__, (ProgressHead, kind, ProgressEnd))
         for kind in (Progress, ReplayProgress)

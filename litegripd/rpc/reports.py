@@ -228,13 +228,19 @@ class BusFigures(TypedDict):
 
 
 MotorFigures = NewType("MotorFigures", dict[str, object])
-"""The motor's counters, and `ForeignActive`."""
+"""The motor's counters, and `MotorUse`."""
 
 
-class ForeignActive(TypedDict):
-    """True if somebody else commands the motor just now."""
+class MotorUse(TypedDict):
+    """Who uses the motor.
+
+    `foreign_active` is true if somebody else commands it just now. `in_use` is true while it may be
+    enabled, while somebody has the lease or a motion, and after a request that failed for it; else
+    nobody misses a motor that does not answer.
+    """
 
     foreign_active: bool
+    in_use: bool
 
 
 class HeatFigures(TypedDict):
@@ -307,10 +313,15 @@ class Figures(TypedDict):
 
 
 class Judged(TypedDict):
-    """The verdict on the daemon and its reasons; `remote` is null, except through a portal."""
+    """The verdict on the daemon and its reasons; `remote` is null, except through a portal.
+
+    `notes` name what is normal, and worth knowing, for example that nobody uses a motor whose power
+    is off.
+    """
 
     verdict: Verdict
     reasons: list[str]
+    notes: list[str]
     remote: Protection | None
 
 

@@ -94,6 +94,12 @@ class Requests:
 
     def carry_out(self, method: Method, call: Call) -> Answer:
         """Carry out an admitted request."""
+        answer = self._admitted(method, call)
+        if method.needs_lease and isinstance(answer, Refusal):
+            self._controller.note_refused(answer)
+        return answer
+
+    def _admitted(self, method: Method, call: Call) -> Answer:
         key = call.params.get("key")
         if key is None:
             return self._carried_out(method, call) if not call.params else self._begin(method, call)

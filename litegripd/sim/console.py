@@ -233,6 +233,11 @@ _ENTRIES = (
         _read_comm_loss,
     ),
     Entry(
+        "idle-loss S",
+        "let a disabled motor latch a communication loss after S seconds; 0 is never",
+        _with_number(lambda simulator, seconds: simulator.wire.gripper.set_idle_loss(seconds)),
+    ),
+    Entry(
         "unasked HZ",
         "let the motor report so often by itself while it is enabled",
         _with_number(lambda simulator, rate_hz: simulator.wire.gripper.set_unasked(rate_hz)),

@@ -178,6 +178,16 @@ class SimulatedGripper:
         with self._lock:
             self._motor.set_comm_loss(seconds)
 
+    def set_idle_loss(self, seconds: float) -> None:
+        """Let a disabled motor latch a communication loss so long after a command; 0 is never.
+
+        Raises `ValueError` for a time that is negative or not finite.
+        """
+        if not math.isfinite(seconds) or seconds < 0:
+            raise ValueError(f"the time must be finite and not negative, but is {seconds!r} s")
+        with self._lock:
+            self._motor.set_idle_loss(seconds)
+
     def set_unasked(self, rate_hz: float) -> None:
         """Let the motor report so often by itself while it is enabled; 0 is never.
 
@@ -269,6 +279,7 @@ def build_gripper(
     master_id: int = 0x18,
     watchdog_s: float = 0.1,
     comm_loss_s: float | None = None,
+    idle_loss_s: float = 0.0,
     unasked_hz: float = 0.0,
     motor_type: str = DM4310.name,
 ) -> SimulatedGripper:
@@ -296,6 +307,7 @@ def build_gripper(
         initial_opening_mm=opening_mm,
         watchdog_s=watchdog_s,
         comm_loss_s=comm_loss_s,
+        idle_loss_s=idle_loss_s,
         unasked_hz=unasked_hz,
     )
     gripper = SimulatedGripper(parameters, seed=seed)

@@ -284,6 +284,7 @@ class _Options:
     object_stiffness_nm_rad: float | None
     watchdog_s: float | None
     comm_loss_s: float | None
+    idle_loss_s: float | None
     unasked_hz: float | None
     motor_type: str | None
 
@@ -297,12 +298,13 @@ class _Options:
             else self.object_stiffness_nm_rad,
             watchdog_s=0.1 if self.watchdog_s is None else self.watchdog_s,
             comm_loss_s=self.comm_loss_s,
+            idle_loss_s=self.idle_loss_s or 0.0,
             unasked_hz=self.unasked_hz or 0.0,
             motor_type=self.motor_type or DM4310.name,
         )
 
 
-_NO_OPTIONS = _Options(*[None] * 8)
+_NO_OPTIONS = _Options(*[None] * 9)
 
 
 @dataclass(frozen=True, slots=True)
@@ -326,6 +328,7 @@ class SimulatedBus(can.BusABC):
     - `object_mm`, `object_stiffness_nm_rad`: an object between the jaws
     - `watchdog_s`: time without a command in its register TIMEOUT, 0.1 unless given
     - `comm_loss_s`: that after which it really disarms, 0 for never; TIMEOUT's unless given
+    - `idle_loss_s`: that after which it latches the same while it is disabled, 0 unless given
     - `unasked_hz`: how often it reports by itself while it is enabled, 0 unless given
     - `motor_type`: the type of the motor, DM4310 unless given
     - `gripper`: a ready-made `SimulatedGripper` instead of the options above
@@ -348,6 +351,7 @@ class SimulatedBus(can.BusABC):
         object_stiffness_nm_rad: object = None,
         watchdog_s: object = None,
         comm_loss_s: object = None,
+        idle_loss_s: object = None,
         unasked_hz: object = None,
         motor_type: str | None = None,
         gripper: SimulatedGripper | None = None,
@@ -359,8 +363,8 @@ class SimulatedBus(can.BusABC):
         if unknown:
             raise ValueError(
                 f"unknown option {', '.join(sorted(unknown))}; litegrip_sim takes mount, seed, "
-                f"object_mm, object_stiffness_nm_rad, watchdog_s, comm_loss_s, unasked_hz, "
-                f"motor_type, gripper, monotonic_fn, receive_own_messages and bitrate"
+                f"object_mm, object_stiffness_nm_rad, watchdog_s, comm_loss_s, idle_loss_s, "
+                f"unasked_hz, motor_type, gripper, monotonic_fn, receive_own_messages and bitrate"
             )
         if not isinstance(channel, str) or not channel:
             raise ValueError(f"channel must be a name such as 'sim0', not {channel!r}")
@@ -373,6 +377,7 @@ class SimulatedBus(can.BusABC):
             object_stiffness_nm_rad=_number("object_stiffness_nm_rad", object_stiffness_nm_rad),
             watchdog_s=_number("watchdog_s", watchdog_s),
             comm_loss_s=_number("comm_loss_s", comm_loss_s),
+            idle_loss_s=_number("idle_loss_s", idle_loss_s),
             unasked_hz=_number("unasked_hz", unasked_hz),
             motor_type=motor_type,
         )

@@ -202,6 +202,7 @@ class SimulatedMotor:
         self._powered = True
         self._fault = 0
         self._comm_loss_s = parameters.comm_loss_s
+        self._idle_loss_s = parameters.idle_loss_s
         self._unasked_hz = parameters.unasked_hz
         self._unasked: deque[tuple[float, CanFrame]] = deque(maxlen=_UNASKED_KEPT)
         self._origin_s: float | None = None
@@ -210,6 +211,7 @@ class SimulatedMotor:
         self._watchdog_step = _NEVER
         self._unasked_step = _NEVER
         self._cascade_step = _NEVER
+        self._plan_idle_loss()
 
     @property
     def status(self) -> int:
@@ -263,7 +265,7 @@ class SimulatedMotor:
             self._plant.run(stop - self._step)
             self._step = stop
             if stop == self._watchdog_step:
-                self._trip(COMMUNICATION_LOST)
+                self._trip(self._fault or COMMUNICATION_LOST)
             if stop == self._heat_step:
                 self._heat_step += _HEAT_STEPS
                 self._thermal.step(self._plant.take_mean_square_torque(_HEAT_STEPS * STEP_S))
@@ -307,6 +309,12 @@ class SimulatedMotor:
     def set_comm_loss(self, seconds: float | None) -> None:
         """Let it disarm so long after its next command; 0 is never, None what TIMEOUT holds."""
         self._comm_loss_s = seconds
+
+    def set_idle_loss(self, seconds: float) -> None:
+        """Let it latch the same fault while it is disabled, after so long without a command."""
+        self._idle_loss_s = seconds
+        if not self._enabled:
+            self._plan_idle_loss()
 
     def set_unasked(self, rate_hz: float) -> None:
         """Let it report so often by itself while it is enabled; 0 is never."""
@@ -478,13 +486,22 @@ class SimulatedMotor:
         self._cascade_step = self._step + PERIOD_STEPS
 
     def _feed_watchdog(self, now_s: float) -> None:
+        if not self._enabled:
+            self._plan_idle_loss()
+            return
         timeout_s = self.disarms_after_s
-        if not self._enabled or timeout_s == 0.0:
+        if timeout_s == 0.0:
             self._watchdog_step = _NEVER
             return
         elapsed_s = now_s - (self._origin_s or 0.0)
         expiry = math.ceil((elapsed_s + timeout_s) * STEPS_PER_S - 1e-4)
         self._watchdog_step = max(expiry, self._step + 1)
+
+    def _plan_idle_loss(self) -> None:
+        """Plan when a disabled motor without commands latches a communication loss, if ever."""
+        is_planned = self._powered and not self._fault and self._idle_loss_s > 0.0
+        wait_steps = max(round(self._idle_loss_s * STEPS_PER_S), 1)
+        self._watchdog_step = self._step + wait_steps if is_planned else _NEVER
 
     def _plan_unasked(self) -> None:
         """Plan the next report that nobody asks for, if it makes any."""
@@ -501,7 +518,8 @@ class SimulatedMotor:
 
     def _disarm(self) -> None:
         self._enabled = False
-        self._watchdog_step = self._unasked_step = self._cascade_step = _NEVER
+        self._unasked_step = self._cascade_step = _NEVER
+        self._plan_idle_loss()
         self._plant.brake()
 
     def _check_limits(self) -> None:

@@ -56,6 +56,11 @@ class SimulatorParameters:
     watchdog_s: float = 0.1
     comm_loss_s: float | None = None
 
+    # Time without a command after which a disabled motor latches the same fault; 0 is never. 0.9 s
+    # was measured (vendor's bench), and called normal there. As in an enabled one, requests for the
+    # status do not count as commands: that is the harsher assumption.
+    idle_loss_s: float = 0.0
+
     # How often the motor reports by itself while it is enabled; 0 is never. About 10 Hz was seen.
     unasked_hz: float = 0.0
 

@@ -14,7 +14,7 @@ from litegripd.io.can.bus import BusSettings
 from litegripd.io.helper.files import DATA
 from litegripd.io.meters import RecentLateness
 from litegripd.model.calibration import to_plain
-from litegripd.model.motor import UP, CanFrame
+from litegripd.model.motor import CanFrame
 from tests.world import CAN_ID, World
 
 MEASURED = {"zero_position_rad": 0.104334, "max_position_rad": -1.513123}
@@ -33,13 +33,18 @@ def verdict(
     world: World, *, helper_runs: bool = True, late_s: float = 0.0
 ) -> tuple[str, list[str]]:
     """Return the verdict of a daemon with these parts, whose latest tick was late, and why."""
+    return judged(world, helper_runs=helper_runs, late_s=late_s).verdict()
+
+
+def judged(world: World, *, helper_runs: bool = True, late_s: float = 0.0) -> DaemonFacts:
+    """Return the facts of a daemon with these parts, whose latest tick was late."""
     lateness = RecentLateness(30.0)
     lateness.add(0.0, late_s)
     reactor = SimpleNamespace(
         recent_lateness=lateness, period_s=1.0, tick_errors=0, backlog_errors=0
     )
     parts = SimpleNamespace(
-        bus=SimpleNamespace(condition=UP),
+        bus=SimpleNamespace(condition=world.condition),
         rights=SimpleNamespace(refused=[]),
         spawner=SimpleNamespace(is_running=True),
         helper=SimpleNamespace(
@@ -50,7 +55,7 @@ def verdict(
     )
     made = facts(world)
     made.attach(cast(Any, parts))
-    return made.verdict()
+    return made
 
 
 def test_whether_a_second_master_is_at_it_just_now_is_a_figure() -> None:

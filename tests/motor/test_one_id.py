@@ -70,7 +70,7 @@ def test_it_is_usable_once_its_register_is_set() -> None:
     assert client.result("motor.enable")["ok"]
 
 
-@pytest.mark.parametrize("status", [0x8, 0xD])
+@pytest.mark.parametrize("status", [0x8, 0xE])
 def test_a_fault_of_it_is_seen(status: int) -> None:
     world, _ = world_of_one_id()
     world.gripper.latch_fault(status)

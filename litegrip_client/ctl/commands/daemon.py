@@ -119,11 +119,15 @@ def health(run: Run) -> int:
     return {"ok": 0, "degraded": 1}.get(data["verdict"], 2)
 
 
+_WORDS = ("verdict", "reasons", "notes")
+
+
 def _health_text(data: Data) -> str:
-    """Return the daemon's verdict and its reasons, and then the figures."""
-    figures = {name: value for name, value in data.items() if name not in ("verdict", "reasons")}
+    """Return the daemon's verdict, its reasons and notes, and then the figures."""
+    figures = {name: value for name, value in data.items() if name not in _WORDS}
     lines = [f"verdict: {plain(data.get('verdict'))}"]
     lines += [f"- {plain(in_shell(str(reason)))}" for reason in data.get("reasons", ())]
+    lines += [f"note: {plain(in_shell(str(note)))}" for note in data.get("notes", ())]
     return "\n".join([*lines, "", _tree_text(figures)] if figures else lines)
 
 

@@ -250,7 +250,7 @@ def _rows(data: Data) -> list[tuple[str, str]]:
         ("velocity", figure(data.get("velocity_rad_s"), "+.4f", "rad/s")),
         ("torque", _torque(data)),
         ("temperature", _temperature(data)),
-        ("status", str(data.get("status"))),
+        ("status", _status(data)),
         ("calibrated", f"yes, mount {data.get('mount')}" if data.get("calibrated") else "no"),
         ("age", age(data)),
     ]
@@ -266,6 +266,19 @@ def _rows(data: Data) -> list[tuple[str, str]]:
     if data.get("stop"):
         rows.append(("stop", _stop(data["stop"])))
     return rows
+
+
+_RESTING = {
+    "communication_lost": "latched while it was not used: normal, enabling clears it",
+    "under_voltage": "its power stage has no supply: switch its 24 V on before you enable it",
+}
+"""What a disabled motor takes by itself while nobody uses it."""
+
+
+def _status(data: Data) -> str:
+    status = str(data.get("status"))
+    meaning = _RESTING.get(status) if data.get("motor") == "disabled" else None
+    return status if meaning is None else f"{status} ({meaning})"
 
 
 def age(data: Data) -> str:

@@ -20,6 +20,7 @@ from litegripd.model.motor import (
     MotorPhase,
     MotorRequest,
     MotorView,
+    status_name,
 )
 from litegripd.model.motor import SetZero as SetZeroRequest
 from litegripd.model.state import (
@@ -183,11 +184,13 @@ class ClearFault(PlainAction):
             self._had_fault = motor.fault is not None
             latched = motor.fault or motor.problem
             self._cleared = None if latched is None else _name_of(latched)
+            if motor.latched is not None:
+                self._cleared = status_name(motor.latched)
             return self._ask(now_s)
         if motor.phase is MotorPhase.DISABLED and motor.problem is not None and self._had_fault:
             self._had_fault = False
             return self._ask(now_s)
-        if motor.phase is MotorPhase.DISABLED:
+        if motor.phase is MotorPhase.DISABLED and motor.latched is None:
             return Step(outcome=motor.problem or ClearFaultResult(True, self._cleared))
         is_scanned = motor.phase is MotorPhase.UNKNOWN
         within_s = _SCAN_WITHIN_S if is_scanned else _CLEAR_WITHIN_S
@@ -234,11 +237,15 @@ class SetZero(PlainAction):
     def __init__(self) -> None:
         self._began_s: float | None = None
         self._asked_to_disable = False
+        self._asked_to_clear = False
         self._asked_s: float | None = None
         self._was_begun = False
 
     def step(self, now_s: float, motor: MotorView) -> Step:
-        """Disable the motor if it is not disabled, ask once for the zero, then watch."""
+        """Disable the motor if it is not disabled, ask once for the zero, then watch.
+
+        What the motor has latched at rest is cleared first: it may take a zero only without it.
+        """
         if self._began_s is None:
             self._began_s = now_s
         if self._asked_s is not None:
@@ -246,6 +253,11 @@ class SetZero(PlainAction):
         problem = motor.fault or motor.problem
         if problem is not None:
             return Step(outcome=problem)
+        if motor.phase is MotorPhase.DISABLED and motor.latched is not None:
+            is_asked, self._asked_to_clear = self._asked_to_clear, True
+            if not is_asked:
+                return Step(request=ClearFaultRequest())
+            return Step(outcome=motor.failure)
         if motor.phase is MotorPhase.DISABLED:
             self._asked_s = now_s
             return Step(request=SetZeroRequest())

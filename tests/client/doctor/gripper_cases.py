@@ -8,6 +8,8 @@ from tests.client.doctor.known import daemon, facts, with_daemon
 
 ZERO = "litegripctl -c can0 enable && litegripctl -c can0 zero"
 
+RESTS = {"foreign_commands": 0, "foreign_active": False, "in_use": False}
+
 GRIPPER_CASES = [
     Case("bus", facts(), "ok", "the daemon uses it, load 12%, 0 lost frames"),
     Case("bus", facts(daemon=None), None),
@@ -17,6 +19,40 @@ GRIPPER_CASES = [
         "error",
         "the daemon cannot use it (down): Network is down",
         advises="found above",
+    ),
+    Case(
+        "bus",
+        with_daemon(health_bus={"state": "bus_stalled", "error": "x"}, health_motor=RESTS),
+        "warning",
+        "nobody on it acknowledges a frame",
+        advises="24 V",
+    ),
+    Case(
+        "bus",
+        with_daemon(health_bus={"state": "adapter_gone", "error": "x"}, health_motor=RESTS),
+        "error",
+        "the daemon cannot use it (adapter_gone)",
+        advises="found above",
+    ),
+    Case(
+        "motor",
+        with_daemon(state_status="communication_lost", health_motor=RESTS),
+        "ok",
+        "disabled, last feedback 0.004 s ago: it has latched 'communication lost' while unused",
+    ),
+    Case(
+        "motor",
+        with_daemon(state_status="under_voltage", health_motor=RESTS),
+        "warning",
+        "disabled, last feedback 0.004 s ago: its power stage has no supply",
+        advises="24 V",
+    ),
+    Case(
+        "motor",
+        with_daemon(state_motor="silent", state_stale=True, state_age_s=7.25, health_motor=RESTS),
+        "warning",
+        "silent, last feedback 7.250 s ago: it does not answer, which is normal while its power",
+        advises="0x08",
     ),
     Case("motor", facts(), "ok", "disabled, last feedback 0.004 s ago"),
     Case("motor", with_daemon(health_bus__state="down"), None),
