@@ -52,7 +52,8 @@ class GripperState(StateNames):
     `command_rad` and `command_torque_nm` are the motor's command, `requested_rad` and
     `requested_torque_nm` the motion's request; `limited` says why they differ.
     `force_set_n` is the squeezing force that a hold by force aims at, None in any other and
-    when the motor is off; `is_grasped` is true if an object is held.
+    when the motor is off; `is_grasped` is true if an object is held, and
+    None if one was when the motor fell silent, which may have let go by itself.
 
     While one is, `clamp_n` is the least and the most force (N) that it may feel, for friction hides
     the difference; the least is 0 while the jaws search for an object that gave way.
@@ -89,7 +90,7 @@ class GripperState(StateNames):
     command_torque_nm: float | None
     requested_torque_nm: float | None
     force_set_n: float | None
-    is_grasped: bool
+    is_grasped: bool | None
     clamp_n: tuple[float, float] | None
     loss_detection: bool | None
     loss_detection_from_n: float | None

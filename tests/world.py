@@ -371,7 +371,7 @@ class World:
         for _ in range(round(duration_s / self.period_s)):
             self.tick()
 
-    def run_until(self, condition: Callable[[], bool], within_s: float = 20.0) -> None:
+    def run_until(self, condition: Callable[[], bool | None], within_s: float = 20.0) -> None:
         """Let time pass until a condition holds; fail when it does not within a while."""
         ends_s = self.now_s + within_s
         while not condition():

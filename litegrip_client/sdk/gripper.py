@@ -155,7 +155,7 @@ class SdkGripper(BlockingGripper):
 
     def is_grasped(self) -> bool:
         """Return True if an object is being held by force."""
-        return self._fresh().is_grasped
+        return bool(self._fresh().is_grasped)
 
     def _fresh(self) -> GripperState:
         state = self.get_state()

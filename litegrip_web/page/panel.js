@@ -209,6 +209,7 @@ export class Panel {
     if (!state.calibrated) parts.push("not calibrated");
     if (state.job) parts.push(`by ${owner(state.job.owner)}`);
     if (state.is_grasped) parts.push("something is held");
+    if (state.is_grasped === null) parts.push("something was held: whether it still is, is not known");
     if (state.limited.length) parts.push(`limited by ${state.limited.join(", ").replaceAll("_", " ")}`);
     return parts.join("; ");
   }

@@ -49,7 +49,17 @@ _FIELDS = {
 }
 """The members of an event's data by which the journal can be searched."""
 
-_WARNINGS = frozenset({"stop", "refused", "object_lost", "heat", "second_master", "implausible"})
+_WARNINGS = frozenset(
+    {
+        "stop",
+        "refused",
+        "object_lost",
+        "released_by_fault",
+        "heat",
+        "second_master",
+        "implausible",
+    }
+)
 
 
 _UNPOWERED = (

@@ -31,7 +31,7 @@ from litegripd.control.authority import (
     held_refusal,
 )
 from litegripd.control.calibration import CalibrationInUse, content_of, save_task
-from litegripd.control.events import JobBook, RegisterReads, Start
+from litegripd.control.events import RELEASES_WITHIN_S, JobBook, RegisterReads, Start
 from litegripd.control.holds import Grip, Hold, Idle, Slack
 from litegripd.control.limiter import CATCHING_GAINS, Gains, Output, bounds_of
 from litegripd.control.motions.base import Action
@@ -143,8 +143,10 @@ class Controller:
         "period_s",
         "idle",  # beside this
         "tasks",
+        "_asked_off",
         "_foretold_n",
         "_foretold_s",
+        "_held",  # a motor is handed over only while it answers
         "_is_ending",
         "_owed",
         "_ranges",
@@ -175,6 +177,9 @@ class Controller:
         self.tasks: list[HelperTask] = []
         self.must_disable = False
         self._foretold_n, self._foretold_s = 0.0, -math.inf
+        self._held: events.HeldObject | None = None
+        """What was held by force, from when the motor stopped being enabled until that is told."""
+        self._asked_off = False
         self._ranges: Ranges | None = None
         self._is_ending = False
         self._owed: OnLost | None = None
@@ -644,16 +649,24 @@ class Controller:
         if self.must_disable:
             self.must_disable = False
             self._send_nothing(now_s)
-            return MotorInput(request=DisableMotor(), register=register)
+            return self._asked(MotorInput(request=DisableMotor(), register=register))
         command, request = self._act(now_s)
         feedback = motor.feedback
         if motor.phase is not MotorPhase.ENABLED or feedback is None:
             self._send_nothing(now_s)
-            return MotorInput(request=request, register=register)
+            self._note_release(now_s, motor)
+            return self._asked(MotorInput(request=request, register=register))
         is_motion = command is not None
         command = command or self._idle_command(now_s, feedback)
         self._note_moved_object(feedback)
-        return MotorInput(self._send(now_s, command, feedback), request, is_motion, register)
+        sent = self._send(now_s, command, feedback)
+        return self._asked(MotorInput(sent, request, is_motion, register))
+
+    def _asked(self, wanted: MotorInput) -> MotorInput:
+        """Note that the motor is asked to let go: what is released then is released by wish."""
+        if isinstance(wanted.request, DisableMotor):
+            self._asked_off, self._held = True, None
+        return wanted
 
     def _act(self, now_s: float) -> tuple[MitCommand | None, MotorRequest | None]:
         """Step the running action, if the motor is still enabled."""
@@ -777,6 +790,8 @@ class Controller:
         kept squeezing.
         """
         self.events += events.motor_changed(self.motor, motor)
+        if motor.phase is not self.motor.phase:
+            self._note_held(motor.phase)
         before, self.motor = self.motor.phase, motor
         if motor.phase in _POWERED:
             self._is_powered = True
@@ -795,6 +810,27 @@ class Controller:
             self.idle.resume()
         elif not (was_silent and isinstance(self.idle, Slack)):
             self.idle = Hold(motor.feedback.position_rad, self.gains)
+
+    def _note_held(self, phase: MotorPhase) -> None:
+        """Remember what an enabled motor holds by force when it stops being enabled by itself."""
+        last, grip = self.motor.feedback, self.grip
+        if phase is MotorPhase.ENABLED:
+            self._asked_off, self._held = False, None
+        elif self.motor.phase is not MotorPhase.ENABLED or self._asked_off or last is None:
+            return
+        elif grip is not None and grip.is_holding:
+            width_mm = grip.geometry.opening_mm(last.position_rad)
+            self._held = events.HeldObject(grip.force_n, width_mm, last.at_s)
+
+    def _note_release(self, now_s: float, motor: MotorView) -> None:
+        """Report a held object that is no longer held, and end the hold of a motor that is off."""
+        held, is_silent = self._held, motor.phase is MotorPhase.SILENT
+        if held is not None and not (is_silent and now_s - held.since_s < RELEASES_WITHIN_S):
+            self.events.append(events.released_by_fault(held, motor))
+            self._held = None
+        if isinstance(self.idle, Grip) and not is_silent and motor.phase is not MotorPhase.ENABLED:
+            at = motor.feedback
+            self.idle = Slack() if at is None else Hold(at.position_rad, self.gains)
 
 
 def _defect(job: Job, error: Exception) -> Refusal:

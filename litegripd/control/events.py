@@ -16,6 +16,7 @@ from litegripd.model.calibration import Calibration, scale_warning
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import GripperId
 from litegripd.model.motor import (
+    LATEST_DISARM_S,
     UNANSWERED,
     BusCondition,
     MotorIdentity,
@@ -225,6 +226,46 @@ def object_moved(moved_mm: float, width_mm: float) -> Event:
     """Report that the jaws followed the object, and hold it again."""
     text = f"the object gave way by {moved_mm:.1f} mm and is held again, at {width_mm:.1f} mm"
     return Event("object_moved", text, {"moved_mm": moved_mm, "width_mm": width_mm})
+
+
+@dataclass(frozen=True, slots=True)
+class HeldObject:
+    """What was held by force when the motor was last known to be enabled, and when that was."""
+
+    force_n: float
+    width_mm: float
+    since_s: float
+
+
+_RESET = Refusal(
+    "not_enabled",
+    "the motor reports that it is off, which nobody here asked for: its supply failed for a moment,"
+    " or another program disabled it",
+)
+
+
+def released_by_fault(held: HeldObject, motor: MotorView) -> Event:
+    """Report that a held object has been let go, or must be taken for let go, by nobody's wish."""
+    why = motor.fault or motor.problem or _RESET
+    if motor.phase is MotorPhase.UNKNOWN:
+        why = _RESET
+    is_certain = motor.phase is not MotorPhase.SILENT
+    what = f"what was held with {held.force_n:g} N, at {held.width_mm:.1f} mm,"
+    if is_certain:
+        text = f"{what} has been let go: {why.message}"
+    else:
+        text = (
+            f"{what} must be taken for let go: the motor has not answered for"
+            f" {RELEASES_WITHIN_S:g} s, and without power or commands it lets go by itself:"
+            f" {why.message}"
+        )
+    data = {"force_n": held.force_n, "width_mm": round(held.width_mm, 2), "certain": is_certain}
+    return Event("released_by_fault", text, {**data, "reason": why.reason})
+
+
+RELEASES_WITHIN_S = LATEST_DISARM_S + 0.1
+"""A motor that gets no commands has let go by then, as far as motors were seen; later than that the
+daemon no longer takes up a hold, but disables a motor that comes back enabled."""
 
 
 def heat_changed(change: HeatChange) -> Event:

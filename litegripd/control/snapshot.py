@@ -52,9 +52,10 @@ class GripperState:
     the running motion or hold wanted in this tick, `command_rad` and `command_torque_nm` what the
     motor got, and `limited` names the limits that make the difference. `force_set_n` is the set
     force of a hold by force, None without one and when the motor is off; `is_grasped` is true if
-    such a hold has something between the jaws. Then `clamp_n` is the interval of the force on the
-    object (friction hides the exact value; the lower end is 0 while the jaws follow an object that
-    gave way), `loss_detection` is true if the loss of the object would be noticed, and
+    such a hold has something between the jaws, and None if it had when the motor fell silent,
+    which may have let go. While it is true, `clamp_n` is the interval of the force on the object
+    (friction hides the exact value; the lower end is 0 while the jaws follow an object that gave
+    way), `loss_detection` is true if the loss of the object would be noticed, and
     `loss_detection_from_n` is the smallest set force with which it would. `work_stroke_mm` is the
     opening to which `motion.open` goes, None for the open stop. `scale_doubt` says why the
     calibration's millimetres are probably wrong: "superseded" for the scale of an earlier version,
@@ -86,7 +87,7 @@ class GripperState:
     requested_torque_nm: float | None
     limited: tuple[str, ...]
     force_set_n: float | None
-    is_grasped: bool
+    is_grasped: bool | None
     clamp_n: tuple[float, float] | None
     loss_detection: bool | None
     loss_detection_from_n: float | None
@@ -116,14 +117,16 @@ _MODES: dict[MotorPhase, Mode] = {
 def snapshot(controller: Controller, now_s: float, period_s: float) -> GripperState:
     """Return the state at `now_s`; unknown values are None, and old ones are marked stale."""
     motor, bus = controller.motor, controller.bus
-    feedback, geometry = motor.feedback, controller.geometry
+    geometry = controller.geometry
     enabled = motor.phase is MotorPhase.ENABLED
     out_of_reach = motor.phase in (MotorPhase.SILENT, MotorPhase.UNKNOWN)
+    feedback = motor.feedback or (motor.last_known if out_of_reach else None)
     age_s = None if feedback is None else now_s - feedback.at_s
     stale_after_s = STALE_AFTER_PERIODS * period_s if enabled else STALE_AFTER_POLL_S
     command, requested = controller.output.command, controller.output.requested
     grip = controller.grip
     held = grip if grip is not None and grip.is_holding and enabled else None
+    may_hold = grip is not None and grip.is_holding and motor.phase is MotorPhase.SILENT
     detected_from_n = _loss_detected_from_n(held, geometry, feedback)
     keeps_force = motor.phase in (MotorPhase.ENABLED, MotorPhase.SILENT)
     return GripperState(
@@ -154,7 +157,7 @@ def snapshot(controller: Controller, now_s: float, period_s: float) -> GripperSt
         requested_torque_nm=None if requested is None else requested.torque_nm,
         limited=controller.output.limited,
         force_set_n=None if grip is None or not keeps_force else grip.force_n,
-        is_grasped=held is not None,
+        is_grasped=None if may_hold else held is not None,
         clamp_n=None if held is None else held.clamp_n,
         loss_detection=(
             None

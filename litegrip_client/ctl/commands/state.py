@@ -308,6 +308,15 @@ def _command(data: Data, name: str) -> str:
 
 
 def _squeezing(data: Data) -> str:
+    if data.get("motor") in ("silent", "unknown"):
+        held = "no object was held then, as far as was known"
+        if data.get("is_grasped") is None:
+            held = (
+                "an object was held then; whether it still is, is not known: without power or"
+                " commands the motor lets go by itself"
+            )
+        when = f"{figure(data.get('age_s'), '.1f', 's')} ago, when the motor last answered"
+        return f"was with {figure(data['force_set_n'], '.1f', 'N')} {when}; {held}"
     held = "an object is held" if data.get("is_grasped") else "no object is held"
     clamp_n = data.get("clamp_n")
     felt = ""
