@@ -13,6 +13,7 @@ from typing import Any
 from litegrip_client import atomic_file
 from litegrip_client.calibration import CALIBRATION_KEYS
 from litegrip_client.errors import CommandError, ParameterError
+from litegrip_client.protocol.text import cause, text_of
 from litegrip_client.warn import warn
 
 CALIB_VARIABLE = "LITEGRIP_CALIB"
@@ -72,14 +73,18 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
     found = _path(path)
     try:
         with found.open("rb") as file:
-            text = file.read(MAX_FILE_BYTES + 1)
-        if len(text) > MAX_FILE_BYTES:
+            raw = file.read(MAX_FILE_BYTES + 1)
+        if len(raw) > MAX_FILE_BYTES:
             raise _unreadable(path, f"it is larger than {MAX_FILE_BYTES} bytes")
-        content = json.loads(text)
+        text = text_of(raw)
     except OSError as error:
         raise _unreadable(path, error.strerror or str(error)) from error
-    except (ValueError, RecursionError) as error:  # not UTF-8 is a ValueError, too
-        raise _unreadable(path, f"it is not JSON: {error}") from error
+    except ValueError as error:
+        raise _unreadable(path, str(error)) from error
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise _unreadable(path, f"it is not JSON: {error}{cause(text)}") from error
     if not isinstance(content, dict):
         raise _unreadable(path, "it holds no JSON object")
     return content

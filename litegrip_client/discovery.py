@@ -11,6 +11,7 @@ import json
 import os
 import re
 import socket
+import stat
 import sys
 from collections.abc import Awaitable, Callable, Mapping
 
@@ -190,6 +191,9 @@ def _no_daemon(
         hint = f"see why it does not run: systemctl status litegripd@{channel}"
     elif others := [other for other in running_channels() if other != channel]:
         hint = f"there is one for {', '.join(others)}: name that; or {hint}"
+    files = [path for path, error in failures if error.errno == errno.ECONNREFUSED]
+    if files := [path for path in files if not _is_socket(path)]:
+        hint = f"move {files[0]} away, for no daemon can listen there before; then {hint}"
     denied = [path for path, error in failures if error.errno in (errno.EACCES, errno.EPERM)]
     if denied:
         group = _group_of(denied[0])
@@ -218,12 +222,24 @@ def _group_of(path: str) -> str:
 def _why(path: str, error: OSError) -> str:
     if error.errno in (errno.EACCES, errno.EPERM):
         return f"permission denied: only for the group {_group_of(path)}"
+    if error.errno == errno.ECONNREFUSED and not _is_socket(path):
+        return "not a socket, but a file or folder: nobody can listen there"
     known = {
         errno.ENOENT: "missing",
         errno.ECONNREFUSED: "refused: nobody listens",
         errno.EAGAIN: "the daemon accepts no connection in time",
     }
     return known.get(error.errno or 0, error.strerror or str(error))
+
+
+def _is_socket(path: str) -> bool:
+    """Return True for a socket; what cannot be looked at counts as one."""
+    if path.startswith("\0"):
+        return True
+    try:
+        return stat.S_ISSOCK(os.stat(path).st_mode)  # noqa: PTH116 - see _names
+    except OSError:
+        return True
 
 
 STOP_LEVELS = ("hold", "relax", "disable")

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 from litegrip_client.discovery import PORTAL_DIRECTORY, STOP_LEVELS, check_channel
 from litegrip_client.errors import ParameterError
+from litegrip_client.protocol.text import cause, hidden, text_of
 from litegrip_fleet.access import ROLES
 from litegrip_fleet.far_session import DEFAULT_TTL_S
 from litegrip_fleet.keys import BadNameError, Place, check_name
@@ -92,7 +93,7 @@ class FleetConfig:
 def load(file: str = FILE) -> FleetConfig:
     """Read a configuration; raises `FleetConfigError`."""
     try:
-        content = tomllib.loads(Path(file).read_text(encoding="utf-8"))
+        text = text_of(Path(file).read_bytes())
     except OSError as error:
         hint = ""
         if isinstance(error, FileNotFoundError) and file == FILE:
@@ -101,8 +102,14 @@ def load(file: str = FILE) -> FleetConfig:
                 " root, writes one to begin with"
             )
         raise FleetConfigError(f"{file}: {error.strerror}{hint}") from error
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except ValueError as error:
         raise FleetConfigError(f"{file}: {error}") from error
+    try:
+        content = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise FleetConfigError(f"{file}: {error}{cause(text)}") from error
+    if (sign := hidden(content)) is not None:
+        raise FleetConfigError(f"{file}: {sign}")
     try:
         return _config(file, content)
     except (BadNameError, ParameterError) as error:

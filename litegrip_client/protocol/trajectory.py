@@ -16,6 +16,7 @@ from typing import Any, BinaryIO, Literal, TypeAlias
 
 from litegrip_client.errors import TrajectoryFormatError
 from litegrip_client.protocol import strict_json
+from litegrip_client.protocol.text import cause, text_of
 
 MAGIC = b"LGRTRJ01"
 ENDING = ".lgt"
@@ -90,9 +91,10 @@ def check_length(length: int, samples: int) -> None:
     """Raise `TrajectoryFormatError` for a file whose length is not that of its samples."""
     expected = HEADER.size + samples * SAMPLE.size
     if length != expected:
+        by_text = ", as by a copy in text mode: copy it in binary mode" if length > expected else ""
         raise TrajectoryFormatError(
             f"{length} bytes, but {samples} samples make {expected}: it is cut off or"
-            " something was added"
+            f" something was added{by_text}"
         )
 
 
@@ -245,9 +247,13 @@ def parse_grips(content: bytes) -> Any:
     if len(content) > MAX_GRIP_BYTES:
         raise TrajectoryFormatError(f"{len(content)} bytes, at most {MAX_GRIP_BYTES} are allowed")
     try:
-        return strict_json.decode(content.decode())
+        text = text_of(content)
+    except ValueError as error:
+        raise TrajectoryFormatError(str(error)) from None
+    try:
+        return strict_json.decode(text)
     except (ValueError, RecursionError) as error:
-        raise TrajectoryFormatError(f"it is no JSON: {error}") from None
+        raise TrajectoryFormatError(f"it is no JSON: {error}{cause(text)}") from None
 
 
 def _grip_of(number: int, plain: object) -> TaughtGrip:

@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from litegrip_client.protocol.text import cause, hidden, text_of
 from litegripd.io.can.bus import SIMULATOR, BusSettings
 from litegripd.io.helper.files import TEMPLATES
 from litegripd.model.gripper import (
@@ -471,12 +472,17 @@ def load(channel: str, path: Path | None) -> Config:
     if path is None:
         return _build(channel, {}, None)
     try:
-        with path.open("rb") as file:
-            content = tomllib.load(file)
+        text = text_of(path.read_bytes())
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
+    except ValueError as error:
+        raise ConfigError(f"{path}: {error}") from error
+    try:
+        content = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # not only by the parser's own class
-        raise ConfigError(f"{path}: not valid TOML: {error}") from error
+        raise ConfigError(f"{path}: not valid TOML: {error}{cause(text)}") from error
+    if (sign := hidden(content)) is not None:
+        raise ConfigError(f"{path}: {sign}")
     return _build(channel, content, path)
 
 

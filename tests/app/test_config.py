@@ -190,7 +190,7 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
 def test_a_file_that_is_not_utf_8_is_named(tmp_path: Path) -> None:
     path = tmp_path / "a.toml"
     path.write_bytes(b"\xff\xfe")
-    with pytest.raises(ConfigError, match=r"a\.toml: not valid TOML"):
+    with pytest.raises(ConfigError, match=r"a\.toml: it is in UTF-16"):
         load("can0", path)
 
 

@@ -44,7 +44,7 @@ def test_a_template_is_known_by_its_path(tmp_path: Path) -> None:
     ("content", "why"),
     [
         (b"{", "not JSON"),
-        (b"\xff", "not JSON"),
+        (b"\xff", "not UTF-8"),
         (b"[1]", "holds no JSON object"),
         (b"[" * 15_000, "not JSON"),
         (b" " * 16_001, "larger than 16000 bytes"),

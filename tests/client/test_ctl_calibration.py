@@ -376,7 +376,7 @@ def test_loading_nothing_stores_nothing(daemon: FakeDaemon, ctl: Ctl) -> None:
     ("text", "why"),
     [
         (None, "No such file or directory"),
-        (b"\xff{}", "can't decode"),
+        (b"\xff{}", "is not UTF-8"),
         (b"{", "not valid JSON"),
         (b'{"kp": NaN}', "NaN is no number"),
         (b"[" * 100_000, "not valid JSON"),

@@ -82,6 +82,23 @@ def test_without_a_daemon_the_error_tells_what_was_tried_and_what_to_do(
     assert caught.value.reason == "no_daemon"
 
 
+@pytest.mark.parametrize("kind", ["file", "folder"])
+def test_where_no_socket_can_be_it_says_so_and_what_to_move(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    monkeypatch.setattr(discovery, "SYSTEM_DIRECTORY", str(tmp_path))
+    monkeypatch.setattr(discovery, "UNIT_DIRECTORIES", (str(tmp_path),))
+    blocked = tmp_path / "can3.sock"
+    blocked.mkdir() if kind == "folder" else blocked.write_text("mine")
+    for path in (None, str(blocked)):
+        with pytest.raises(ConnectError) as caught:
+            connect("can3", path)
+        why = f"{blocked}: not a socket, but a file or folder: nobody can listen there"
+        assert why in caught.value.message
+        assert "nobody listens" not in caught.value.message
+        assert caught.value.data["hint"].startswith(f"move {blocked} away")
+
+
 def test_a_socket_that_is_named_is_of_no_known_unit(monkeypatch: pytest.MonkeyPatch) -> None:
     start = (
         "start its daemon: 'litegripd CHANNEL --socket /no/such.sock', without hardware with"

@@ -1,4 +1,4 @@
-"""What was held by force and is let go by nobody's wish: an event of its own, and true sentences."""
+"""What was held and is let go by nobody's wish: an event of its own, and true sentences."""
 
 from collections.abc import Callable
 from dataclasses import asdict
@@ -171,4 +171,6 @@ def test_another_motor_that_answers_next_is_not_shown_with_the_figures_of_the_fi
     held.gripper.power_on(turns=1)
     held.run(1.0)
     assert not held.state.stale
-    assert held.state.position_rad == pytest.approx(held.gripper.motor.reported_position_rad, abs=0.01)
+    assert held.state.position_rad == pytest.approx(
+        held.gripper.motor.reported_position_rad, abs=0.01
+    )

@@ -76,8 +76,8 @@ def test_a_file_that_names_another_channel_is_passed_over(root: Path) -> None:
     [
         (b"", "not valid JSON"),
         (json.dumps(REVERSE).encode()[:-1], "not valid JSON"),
-        (bytes(200), "not valid JSON"),
-        (b"\xff\xfe", "not UTF-8"),
+        (bytes(200), "nothing but zeros"),
+        (b"\xff\xfe", "UTF-16"),
         (b"{}", "zero_position_rad is missing"),
         (json.dumps(REVERSE | {"rad_to_mm": 0}).encode(), "rad_to_mm"),
         (b" " * (MAX_FILE_BYTES + 1), "larger than"),

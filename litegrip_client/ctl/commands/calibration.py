@@ -30,6 +30,7 @@ from litegrip_client.ctl.run import (
     say,
 )
 from litegrip_client.errors import CancelledError, CommandError, LiteGripError
+from litegrip_client.protocol.text import cause, text_of
 from litegrip_client.sdk.fields import SPAN_INSET_MM
 from litegrip_client.voices import in_shell
 
@@ -409,13 +410,13 @@ def _loaded_text(data: Data, *, source: str | None) -> str:
 def _read_file(path: str) -> dict[str, Any]:
     """Read a calibration file; raises `CommandError` when it is no JSON object."""
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        text = text_of(Path(path).read_bytes())
     except (OSError, ValueError) as error:
         raise _unreadable(path, getattr(error, "strerror", None) or str(error)) from error
     try:
         content = json.loads(text, parse_constant=_no_number)
     except (ValueError, RecursionError) as error:
-        raise _unreadable(path, f"not valid JSON: {error}") from error
+        raise _unreadable(path, f"not valid JSON: {error}{cause(text)}") from error
     if not isinstance(content, dict):
         raise _unreadable(path, "not a JSON object")
     return content

@@ -14,6 +14,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from litegrip_client.protocol.text import text_of
+
 _FILE_MODE = 0o644
 _DIRECTORY_MODE = 0o755
 _TOKEN_BYTES = 8
@@ -134,9 +136,9 @@ def read(path: Path, most_bytes: int) -> str:
     if len(content) > most_bytes:
         raise FileError(f"{path}: larger than {most_bytes} bytes")
     try:
-        return content.decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise FileError(f"{path}: not UTF-8") from error
+        return text_of(content)
+    except ValueError as error:
+        raise FileError(f"{path}: {error}") from error
 
 
 def _open_at_once(path: str, flags: int) -> int:

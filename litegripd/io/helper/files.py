@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from litegrip_client.protocol.text import cause
 from litegripd.io.helper import atomic_file
 from litegripd.io.helper.atomic_file import REAL, FileError, FileSystem
 from litegripd.model.calibration import (
@@ -171,7 +172,7 @@ def _read(path: Path) -> Calibration:
     try:
         calibration = parse_calibration(text)
     except CalibrationError as error:
-        raise CalibrationError(f"{path}: {error}") from error
+        raise CalibrationError(f"{path}: {error}{cause(text)}") from error
     if len(json.dumps(calibration.content)) > MAX_FILE_BYTES:
         raise CalibrationError(f"{path}: larger than {MAX_FILE_BYTES} bytes as ASCII JSON")
     return replace(calibration, saved_s=path.stat().st_mtime)
@@ -241,7 +242,7 @@ def load_motion(parameters: Mapping[str, object]) -> dict[str, object]:
         content = json.loads(text, parse_constant=_refuse_constant)
         return {"config": _checked_motion(content, channel), "path": str(path)}
     except (ValueError, RecursionError) as error:
-        raise FileError(f"{path}: {error}; repair or remove it") from None
+        raise FileError(f"{path}: {error}{cause(text)}; repair or remove it") from None
 
 
 def save_motion(
