@@ -176,15 +176,35 @@ def finish(
     return OK if data.get("ok", True) else NOT_OK
 
 
+def jaws(state: Mapping[str, Any]) -> str:
+    """Return what the jaws do now that nothing of this program moves them."""
+    mode = state.get("mode")
+    if mode == "holding":
+        return "the jaws hold"
+    if mode == "relaxed":
+        return "the jaws are slack"
+    if mode == "moving":
+        return "another motion runs"
+    return "the motor does not answer" if mode == "offline" else "the motor is not enabled"
+
+
+def jaws_now(run: Run) -> str:
+    """Ask for the state, and return what the jaws do; or that this is not known."""
+    try:
+        return jaws(run.connection.call("state.get"))
+    except LiteGripError as error:
+        return f"what the jaws do is not known: {error.message}"
+
+
 def _report_cancelled(motion: Motion, run: Run) -> None:
     hint = ""
     if motion.cancel_error is not None:
         text = f"interrupted, but the motion could NOT be cancelled: {motion.cancel_error.message}"
         hint = "it may continue; stop it with: litegripctl stop"
     elif motion.cancelled is None:
-        text = "interrupted: no motion was running, the jaws hold"
+        text = f"interrupted: no motion was running, {jaws_now(run)}"
     elif motion.cancelled["state"] in ENDING:
-        text = f"interrupted: job {motion.cancelled['job']} cancelled, the jaws hold"
+        text = f"interrupted: job {motion.cancelled['job']} cancelled, {jaws_now(run)}"
     else:
         text = f"interrupted: job {motion.cancelled['job']} had ended, {motion.cancelled['state']}"
     run.output.error(CancelledError(text, reason="interrupted"), hint)

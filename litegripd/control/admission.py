@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from litegripd.model.calibration import SCALE_TOLERANCE, fits_stroke
-from litegripd.model.errors import Refusal
+from litegripd.model.errors import Refusal, at_least, at_most
 from litegripd.model.gripper import (
     SPAN_INSET_MM,
     SUPERSEDED_STROKE_MM,
@@ -146,7 +146,8 @@ def target_refusal(target: Target, geometry: Geometry) -> Refusal | None:
         return None
     return Refusal(
         "out_of_limits",
-        f"{target.quantity} is {target.value:g}, the calibrated travel is {low:g} to {high:g}",
+        f"{target.quantity} is {target.value:g}, the calibrated travel is {at_least(low)} to"
+        f" {at_most(high)}",
         {"field": target.quantity, "requested": target.value, "limit": [low, high]},
     )
 
@@ -156,7 +157,7 @@ def duration_refusal(duration_s: float, shortest_s: float, distance_mm: float) -
     return Refusal(
         "out_of_limits",
         f"duration_s is {duration_s:g}, for {distance_mm:.1f} mm it must be at least"
-        f" {shortest_s:.3g}",
+        f" {at_least(shortest_s, 3)}",
         {"field": "duration_s", "requested": duration_s, "limit": shortest_s},
     )
 
@@ -187,7 +188,7 @@ def force_refusal(force_n: float, geometry: Geometry, motor_type: MotorType) -> 
     return Refusal(
         "out_of_limits",
         f"force_n is {force_n:g}, with the calibration's {geometry.nm_to_n:g} N per N·m it must be"
-        f" at most {most_n:.3g}: a grip may have {motor_type.holding_nm:g} N·m",
+        f" at most {at_most(most_n, 3)}: a grip may have {motor_type.holding_nm:g} N·m",
         {"field": "force_n", "requested": force_n, "limit": most_n},
     )
 

@@ -6,8 +6,27 @@ exception names `CommandError` and `HardwareError` are the vendor SDK's.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
+from math import isfinite
 from types import MappingProxyType
 from typing import TypeAlias
+
+
+def at_most(limit: float, digits: int = 6) -> str:
+    """Return an upper limit as it is told, never rounded up: who gives what is told is accepted."""
+    return _rounded(limit, digits, ROUND_FLOOR)
+
+
+def at_least(limit: float, digits: int = 6) -> str:
+    """Return a lower limit as it is told, never rounded down."""
+    return _rounded(limit, digits, ROUND_CEILING)
+
+
+def _rounded(limit: float, digits: int, how: str) -> str:
+    if not isfinite(limit):
+        return f"{limit:g}"
+    return f"{float(Context(digits, how).create_decimal(Decimal(limit))):.{digits}g}"
+
 
 ErrorData: TypeAlias = Mapping[str, object]
 _NO_DATA: ErrorData = MappingProxyType({})

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from functools import cache
 from typing import Any
 
+from litegripd.model.errors import at_least, at_most
 from litegripd.model.gripper import DM4310, FASTEST_MM_S, MOTOR_TYPES, Geometry, MotorType
 
 
@@ -244,8 +245,8 @@ def damping_conflict(kp_nm_rad: float, kd_nm_s_rad: float, of: str = "") -> Conf
         f"{of}kd",
         kd_nm_s_rad,
         least,
-        f"{of}kd is {kd_nm_s_rad:g}, with {of}kp {kp_nm_rad:g} it must be at least {least:.3g}:"
-        " with less damping the jaws swing by themselves",
+        f"{of}kd is {kd_nm_s_rad:g}, with {of}kp {kp_nm_rad:g} it must be at least"
+        f" {at_least(least, 3)}: with less damping the jaws swing by themselves",
     )
 
 
@@ -291,7 +292,7 @@ def fast_conflict(
             f": the motor turns at no more than {motor_type.fastest_rad_s:g} rad/s, and the"
             f" calibration has {geometry.rad_to_mm:.4g} mm/rad"
         )
-    text = f"{field} is {speed_mm_s:g}, it must be at most {most_mm_s:.4g}{because}"
+    text = f"{field} is {speed_mm_s:g}, it must be at most {at_most(most_mm_s, 4)}{because}"
     return Conflict(field, speed_mm_s, most_mm_s, text)
 
 
@@ -313,7 +314,7 @@ def slow_conflict(
         field,
         speed_mm_s,
         slowest,
-        f"{field} is {speed_mm_s:g}, at least {slowest:.3g} goes with stop_lead_mm"
+        f"{field} is {speed_mm_s:g}, at least {at_least(slowest, 3)} goes with stop_lead_mm"
         f" {config.stop_lead_mm:g} and stall_delta {config.stall_delta:g} in a stall window of"
         f" {window_s:g} s: a slower motion would look like a stall",
     )

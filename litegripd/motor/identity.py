@@ -150,6 +150,12 @@ def is_usable_range(limit: float) -> bool:
     return SMALLEST_RANGE <= limit <= LARGEST_RANGE
 
 
+_CORRECT = (
+    "correct the configuration and start the daemon again; or correct the register with the maker's"
+    " tool, then motor.clear_fault reads it again"
+)
+
+
 def unsuitable(
     identity: MotorIdentity, configured_master_id: int | None, motor_type: MotorType = DM4310
 ) -> Refusal | None:
@@ -161,16 +167,16 @@ def unsuitable(
         return Refusal(
             "motor_unsuitable",
             f"the motor answers on 0x{identity.master_id:02X} (register MST_ID), but"
-            f" [motor] master_id is 0x{configured_master_id:02X}: correct one of them",
-            {"register": "MST_ID", "value": identity.master_id},
+            f" [motor] master_id is 0x{configured_master_id:02X}: {_CORRECT}",
+            {"register": "MST_ID", "value": identity.master_id, "hint": "motor.clear_fault"},
         )
     listens_to = identity.registers.get(CAN_ID.name)
     if listens_to not in (None, identity.can_id):
         return Refusal(
             "motor_unsuitable",
             f"the motor's register ESC_ID holds {listens_to}, but [motor] can_id is"
-            f" 0x{identity.can_id:02X}: correct one of them",
-            {"register": "ESC_ID", "value": listens_to},
+            f" 0x{identity.can_id:02X}: {_CORRECT}",
+            {"register": "ESC_ID", "value": listens_to, "hint": "motor.clear_fault"},
         )
     return None
 

@@ -20,7 +20,7 @@ from litegripd.control.holds import Grip, Hold, Idle
 from litegripd.control.limiter import Gains, budgeted, clamp_lead
 from litegripd.control.motions.base import PlainAction, Step
 from litegripd.control.motions.grasp import Grasp, GraspRequest
-from litegripd.model.errors import Refusal
+from litegripd.model.errors import Refusal, at_most
 from litegripd.model.gripper import Geometry, MotorType
 from litegripd.model.motion_config import MotionConfig, fastest_mm_s
 from litegripd.model.motor import Feedback, MitCommand, MotorView
@@ -139,7 +139,7 @@ def speed_refusal(
     most = most_mm_s / rate_mm_s
     text = (
         f"speed is {speed:g}, with which the fastest part of the trajectory has"
-        f" {rate_mm_s * speed:.4g} mm/s; at most {most:.3g} goes, {most_mm_s:.4g} mm/s"
+        f" {rate_mm_s * speed:.4g} mm/s; at most {at_most(most, 3)} goes, {most_mm_s:.4g} mm/s"
     )
     return Refusal("out_of_limits", text, {"field": "speed", "requested": speed, "limit": most})
 

@@ -454,3 +454,33 @@ def test_a_restart_of_another_machines_daemon_is_done_there(daemon: FakeDaemon, 
     code, _shown, told = ctl("restart")
     assert code == 2
     assert "on the gripper's machine: systemctl restart litegripd@can3" in told
+
+
+@pytest.mark.parametrize(
+    ("state", "now"),
+    [
+        ({"mode": "holding"}, "the jaws hold"),
+        ({"mode": "relaxed"}, "the jaws are slack"),
+        ({"mode": "moving"}, "another motion runs"),
+        ({"mode": "offline"}, "the motor does not answer"),
+        ({"mode": "disabled"}, "the motor is not enabled"),
+        ({"mode": "fault"}, "the motor is not enabled"),
+    ],
+)
+def test_cancel_says_what_the_jaws_do_and_no_more(
+    daemon: FakeDaemon, ctl: Ctl, state: dict[str, str], now: str
+) -> None:
+    daemon.handlers["job.cancel"] = lambda request: {"job": 4, "state": "cancelled"}
+    daemon.handlers["state.get"] = lambda request: {**STATE, **state}
+    assert ctl("cancel", "4")[1] == f"job 4 cancelled, {now}\n"
+
+
+def test_a_stop_that_reaches_nothing_says_so(daemon: FakeDaemon, ctl: Ctl) -> None:
+    silent = {**STATE, "motor": "silent", "mode": "offline", "enabled": None}
+    daemon.handlers["stop"] = lambda request: {"level": "disable", "state": silent}
+    assert (
+        "the motor does not answer, so nothing reaches it" in ctl("stop", "--level", "disable")[1]
+    )
+    daemon.handlers["stop.clear"] = lambda request: {"generation": 5, "state": silent}
+    text = "cleared: motions are allowed, once the motor is enabled (it is silent)\n"
+    assert ctl("clear")[1] == text

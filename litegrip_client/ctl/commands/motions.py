@@ -16,6 +16,7 @@ from litegrip_client.ctl.render import (
     clock_of,
     figure,
     finish,
+    jaws_now,
     opening_of,
     owner,
     plain,
@@ -410,7 +411,7 @@ def cancel(run: Run) -> int:
     """Cancel a job."""
     data = run.connection.call("job.cancel", {"job": run.options.job})
     done = data["state"] in ENDING
-    text = "cancelled, the jaws hold" if done else f"had ended already: {data['state']}"
+    text = f"cancelled, {jaws_now(run)}" if done else f"had ended already: {data['state']}"
     run.output.result(data, plain(f"job {data['job']} {text}"))
     return OK if done else NOT_OK
 

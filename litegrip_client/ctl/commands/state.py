@@ -181,14 +181,21 @@ def _params(options: Namespace) -> dict[str, str]:
 
 
 def stopped(data: Mapping[str, Any]) -> str:
-    """Return the text for a latched stop."""
-    return render.plain(f"stopped: {data['level']}, until: litegripctl clear")
+    """Return the text for a latched stop, and what it cannot reach."""
+    text = f"stopped: {data['level']}, until: litegripctl clear"
+    if (data.get("state") or {}).get("motor") in ("silent", "unknown"):
+        text += "; the motor does not answer, so nothing reaches it: to be sure, cut its power"
+    return render.plain(text)
 
 
 def clear(run: Run) -> int:
     """Clear a stop."""
     data = run.connection.run(run.connection.prepare_guarded("stop.clear", {}))
-    run.output.result(data, "cleared: motions are allowed")
+    state = data.get("state") or {}
+    text = "cleared: motions are allowed"
+    if state.get("enabled") is not True:
+        text += f", once the motor is enabled (it is {plain(state.get('motor'))})"
+    run.output.result(data, text)
     return OK
 
 

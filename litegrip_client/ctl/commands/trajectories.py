@@ -18,6 +18,7 @@ from litegrip_client.ctl.render import (
     date,
     figure,
     finish,
+    jaws_now,
     opening_of,
     plain,
     verdict,
@@ -414,7 +415,7 @@ def record(run: Run) -> int:
         data = complete(recording.run())
     except KeyboardInterrupt:
         run.output.erase_line()
-        text = "interrupted: nothing was kept, the jaws hold"
+        text = f"interrupted: nothing was kept, {jaws_now(run)}"
         run.output.error(CancelledError(text, reason="interrupted"), "")
         return INTERRUPTED
     except CommandError as error:

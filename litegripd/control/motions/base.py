@@ -174,12 +174,18 @@ class ClearFault(PlainAction):
     needs_power = False
 
     def __init__(self) -> None:
+        self._began_s: float | None = None
         self._asked_s: float | None = None
         self._cleared: str | None = None
         self._had_fault = False
 
     def step(self, now_s: float, motor: MotorView) -> Step:
-        """Ask, then watch; after a fault is gone, ask again to clear another problem."""
+        """Wait for the end of a disabling, ask, watch; after a fault clear another problem."""
+        if self._began_s is None:
+            self._began_s = now_s
+        is_disabling = motor.phase is MotorPhase.DISABLING
+        if self._asked_s is None and is_disabling and now_s - self._began_s < _DISABLE_WITHIN_S:
+            return Step()
         if self._asked_s is None:
             self._had_fault = motor.fault is not None
             latched = motor.fault or motor.problem
