@@ -37,12 +37,12 @@ SUPERSEDED_STROKE_MM = 120.0
 
 _RESTING: Mapping[str, tuple[str, str | None]] = {
     "communication_lost": (
-        "it has latched 'communication lost' while unused; that is normal, enabling clears it",
+        "'communication lost' is normal after a second without commands, and enabling clears it",
         None,
     ),
     "under_voltage": (
-        "its power stage has no supply, so it cannot be enabled",
-        "switch its 24 V on before you enable it",
+        "its power stage has, or had, no supply while it is not used",
+        "see that its 24 V are on before you enable it",
     ),
 }
 """By the status of a disabled motor: what it means, and what to do, if anything."""

@@ -297,9 +297,8 @@ class Parts:
 
 def motor_figures(machine: Machine) -> MotorFigures:
     """Return the motor's counters, and who uses it."""
-    controller = machine.controller
-    is_active = controller.second_master.is_active
-    own: MotorUse = {"foreign_active": is_active, "in_use": controller.is_missed}
+    is_active = machine.controller.second_master.is_active
+    own: MotorUse = {"foreign_active": is_active, "in_use": machine.is_missed}
     return MotorFigures({**dataclasses.asdict(machine.motor.counters), **own})
 
 

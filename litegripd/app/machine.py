@@ -91,6 +91,11 @@ class Machine:
         return self.may_be_energised is True and self.controller.bus.is_usable
 
     @property
+    def is_missed(self) -> bool:
+        """True if somebody needs the motor, or it may be energised by somebody else."""
+        return self.controller.is_missed or self.may_be_energised is True
+
+    @property
     def is_disabled(self) -> bool:
         """True if the motor has confirmed that it is not energised."""
         return self.motor.view().phase in OFF

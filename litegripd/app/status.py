@@ -265,20 +265,20 @@ class DaemonFacts:
     def _motor_complaints(self, parts: Parts) -> "_Complaints":
         """Return what keeps the motor from being used: an alarm only if somebody misses it."""
         view, controller = self._machine.motor.view(), self._machine.controller
-        found, condition = _Complaints(), parts.bus.condition
+        found, condition, is_missed = _Complaints(), parts.bus.condition, self._machine.is_missed
         refusal = condition.refusal(self._config.bus.channel)
         if refusal is not None:
-            if condition.state in UNANSWERED and not controller.is_missed:
+            if condition.state in UNANSWERED and not is_missed:
                 found.notes.append(_UNPOWERED)
-            elif controller.is_missed:
+            elif is_missed:
                 found.down.append(refusal.message)
             else:
                 found.degraded.append(refusal.message)
         elif view.fault is not None:
             found.down.append(view.fault.message)
-        elif view.phase is MotorPhase.SILENT and not controller.is_missed:
+        elif view.phase is MotorPhase.SILENT and not is_missed:
             found.notes.append(_UNPOWERED)
-        elif view.problem is STILL_READ and not controller.is_missed:
+        elif view.problem is STILL_READ and not is_missed:
             found.notes.append("the motor has been found, and its registers are being read")
         elif view.problem is not None:
             found.down.append(view.problem.message)

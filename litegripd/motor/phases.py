@@ -18,10 +18,10 @@ REMEDIES: Mapping[int, str] = {
 }
 
 RESTING: Mapping[int, str] = {
-    Status.COMMUNICATION_LOST: "the motor has latched 'communication lost' while it was not used:"
-    " that is normal, and enabling clears it",
-    Status.UNDER_VOLTAGE: "the motor's power stage has no supply while it is not used: switch its"
-    " 24 V on before you enable it",
+    Status.COMMUNICATION_LOST: "the motor has latched 'communication lost' while this daemon did"
+    " not use it: normal after a second without commands, and enabling clears it",
+    Status.UNDER_VOLTAGE: "the motor's power stage has, or had, no supply while it is not used: see"
+    " that its 24 V are on before you enable it",
 }
 """The statuses that a motor takes by itself while nobody uses it, and what they mean then: nothing
 was lost, and it is as good as disabled. Motors were seen to latch "communication lost" after 0.9 s

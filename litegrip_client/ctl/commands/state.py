@@ -276,8 +276,8 @@ def _rows(data: Data) -> list[tuple[str, str]]:
 
 
 _RESTING = {
-    "communication_lost": "latched while it was not used: normal, enabling clears it",
-    "under_voltage": "its power stage has no supply: switch its 24 V on before you enable it",
+    "communication_lost": "normal after a second without commands, enabling clears it",
+    "under_voltage": "no supply while unused: see that its 24 V are on before you enable it",
 }
 """What a disabled motor takes by itself while nobody uses it."""
 

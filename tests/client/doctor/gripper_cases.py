@@ -38,13 +38,13 @@ GRIPPER_CASES = [
         "motor",
         with_daemon(state_status="communication_lost", health_motor=RESTS),
         "ok",
-        "disabled, last feedback 0.004 s ago: it has latched 'communication lost' while unused",
+        "disabled, last feedback 0.004 s ago: 'communication lost' is normal after a second",
     ),
     Case(
         "motor",
         with_daemon(state_status="under_voltage", health_motor=RESTS),
         "warning",
-        "disabled, last feedback 0.004 s ago: its power stage has no supply",
+        "disabled, last feedback 0.004 s ago: its power stage has, or had, no supply",
         advises="24 V",
     ),
     Case(
