@@ -277,7 +277,7 @@ class DaemonFacts:
         elif view.fault is not None:
             found.down.append(view.fault.message)
         elif view.phase is MotorPhase.SILENT and not is_missed:
-            found.notes.append(_UNPOWERED)
+            found.notes += [] if condition.error else [_UNPOWERED]  # else the adapter is at fault
         elif view.problem is STILL_READ and not is_missed:
             found.notes.append("the motor has been found, and its registers are being read")
         elif view.problem is not None:
