@@ -24,10 +24,11 @@ def test_a_channel_that_does_not_exist_is_told_and_refused(tmp_path: Path) -> No
         client.until_health(lambda _health: "CAN bus: " in running.log)
         assert running.log.count("CAN bus: ") == 1
         health = client.result("health")
-        assert health["verdict"] == "down"
+        assert health["verdict"] == "degraded", "nobody uses it, and somebody must mend it"
         assert "cannot be opened" in health["reasons"][0]
         assert client.refusal("motor.enable") in ("bus_down", "motor_silent")
         assert client.refusal("motion.open") in ("bus_down", "motor_silent")
+        assert client.result("health")["verdict"] == "down", "now somebody misses it"
         assert client.result("hello")["channel"] == "nosuch0"
 
 
