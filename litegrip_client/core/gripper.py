@@ -195,6 +195,7 @@ class Gripper(GripperActions):
         told = {
             name: [in_python(str(text)) for text in figures.get(name, ())]
             for name in ("reasons", "notes")
+            if name in figures
         }
         return {**figures, **told}
 

@@ -82,7 +82,7 @@ def test_one_that_is_saved_without_grips_leaves_no_old_ones(folder: Path) -> Non
         (lgt([(0.0, 0.1), (9.0, 0.2)]), BESIDE, "another .lgt file"),
         (CONTENT, BESIDE[:-20], "no JSON"),
         (CONTENT, b"[" * 100_000, "no JSON"),
-        (CONTENT, b"\xff", "no JSON"),
+        (CONTENT, b"\xff", "not UTF-8"),
         (CONTENT, b" " * 200_000, "at most 131072"),
         (CONTENT, b"[]", "no file of grips"),
     ],

@@ -117,7 +117,7 @@ def test_a_text_is_read_within_its_bounds(tmp_path: Path) -> None:
 def test_what_is_no_text_is_an_error_that_names_the_file(tmp_path: Path) -> None:
     path = tmp_path / "file"
     path.write_bytes(b"\xff")
-    with pytest.raises(FileError, match=f"{path}: not UTF-8"):
+    with pytest.raises(FileError, match=f"{path}: byte 0xFF in line 1 is not UTF-8"):
         atomic_file.read(path, 10)
     with pytest.raises(FileError, match=f"{tmp_path}: cannot be read: Is a directory"):
         atomic_file.read(tmp_path, 10)

@@ -51,6 +51,24 @@ def test_every_name_of_the_table_is_here() -> None:
         assert hasattr(litegrip_client, name) or hasattr(LiteGrip, name), name
 
 
+# At rest
+
+
+def test_what_a_motor_latches_at_rest_is_no_error_and_enabling_clears_it(
+    site: Site, daemon: Daemon, gripper: LiteGrip
+) -> None:
+    gripper.disable()
+    daemon.gripper.latch_fault(0xD)
+    site.run(0.5)
+    state = gripper.get_state()
+    assert (state.motor, state.error_code, state.is_error) == ("disabled", 0xD, False)
+    assert gripper.enable()
+    assert (gripper.get_state().error_code, gripper.get_state().is_error) == (1, False)
+    daemon.gripper.latch_fault(0xD)
+    site.run(0.5)
+    assert gripper.get_state().is_error
+
+
 # Sharing
 
 
@@ -236,7 +254,7 @@ def test_what_a_move_presses_with_does_not_grow_with_kp(
         (lambda g: g.goto_rad(0.0, dq_target=0.5), "move_at_speed"),
         (lambda g: g.goto_rad(0.0, tau_feedforward=0.5), "set_force"),
         (lambda g: g.open(speed_mm_s=155.0), "150"),
-        (lambda g: g.open(speed_mm_s=1.5), "1.97"),
+        (lambda g: g.open(speed_mm_s=1.5), "1.98"),
     ],
 )
 def test_what_cannot_be_is_rejected_with_the_limit_and_nothing_moves(
