@@ -192,7 +192,7 @@ class Gripper(GripperActions):
         from litegrip_client.voices import in_python  # noqa: PLC0415 - see above
 
         figures = await self._session.wire.call("health")
-        told = {
+        told: dict[str, Any] = {
             name: [in_python(str(text)) for text in figures.get(name, ())]
             for name in ("reasons", "notes")
             if name in figures
