@@ -103,8 +103,46 @@ def test_reports_suffer_the_faults_of_the_wire() -> None:
     assert wire.late(5.0) == []
 
 
+def test_a_disabled_motor_without_commands_latches_a_loss_where_that_is_wanted() -> None:
+    gripper = SimulatedGripper(SimulatorParameters(idle_loss_s=0.9))
+    motor = gripper.motor
+    gripper.advance(0.0)
+    gripper.advance(0.85)
+    gripper.receive(0.85, CanFrame(0x7FF, bytes([8, 0, 0xCC, 0])))  # which is no command
+    assert motor.status == 0x0
+    gripper.advance(0.95)
+    assert motor.status == 0xD
+    gripper.receive(1.0, CanFrame(8, bytes.fromhex("FFFFFFFFFFFFFFFB")))
+    assert motor.status == 0x0
+    gripper.advance(1.85)
+    gripper.receive(1.85, CanFrame(8, DISABLE.data))
+    gripper.advance(2.7)
+    assert motor.status == 0x0
+    gripper.advance(2.8)
+    assert motor.status == 0xD
+    gripper.power_cycle()
+    assert motor.status == 0x0
+    gripper.advance(5.0)
+    assert motor.status == 0xD
+
+
+def test_a_disabled_motor_latches_nothing_unless_it_is_told_to() -> None:
+    gripper = SimulatedGripper()
+    gripper.advance(0.0)
+    gripper.advance(60.0)
+    assert gripper.motor.status == 0x0
+    gripper.set_idle_loss(0.5)
+    gripper.advance(61.0)
+    assert gripper.motor.status == 0xD
+
+
 def test_bad_figures_are_refused() -> None:
-    for bad in ({"unasked_hz": 1001.0}, {"unasked_hz": -1.0}, {"comm_loss_s": -0.1}):
+    for bad in (
+        {"unasked_hz": 1001.0},
+        {"unasked_hz": -1.0},
+        {"comm_loss_s": -0.1},
+        {"idle_loss_s": -0.1},
+    ):
         with pytest.raises(ValueError, match=next(iter(bad))):
             driver(**bad)
     gripper = SimulatedGripper()
@@ -114,4 +152,6 @@ def test_bad_figures_are_refused() -> None:
     for seconds in (-1.0, float("inf")):
         with pytest.raises(ValueError, match="finite and not negative"):
             gripper.set_comm_loss(seconds)
+        with pytest.raises(ValueError, match="finite and not negative"):
+            gripper.set_idle_loss(seconds)
     assert gripper.receive(0.0, CanFrame(8, DISABLE.data))
