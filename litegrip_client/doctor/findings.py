@@ -7,32 +7,14 @@ daemon is examined, too.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
+
+from litegrip_client.can_link import Link
+from litegrip_client.can_managers import Setting
 
 SIMULATED = ("litegrip_sim", "virtual")
 """Interfaces of python-can without an adapter."""
-
-
-@dataclass(frozen=True, slots=True)
-class Link:
-    """A network interface; None where that is not known, or where its kind has no such thing."""
-
-    name: str
-    is_can: bool
-    is_up: bool
-    kind: str | None = None
-    """As iproute2 names it: "can" for an adapter, "vcan"; None without iproute2's answer."""
-    queue_frames: int | None = None
-    bitrate: int | None = None
-    sample_point: float | None = None
-    restart_ms: int | None = None
-    state: str | None = None
-    """The controller's: ERROR-ACTIVE, ERROR-WARNING, ERROR-PASSIVE, BUS-OFF, STOPPED, ..."""
-    tx_errors: int | None = None
-    rx_errors: int | None = None
-    history: Mapping[str, int] = field(default_factory=dict)
-    """What has happened since the driver was loaded: bus_off, bus_error, error_passive, ..."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +30,8 @@ class System:
     adapter: str | None = None
     """What a USB adapter calls itself."""
     device: Device | None = None
+    settings: tuple[Setting, ...] = ()
+    """What files of this system do to the link at every plug and boot."""
 
 
 @dataclass(frozen=True, slots=True)

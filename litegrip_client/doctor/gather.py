@@ -8,7 +8,6 @@ import os
 import pwd
 import re
 import shlex
-import shutil
 import stat
 import subprocess
 import time
@@ -18,6 +17,15 @@ from typing import Any
 
 import litegrip_client
 from litegrip_client.blocking import connect
+from litegrip_client.can_link import (
+    ARPHRD_CAN,
+    IpError,
+    Link,
+    ask_ip,
+    from_files,
+    from_ip,
+)
+from litegrip_client.can_managers import settings_of
 from litegrip_client.discovery import (
     FLEET_PROGRAM,
     GROUP,
@@ -35,73 +43,11 @@ from litegrip_client.doctor.findings import (
     Device,
     Facts,
     Fleet,
-    Link,
     Socket,
     System,
     User,
 )
 from litegrip_client.errors import LiteGripError
-
-ARPHRD_CAN = 280
-"""The type of a CAN interface in /sys/class/net/<name>/type (linux/if_arp.h)."""
-
-_IFF_UP = 0x1
-
-
-def from_ip(text: str) -> Link:
-    """Read the answer of `ip -details -statistics -json link show <name>`.
-
-    Raises `ValueError` for what is no such answer: other programs named ip know no JSON.
-    """
-    links = json.loads(text)
-    if not isinstance(links, list) or len(links) != 1 or not isinstance(links[0], dict):
-        raise ValueError("not the description of one interface")
-    link = links[0]
-    info = _mapping(link, "linkinfo")
-    data, counters = _mapping(info, "info_data"), _mapping(info, "info_xstats")
-    timing, errors = _mapping(data, "bittiming"), _mapping(data, "berr_counter")
-    return Link(
-        name=str(link.get("ifname")),
-        is_can=link.get("link_type") == "can",
-        is_up="UP" in link.get("flags", ()),
-        kind=info.get("info_kind"),
-        queue_frames=_integer(link.get("txqlen")),
-        bitrate=_integer(timing.get("bitrate")),
-        sample_point=_number(timing.get("sample_point")),
-        restart_ms=_integer(data.get("restart_ms")),
-        state=data.get("state"),
-        tx_errors=_integer(errors.get("tx")),
-        rx_errors=_integer(errors.get("rx")),
-        history={name: value for name, value in counters.items() if isinstance(value, int)},
-    )
-
-
-def from_files(name: str, files: Mapping[str, str]) -> Link:
-    """Read /sys/class/net/<name>/: the contents of `type`, `flags` and `tx_queue_len`.
-
-    They have no bit rate and no error counters. Raises `ValueError` for what is no number.
-    """
-    return Link(
-        name=name,
-        is_can=int(files["type"]) == ARPHRD_CAN,
-        is_up=bool(int(files["flags"], 16) & _IFF_UP),
-        queue_frames=int(files["tx_queue_len"]),
-    )
-
-
-def _mapping(data: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    value = data.get(name)
-    return value if isinstance(value, Mapping) else {}
-
-
-def _integer(value: object) -> int | None:
-    return value if isinstance(value, int) else None
-
-
-def _number(value: object) -> float | None:
-    """Read a number that iproute2 prints as a text: "0.750"."""
-    return float(value) if isinstance(value, str | int | float) else None
-
 
 DIRECTORY = Path("/etc/litegripd")
 CHECK_WITHIN_S = 10.0
@@ -202,16 +148,10 @@ def is_remote_name(channel: str) -> bool:
 
 
 NET = Path("/sys/class/net")
-IP_WITHIN_S = 5.0
-_ADMIN_PATHS = ("/usr/sbin", "/sbin")
 _FILES = ("type", "flags", "tx_queue_len")
 
 
-class IpError(Exception):
-    """iproute2 is not there, or gave no usable answer; the message says which."""
-
-
-def system(interface: str, bus_channel: str, net: Path = NET) -> System:
+def system(interface: str, bus_channel: str, net: Path = NET, root: Path = Path("/")) -> System:
     """Ask about the bus that python-can's `interface` opens as `bus_channel`."""
     if interface in SIMULATED:
         return System()
@@ -219,7 +159,8 @@ def system(interface: str, bus_channel: str, net: Path = NET) -> System:
         return System(device=_device(bus_channel))
     link, problem = _link(bus_channel, net)
     driver, adapter = _hardware(net / bus_channel / "device")
-    return System(link, problem, _can_links(net), driver, adapter)
+    settings = tuple(settings_of(bus_channel, driver, root))
+    return System(link, problem, _can_links(net), driver, adapter, settings=settings)
 
 
 def is_can(name: str) -> bool:
@@ -258,28 +199,6 @@ def sockets(paths: list[str]) -> tuple[Socket, ...]:
                 continue
             found.append(Socket(one, os.access(one, os.W_OK), owner_uid))
     return tuple(found)
-
-
-def ask_ip(name: str) -> str | None:
-    """Return what iproute2 says of an interface, None if it does not exist. Raises `IpError`."""
-    path = os.pathsep.join([os.environ.get("PATH", os.defpath), *_ADMIN_PATHS])
-    program = shutil.which("ip", path=path)
-    if program is None:
-        raise IpError("ip (iproute2) is not installed")
-    command = [program, "-details", "-statistics", "-json", "link", "show", name]
-    environment = {**os.environ, "LC_ALL": "C"}
-    try:
-        done = subprocess.run(
-            command, env=environment, capture_output=True, timeout=IP_WITHIN_S, check=False
-        )
-    except (OSError, subprocess.TimeoutExpired) as error:
-        raise IpError(f"ip cannot be run: {error}") from error
-    if done.returncode == 0:
-        return done.stdout.decode(errors="replace")
-    complaint = done.stderr.decode(errors="replace").strip()
-    if "does not exist" in complaint:
-        return None
-    raise IpError(f"ip ended with {done.returncode}: {complaint or 'no word'}")
 
 
 def _link(name: str, net: Path) -> tuple[Link | None, str | None]:

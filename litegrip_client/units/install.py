@@ -278,7 +278,6 @@ _RUNNING = "run/systemd/units/invocation:litegripd[-@]*.service"
 _DROP_INS = "systemd/system/litegripd@*.service.d/*.conf"
 _FOREIGN = re.compile(r"^\s*User\s*=\s*(\S+)", re.MULTILINE)
 _NO_OTHER_USER = f"/run/litegripd and /var/lib/litegripd belong to {USER}: it cannot write there"
-_NETWORKD = "etc/systemd/system/*.wants/systemd-networkd.service"
 
 
 @dataclass(frozen=True, slots=True)
@@ -296,11 +295,6 @@ class Wanted:
     channels: Sequence[str] = ()
     serial: bool = False
     fleet: bool = False
-
-
-def uses_networkd(root: Path) -> bool:
-    """Return True if systemd-networkd is enabled in a system."""
-    return any(root.glob(_NETWORKD))
 
 
 def is_packaged(root: Path) -> bool:

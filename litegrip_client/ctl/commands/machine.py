@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+from litegrip_client.can_managers import uses_networkd
 from litegrip_client.ctl.parser import LateParser
 from litegrip_client.ctl.render import plain
 from litegrip_client.ctl.run import NOT_OK, OK, Commands, Run
@@ -59,6 +60,8 @@ CHECKS: tuple[Check, ...] = (
     Check("device", link_checks.device),
     Check("adapter", link_checks.adapter),
     Check("bit-rate", link_checks.bit_rate),
+    Check("modes", link_checks.modes),
+    Check("network", link_checks.network),
     Check("sample-point", link_checks.sample_point),
     Check("restart", link_checks.restart),
     Check("queue", link_checks.queue),
@@ -220,7 +223,7 @@ def _reloads(root: Path, done: Sequence[Done], *, is_rule_wanted: bool = False) 
     changed = [one.path for one in done if one.what not in ("unchanged", "kept")]
     is_network = any("/systemd/network/" in path for path in changed)
     is_rule = any("/rules.d/" in path for path in changed)
-    following = ["networkctl reload"] if is_network and install.uses_networkd(root) else []
+    following = ["networkctl reload"] if is_network and uses_networkd(root) else []
     if is_rule_wanted or is_rule or is_network:  # a .link is udev's
         following.append("udevadm control --reload")
     return following

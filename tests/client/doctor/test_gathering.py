@@ -9,8 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from litegrip_client import can_link
+from litegrip_client.can_link import Link
 from litegrip_client.doctor import gather
-from litegrip_client.doctor.findings import Configuration, Device, Link, Socket, System
+from litegrip_client.doctor.findings import Configuration, Device, Socket, System
 from tests.client.doctor.known import LINKS, link
 
 
@@ -38,7 +40,7 @@ def programs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     path = tmp_path / "bin"
     path.mkdir()
     monkeypatch.setenv("PATH", str(path))
-    monkeypatch.setattr(gather, "_ADMIN_PATHS", ())
+    monkeypatch.setattr(can_link, "_ADMIN_PATHS", ())
     return path
 
 
@@ -212,7 +214,7 @@ def test_without_iproute2_the_kernels_files_tell(
 def test_an_iproute2_that_hangs_is_not_waited_for(
     net: Path, programs: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(gather, "IP_WITHIN_S", 0.05)
+    monkeypatch.setattr(can_link, "IP_WITHIN_S", 0.05)
     ip_says(programs, "read line < /dev/zero")
     assert "cannot be run" in str(gather.system("socketcan", "can1", net).ip_problem)
 
