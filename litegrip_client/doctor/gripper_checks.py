@@ -35,6 +35,8 @@ STROKE_TOLERANCE_MM = 2.0
 """By how much calibration and configuration may differ; a template has 1 mm too much."""
 SUPERSEDED_STROKE_MM = 120.0
 
+_LOOK_AT_MOUNT = "closing may have the other direction: look at its mount first"
+
 _DAY_S = 86_400.0
 _SET = "with the maker's tool, while the daemon does not run"
 _NO_ANSWER = "switch its 24 V on and look at its plug; it is expected at 0x%02X, at 1 Mbit/s"
@@ -275,7 +277,9 @@ def position(facts: Facts) -> Finding | None:
 def calibration_channel(facts: Facts) -> Finding | None:
     """Check that the calibration is this gripper's and not another channel's."""
     source = {} if facts.daemon is None else _calibration(facts.daemon)
-    channel = source.get("channel")
+    channel, foreign = source.get("channel"), source.get("foreign")
+    if foreign:
+        return warning(str(foreign), f"{facts.ctl} enable && {facts.ctl} zero", _LOOK_AT_MOUNT)
     if facts.daemon is None or channel is None:
         return None
     # A gripper of another machine is called otherwise there.
@@ -285,7 +289,7 @@ def calibration_channel(facts: Facts) -> Finding | None:
     return warning(
         f"the calibration is for {channel}, this is {own}",
         f"{facts.ctl} enable && {facts.ctl} zero",
-        "closing may have the other direction: look at its mount first",
+        _LOOK_AT_MOUNT,
     )
 
 

@@ -14,10 +14,10 @@ from litegripd.app.config import Config
 from litegripd.app.machine import Machine
 from litegripd.control.admission import position_refusal
 from litegripd.control.calibration import CalibrationInUse
+from litegripd.control.controller import Controller
 from litegripd.io.can.bus import SIMULATOR
 from litegripd.io.log import FIELDS, JournalSink, LogHandler, goes_to_journal
 from litegripd.io.server import MAX_CONNECTIONS, MAX_CONNECTIONS_PER_UID
-from litegripd.model.calibration import scale_warning
 from litegripd.model.gripper import STROKE_MM, MotorType
 from litegripd.model.motor import MotorIdentity, MotorPhase
 from litegripd.model.state import Event
@@ -196,7 +196,7 @@ class DaemonFacts:
             if identity is None
             else warnings(identity, controller.gripper_id.motor_type),
             "calibration_file": controller.calibrated.file,
-            "calibration": _calibration(controller.calibrated),
+            "calibration": _calibration(controller),
             "motion": MotionFields(controller.config.as_fields(controller.period_s)),
             "configuration": config.as_info(),
         }
@@ -248,10 +248,7 @@ class DaemonFacts:
         elif is_usable:
             misplaced = position_refusal(self._machine.motor.view(), geometry)
             found += [] if misplaced is None else [misplaced.message]
-        calibration = controller.calibrated.calibration
-        if geometry is not None and calibration is not None:
-            doubt = scale_warning(calibration, controller.gripper_id.stroke_mm)
-            found += [] if doubt is None else [doubt]
+        found += controller.calibration_doubts()
         allowed_nm = controller.output.heat.allowance_nm
         if math.isfinite(allowed_nm):
             found.append(f"the coil is hot: holds are limited to {allowed_nm:.2f} N·m")
@@ -324,12 +321,13 @@ def _process_complaints(parts: Parts) -> list[str]:
     return found
 
 
-def _calibration(in_use: CalibrationInUse) -> CalibrationFacts:
+def _calibration(controller: Controller) -> CalibrationFacts:
     """Return the origin of the calibration; `saved_s` is the file's date, in Unix time."""
-    calibration = in_use.calibration
+    calibration = controller.calibrated.calibration
     return {
-        "file": in_use.file,
+        "file": controller.calibrated.file,
         "nominal": calibration is not None and calibration.nominal,
         "channel": None if calibration is None else calibration.channel,
         "saved_s": None if calibration is None else calibration.saved_s,
+        "foreign": controller.foreign_doubt,
     }

@@ -120,12 +120,16 @@ class Hello(TypedDict):
 
 
 class CalibrationFacts(TypedDict):
-    """Where the calibration came from; `saved_s` is the file's date, in Unix time."""
+    """Where the calibration came from; `saved_s` is the file's date, in Unix time.
+
+    `foreign` says why it is probably another gripper's, None if it bears no such mark.
+    """
 
     file: str | None
     nominal: bool
     channel: str | None
     saved_s: float | None
+    foreign: str | None
 
 
 class BusFacts(TypedDict):

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, TypeAlias, TypedDict
 
-from litegripd.control.admission import ENDING
+from litegripd.control.admission import ENDING, position_refusal
 from litegripd.control.calibration import content_of
 from litegripd.control.controller import Controller
 from litegripd.control.requests import CalibrationRequests
@@ -46,8 +46,9 @@ Authority: TypeAlias = Callable[[], "Refusal | None"]
 class CalibrationView(TypedDict):
     """The calibration in use; `content` is that of its file, empty where there is none.
 
-    `scale_warning` says why its millimetres are probably wrong, and what corrects them; `problem`
-    why none is in use.
+    `warnings` say why it is probably wrong, and what corrects that: its scale, marks of another
+    gripper, a position at which no jaw can be. `scale_warning` is the one on its millimetres, None
+    without one. `problem` is why none is in use.
     """
 
     calibrated: bool
@@ -62,6 +63,7 @@ class CalibrationView(TypedDict):
     kd: float
     file: str | None
     scale_warning: str | None
+    warnings: list[str]
     problem: str | None
     content: Mapping[str, object]
 
@@ -177,11 +179,21 @@ class SettingsMethods:
             "scale_warning": None
             if calibration is None
             else scale_warning(calibration, controller.gripper_id.stroke_mm),
+            "warnings": self._warnings(),
             "problem": in_use.problem.message if in_use.geometry is None else None,
             "content": {}
             if calibration is None
             else content_of(calibration, controller.gripper_id, in_use.gains, controller.motor),
         }
+
+    def _warnings(self) -> list[str]:
+        """Return what is doubtful about the calibration in use, for whoever loads it."""
+        controller, found = self._controller, self._controller.calibration_doubts()
+        geometry, motor = controller.geometry, controller.motor
+        if geometry is not None and motor.feedback is not None:
+            misplaced = position_refusal(motor, geometry)
+            found += [] if misplaced is None else [misplaced.message]
+        return found
 
     @Method(
         "calibration.templates", "Tell the templates of the mounts.", "The templates.", Templates

@@ -281,6 +281,14 @@ GRIPPER_CASES = [
     Case("channel", with_daemon(info_calibration__channel=None), None),
     Case(
         "channel",
+        with_daemon(info_calibration__foreign="the calibration is probably another gripper's: x"),
+        "warning",
+        "the calibration is probably another gripper's: x",
+        ZERO,
+        "look at its mount",
+    ),
+    Case(
+        "channel",
         facts(
             channel="lab.left",
             daemon=daemon(hello_channel="lab.left", hello_remote={"channel": "can0"}),

@@ -48,6 +48,7 @@ INFO: dict[str, Any] = {
         "nominal": False,
         "channel": "can0",
         "saved_s": NOW_S - 3.2 * 86_400,
+        "foreign": None,
     },
     "configuration": {
         "bus": {"interface": "socketcan", "channel": "can0", "bitrate": 1_000_000},
