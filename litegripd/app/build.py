@@ -231,6 +231,7 @@ class Parts:
     def figures(self, uptime_s: float, machine: Machine) -> Figures:
         """Return all figures, by room."""
         reactor, counters, pump = self.reactor, self.bus.counters, self.bus.lateness
+        reach = None if self.links.status is None else self.links.status.reach
         return {
             "uptime_s": round(uptime_s, 3),
             "control": {
@@ -287,6 +288,8 @@ class Parts:
                 "deaths": self.links.deaths,
                 "link": None if self.links.status is None else self.links.status.state,
                 "open_to_network": self.links.is_open_to_network,
+                "reach": None if reach is None else reach.state,
+                "unreached": None if reach is None else reach.problem(time.monotonic()),
             },
             "log": {
                 "dropped": self.log.dropped + self.helper.log_lines_lost,

@@ -21,7 +21,7 @@ from litegripd.model.state import (
     Progress,
     Result,
 )
-from litegripd.model.teleop import LinkState
+from litegripd.model.teleop import LinkState, ReachState
 from litegripd.rpc.jsonrpc import (
     ErrorObject,
     RequestId,
@@ -279,13 +279,19 @@ class HelperFigures(TypedDict):
 
 
 class LinkFigures(TypedDict):
-    """The process of the teleoperation's link."""
+    """The process of the teleoperation's link.
+
+    `reach` is how far a slave over zenoh has come to its leader, and `unreached` what is in the
+    way, and for how long.
+    """
 
     pid: int | None
     is_running: bool
     deaths: int
     link: LinkState | None
     open_to_network: bool | None
+    reach: ReachState | None
+    unreached: str | None
 
 
 class LogFigures(TypedDict):

@@ -85,6 +85,7 @@ CHECKS: tuple[Check, ...] = (
     Check("stroke", gripper_checks.stroke),
     Check("position", gripper_checks.position),
     Check("channel", gripper_checks.calibration_channel),
+    Check("teleop", daemon_checks.teleop),
     Check("health", daemon_checks.health),
 )
 

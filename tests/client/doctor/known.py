@@ -65,6 +65,7 @@ HEALTH: dict[str, Any] = {
     "control": {"fifo_priority": 50, "memory_locked": True},
     "bus": {"state": "up", "error": None, "load": 0.123, "send_failures": 0},
     "motor": {"foreign_commands": 0, "foreign_active": False},
+    "teleop": {"link": None, "reach": None, "unreached": None},
 }
 STATE: dict[str, Any] = {
     "motor": "disabled",
