@@ -203,6 +203,13 @@ def _no_daemon(facts: Facts) -> Finding:
             _systemctl("restart", facts),
             f"{f'look first: {status}; ' if status else ''}without systemd: end it, start it again",
         )
+    if facts.others:
+        return error(
+            f"no channel was named, and {facts.channel} is none of this machine; there are:"
+            f" {', '.join(facts.others)}",
+            f"litegripctl -c {facts.others[0]} doctor",
+            f"or for all commands of this shell: export LITEGRIP_CHANNEL={facts.others[0]}",
+        )
     if not facts.is_channel_known:
         advice = f"start its daemon: litegripd CHANNEL --socket {facts.socket}"
         return error(failure, advice=f"{advice}; without hardware: with --simulate")

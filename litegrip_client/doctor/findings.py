@@ -129,6 +129,8 @@ class Facts:
     """True if systemd has a unit for daemons at all."""
     socket: str | None = None
     """For a shell, the socket that alone was named, and where nobody answers."""
+    others: tuple[str, ...] = ()
+    """The channels of this machine, where none was named and the usual one is not among them."""
     hung_pid: int | None = None
     """Who listens but does not answer, 0 where that is not known; None where nobody listens."""
     configuration: Configuration | None = None
@@ -143,8 +145,8 @@ class Facts:
 
     @property
     def is_channel_known(self) -> bool:
-        """True unless a socket alone was named, and nobody answers there."""
-        return self.socket is None
+        """True unless a socket alone was named where nobody answers, or one has to be chosen."""
+        return self.socket is None and not self.others
 
     @property
     def unit(self) -> str | None:

@@ -29,10 +29,12 @@ from litegrip_client.can_managers import settings_of
 from litegrip_client.discovery import (
     FLEET_PROGRAM,
     GROUP,
+    enabled_channels,
     is_enabled,
     is_socket_given,
     is_unit_installed,
     program_of,
+    running_channels,
     socket_paths,
 )
 from litegrip_client.doctor import fleet_checks
@@ -136,6 +138,17 @@ def fleet_check(file: str) -> Fleet:
     except ValueError:
         last = done.stderr.decode(errors="replace").strip().rpartition("\n")[2] or "no word"
         return Fleet(file, problem=f"{FLEET_PROGRAM} check ended with {done.returncode}: {last}")
+
+
+def other_channels(usual: str) -> tuple[str, ...]:
+    """Return the channels that this machine has in place of the usual one, as `state` names them.
+
+    None where the usual one has a configuration, an interface or a unit that is enabled: then it
+    may be meant.
+    """
+    has_own = os.path.isfile(DIRECTORY / f"{usual}.toml") or is_can(usual)  # noqa: PTH113
+    found = [name for name in dict.fromkeys([*running_channels(), *enabled_channels()])]
+    return () if has_own or usual in found else tuple(found)
 
 
 def is_remote_name(channel: str) -> bool:
@@ -269,7 +282,12 @@ def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
     daemon, failure, hung_pid = _daemon(channel, socket)
     paths = socket_paths(channel, socket) if daemon is None else [daemon.path]
     asked = channel if channel_chosen and socket is None else None
-    is_channel_known = daemon is not None or channel_chosen or not is_socket_given(socket)
+    others: tuple[str, ...] = ()
+    if daemon is None and not channel_chosen and not is_socket_given(socket):
+        others = other_channels(channel)
+    is_channel_known = not others and (
+        daemon is not None or channel_chosen or not is_socket_given(socket)
+    )
     file = None
     configuration: Mapping[str, Any] = {}
     is_remote = is_channel_known and is_remote_name(channel)
@@ -302,7 +320,8 @@ def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
         asked_channel=asked,
         is_unit_enabled=not is_socket_given(socket) and is_enabled(channel),
         is_unit_installed=is_unit_installed(),
-        socket=None if is_channel_known else shlex.quote(paths[0]),
+        socket=None if is_channel_known or others else shlex.quote(paths[0]),
+        others=others,
         hung_pid=hung_pid,
         configuration=file,
         interface=interface,

@@ -300,6 +300,14 @@ DAEMON_CASES = [
         LIMITS,
         "CAP_SYS_NICE",
     ),
+    Case(
+        "daemon",
+        facts(daemon=None, failure="no daemon", others=("left", "right")),
+        "error",
+        "no channel was named, and can0 is none of this machine; there are: left, right",
+        "litegripctl -c left doctor",
+        "export LITEGRIP_CHANNEL=left",
+    ),
     Case("teleop", facts(), None),
     Case("teleop", facts(daemon=None), None),
     *(

@@ -134,6 +134,32 @@ def test_a_socket_without_a_daemon_is_of_no_known_channel(
     assert "sudo systemctl start litegripd@can3" in capsys.readouterr().out
 
 
+def test_on_a_robot_with_stable_names_those_are_named_and_not_can0(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    machine: dict[str, Any],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delenv("LITEGRIPD_SOCKET", raising=False)
+    monkeypatch.delenv("LITEGRIP_CHANNEL", raising=False)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setattr("litegrip_client.discovery.SYSTEM_DIRECTORY", str(tmp_path / "run"))
+    monkeypatch.setattr("litegrip_client.discovery.ENABLED_DIRECTORY", str(tmp_path / "wants"))
+    for path in ("run/left.sock", "run/left.stop.sock", "wants/litegripd@right.service"):
+        (tmp_path / path).parent.mkdir(exist_ok=True)
+        (tmp_path / path).touch()
+    assert main(["doctor"]) == 1
+    out = capsys.readouterr().out
+    assert "there are: left, right\n         litegripctl -c left doctor\n" in out
+    assert "litegripd@can0" not in out
+    assert "bus" not in machine
+    assert main(["-c", "can0", "doctor"]) == 1  # who names it means it
+    assert "litegripd@can0" in capsys.readouterr().out
+    machine["links"] = ["can0"]
+    assert main(["doctor"]) == 1
+    assert "litegripd@can0" in capsys.readouterr().out
+
+
 def test_a_daemon_that_hangs_is_to_be_restarted(
     well: FakeDaemon,
     ctl: Ctl,
