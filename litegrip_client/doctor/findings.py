@@ -44,6 +44,10 @@ class Device:
     is_accessible: bool = False
     """True if this user may read and write it."""
     group: str | None = None
+    is_left_alone: bool = False
+    """True if a rule of udev keeps ModemManager off it."""
+    probers: tuple[str, ...] = ()
+    """The programs of this machine that open serial ports which they do not know."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -147,7 +147,7 @@ def other_channels(usual: str) -> tuple[str, ...]:
     may be meant.
     """
     has_own = os.path.isfile(DIRECTORY / f"{usual}.toml") or is_can(usual)  # noqa: PTH113
-    found = [name for name in dict.fromkeys([*running_channels(), *enabled_channels()])]
+    found = list(dict.fromkeys([*running_channels(), *enabled_channels()]))
     return () if has_own or usual in found else tuple(found)
 
 
@@ -169,7 +169,7 @@ def system(interface: str, bus_channel: str, net: Path = NET, root: Path = Path(
     if interface in SIMULATED:
         return System()
     if interface != "socketcan":
-        return System(device=_device(bus_channel))
+        return System(device=_device(bus_channel, root))
     link, problem = _link(bus_channel, net)
     driver, adapter = _hardware(net / bus_channel / "device")
     settings = tuple(settings_of(bus_channel, driver, root))
@@ -254,7 +254,7 @@ def _hardware(device: Path) -> tuple[str | None, str | None]:
         return driver, None
 
 
-def _device(bus_channel: str) -> Device | None:
+def _device(bus_channel: str, root: Path) -> Device | None:
     """Look at the adapter's file; python-can takes a bit rate behind it: /dev/ttyACM0@115200."""
     path = bus_channel.partition("@")[0]
     if not path.startswith("/"):
@@ -268,7 +268,36 @@ def _device(bus_channel: str) -> Device | None:
     except KeyError:
         group = None
     accessible = os.access(path, os.R_OK | os.W_OK)
-    return Device(path, True, stat.S_ISCHR(status.st_mode), accessible, group)
+    is_device = stat.S_ISCHR(status.st_mode)
+    number = f"c{os.major(status.st_rdev)}:{os.minor(status.st_rdev)}"
+    return Device(
+        path,
+        True,
+        is_device,
+        accessible,
+        group,
+        is_left_alone=is_device and _IGNORED in _udev_properties(root, number),
+        probers=tuple(name for name, files in _PROBERS.items() if _is_any(root, files)),
+    )
+
+
+_IGNORED = "E:ID_MM_DEVICE_IGNORE=1"
+_PROBERS = {
+    "ModemManager": ("usr/sbin/ModemManager", "sbin/ModemManager"),
+    "brltty": ("usr/bin/brltty", "bin/brltty", "usr/sbin/brltty"),
+}
+
+
+def _is_any(root: Path, files: tuple[str, ...]) -> bool:
+    return any((root / file).exists() for file in files)
+
+
+def _udev_properties(root: Path, number: str) -> list[str]:
+    """Return udev's notes on a device, as it keeps them for everybody to read."""
+    try:
+        return (root / "run/udev/data" / number).read_text(errors="replace").splitlines()
+    except OSError:
+        return []
 
 
 ANSWER_WITHIN_S = 5.0

@@ -256,6 +256,26 @@ def device(facts: Facts) -> Finding | None:
     )
 
 
+def serial(facts: Facts) -> Finding | None:
+    """Check that nobody else opens the adapter's port, which would take bytes from the daemon."""
+    found = facts.system.device
+    if found is None or not found.is_character_device:
+        return None
+    if not found.probers:
+        return ok("no program of this machine opens ports which it does not know")
+    if found.is_left_alone:
+        return ok(f"a rule keeps {' and '.join(found.probers)} off {found.path}")
+    return warning(
+        f"{' and '.join(found.probers)}, installed here, may open {found.path}: commands of others"
+        " reach the adapter then, and its answers not the daemon",
+        "sudo litegripctl install-units --serial && sudo udevadm control --reload"
+        " && sudo udevadm trigger --subsystem-match=tty",
+        "then plug the adapter in again; if this line stays, its chip is none that the rule knows:"
+        " the file 91-litegrip-serial.rules says how to add it; brltty that nobody needs:"
+        " sudo apt remove brltty",
+    )
+
+
 def _bus_figures(facts: Facts) -> Mapping[str, Any]:
     return {} if facts.daemon is None else facts.daemon.health.get("bus", {})
 

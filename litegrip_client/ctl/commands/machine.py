@@ -58,6 +58,7 @@ CHECKS: tuple[Check, ...] = (
     Check("iproute2", link_checks.tool),
     Check("link", link_checks.link),
     Check("device", link_checks.device),
+    Check("serial", link_checks.serial),
     Check("adapter", link_checks.adapter),
     Check("bit-rate", link_checks.bit_rate),
     Check("modes", link_checks.modes),
@@ -184,6 +185,8 @@ def install_units(run: Run) -> int:
 def _after_installation(root: Path, done: Sequence[Done], channels: Sequence[str]) -> list[str]:
     following = ["systemd-sysusers", "systemctl daemon-reload"]
     following += _reloads(root, done, is_rule_wanted=bool(channels))
+    if any(one.path.endswith(install.SERIAL_RULES) and one.what != "unchanged" for one in done):
+        following.append("udevadm trigger --subsystem-match=tty")
     following += [
         f"udevadm trigger --action=add --subsystem-match=net --sysname-match={channel}"
         for channel in channels

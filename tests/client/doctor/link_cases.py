@@ -158,6 +158,24 @@ LINK_CASES = [
     Case(
         "device", serial(CLOSED, health_bus__state="motor_silent"), "ok", "is there and accessible"
     ),
+    Case("serial", facts(), None),
+    Case("serial", serial(SERIAL), "ok", "no program of this machine"),
+    Case("serial", serial(Device("/dev/ttyACM0", True)), None),
+    Case(
+        "serial",
+        serial(replace(SERIAL, probers=("ModemManager",), is_left_alone=True)),
+        "ok",
+        "a rule keeps ModemManager off /dev/ttyACM0",
+    ),
+    Case(
+        "serial",
+        serial(replace(SERIAL, probers=("ModemManager", "brltty"))),
+        "warning",
+        "ModemManager and brltty, installed here, may open /dev/ttyACM0",
+        "sudo litegripctl install-units --serial && sudo udevadm control --reload"
+        " && sudo udevadm trigger --subsystem-match=tty",
+        "91-litegrip-serial.rules says how to add it",
+    ),
     Case("adapter", facts(), "ok", "driver peak_usb, PCAN-USB"),
     Case("adapter", gs_usb("healthy"), "ok", "driver gs_usb, candleLight USB to CAN adapter"),
     Case("adapter", facts(system=system(adapter=None)), "ok", "driver peak_usb"),

@@ -248,6 +248,33 @@ def test_the_file_of_an_adapter(tmp_path: Path) -> None:
     assert gather.system("pcan", "PCAN_USBBUS1").device is None
 
 
+def test_who_else_may_open_a_port_and_whether_a_rule_keeps_them_off(tmp_path: Path) -> None:
+    controller, terminal = os.openpty()
+    try:
+        path = os.ttyname(terminal)
+
+        def found() -> tuple[tuple[str, ...], bool]:
+            device = gather.system("slcan", path, root=tmp_path).device
+            assert device is not None
+            return device.probers, device.is_left_alone
+
+        assert found() == ((), False)
+        (tmp_path / "usr/sbin").mkdir(parents=True)
+        (tmp_path / "usr/sbin/ModemManager").touch()
+        assert found() == (("ModemManager",), False)
+        number = os.stat(path).st_rdev  # noqa: PTH116 - a path of the terminal
+        notes = tmp_path / "run/udev/data"
+        notes.mkdir(parents=True)
+        noted = notes / f"c{os.major(number)}:{os.minor(number)}"
+        noted.write_text("S:serial/by-id/x\nE:ID_MM_CANDIDATE=1\n", encoding="utf-8")
+        assert found() == (("ModemManager",), False)
+        noted.write_text("E:ID_MM_CANDIDATE=1\nE:ID_MM_DEVICE_IGNORE=1\n", encoding="utf-8")
+        assert found() == (("ModemManager",), True)
+    finally:
+        os.close(controller)
+        os.close(terminal)
+
+
 def test_the_user_and_a_group() -> None:
     import grp  # noqa: PLC0415 - beside its use
     import pwd  # noqa: PLC0415
