@@ -218,7 +218,7 @@ class DaemonFacts:
         """Return what makes the gripper unusable, and what only degrades it."""
         view = self._machine.motor.view()
         down: list[str] = []
-        refusal = parts.bus.condition.refusal(self._config.bus.channel)
+        refusal = parts.condition.refusal(self._config.bus.channel)
         if refusal is not None:
             down.append(refusal.message)
         elif view.phase in (MotorPhase.SILENT, MotorPhase.FAULT) or view.problem is not None:
@@ -228,9 +228,9 @@ class DaemonFacts:
         if other.is_active and not other.is_tolerated:
             down.append(f"another program commands the motor ({other.count} frames so far)")
         degraded = self._gripper_complaints(is_usable=not down)
-        doubt = parts.bus.condition.error
-        if not down and doubt is not None:
-            degraded.append(f"the bus: {doubt}")
+        doubt = parts.condition.error
+        if refusal is None and doubt is not None:  # the nearer suspect, where the motor is silent
+            (down or degraded).insert(0, f"the bus: {doubt}")
         degraded += self._teleop_complaints(parts)
         return down, degraded + _process_complaints(parts)
 

@@ -214,12 +214,14 @@ class ControlFigures(TypedDict):
 class BusFigures(TypedDict):
     """The figures of the bus.
 
+    `bitrate` (bit/s) is the network interface's, null where it has none or it is not known.
     `pump_late_us`: the longest that a frame has lately waited for the process that drives the
     adapter while the adapter was free; null for an adapter without such a process.
     """
 
     state: BusState
     error: str | None
+    bitrate: int | None
     load: float
     sent: int
     received: int

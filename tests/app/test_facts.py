@@ -39,7 +39,7 @@ def verdict(
         recent_lateness=lateness, period_s=1.0, tick_errors=0, backlog_errors=0
     )
     parts = SimpleNamespace(
-        bus=SimpleNamespace(condition=UP),
+        condition=UP,
         rights=SimpleNamespace(refused=[]),
         spawner=SimpleNamespace(is_running=True),
         helper=SimpleNamespace(

@@ -210,6 +210,7 @@ def test_an_upgrade_renews_what_earlier_calls_installed(tmp_path: Path) -> None:
     assert [path.read_text() for path in (rule, drop_in)] == contents
 
 
+@pytest.mark.usefixtures("usable")
 def test_with_serial_ports_others_are_kept_off_them_by_a_rule_behind_theirs(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
