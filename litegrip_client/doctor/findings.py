@@ -7,7 +7,7 @@ daemon is examined, too.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
 from litegrip_client.can_link import Link
@@ -111,6 +111,18 @@ class Fleet:
 
 
 @dataclass(frozen=True, slots=True)
+class Scan:
+    """What has answered when the daemon asked the ids `asked`, or `problem`, why it did not ask.
+
+    `found` has the answering motors' ids, and the ids on which they answer.
+    """
+
+    asked: tuple[int, ...] = ()
+    found: Mapping[int, int] = field(default_factory=dict)
+    problem: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Facts:
     """All that is known; `daemon` None where none answers, `failure` then says why.
 
@@ -146,6 +158,8 @@ class Facts:
     """True if the gripper is another machine's: its link and its unit are not here."""
     fleet: Fleet | None = None
     """This machine's parts of a fleet, where it has any."""
+    scan: Scan | None = None
+    """Which motors are on the bus, where that was asked for."""
 
     @property
     def is_channel_known(self) -> bool:

@@ -45,6 +45,7 @@ from litegrip_client.doctor.findings import (
     Device,
     Facts,
     Fleet,
+    Scan,
     Socket,
     System,
     User,
@@ -359,6 +360,20 @@ def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
         is_remote=is_remote,
         fleet=fleet_check(str(fleet_file)) if is_in_fleet else None,
     )
+
+
+def scan(facts: Facts) -> Scan:
+    """Have the daemon ask other ids for a motor."""
+    if facts.daemon is None:
+        return Scan(problem="no daemon answers, which would ask")
+    try:
+        with connect(facts.channel, facts.daemon.path, ANSWER_WITHIN_S) as connection:
+            connection.greet("litegripctl doctor")
+            told = connection.call("motor.scan")
+    except LiteGripError as error:
+        return Scan(problem=error.message)
+    found = {int(row["can_id"]): int(row["master_id"]) for row in told["found"]}
+    return Scan(tuple(told["asked"]), found)
 
 
 def _daemon(channel: str, socket: str | None) -> tuple[Daemon | None, str | None, int | None]:

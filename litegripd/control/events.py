@@ -174,13 +174,16 @@ class RegisterReads:
         self._row: deque[_RegisterRead] = deque()
         self._last = 0
 
-    def add(self, number: int, on_reply: OnReply) -> Refusal | None:
-        """Add a register to the queue; `on_reply` is called once, in a tick."""
+    def add(self, number: int, on_reply: OnReply, sought_id: int | None = None) -> Refusal | None:
+        """Add a register to the queue; `on_reply` is called once, in a tick.
+
+        With `sought_id` another id than the motor's own is asked.
+        """
         if len(self._row) >= MOST_WAITING:
             text = f"{MOST_WAITING} registers are waiting to be read already: try again"
             return Refusal("too_many_requests", text, {"limit": MOST_WAITING})
         self._last += 1
-        self._row.append(_RegisterRead(RegisterRequest(self._last, number), on_reply))
+        self._row.append(_RegisterRead(RegisterRequest(self._last, number, sought_id), on_reply))
         return None
 
     def step(self, reply: RegisterReply | None) -> RegisterRequest | None:

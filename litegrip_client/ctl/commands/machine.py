@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from argparse import ArgumentTypeError
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 from litegrip_client.can_managers import uses_networkd
@@ -14,7 +14,7 @@ from litegrip_client.ctl.render import plain
 from litegrip_client.ctl.run import NOT_OK, OK, Commands, Run
 from litegrip_client.doctor import daemon_checks, fleet_checks, gripper_checks, link_checks
 from litegrip_client.doctor.findings import Check, Finding, as_data, examine
-from litegrip_client.doctor.gather import gather
+from litegrip_client.doctor.gather import gather, scan
 from litegrip_client.units import install
 from litegrip_client.units.install import Done, Wanted
 from litegrip_client.voices import in_shell
@@ -76,6 +76,7 @@ CHECKS: tuple[Check, ...] = (
     Check("real-time", daemon_checks.real_time),
     Check("bus", gripper_checks.bus),
     Check("motor", gripper_checks.motor),
+    Check("scan", gripper_checks.scan),
     Check("other-master", gripper_checks.other_master),
     Check("control-mode", gripper_checks.control_mode),
     Check("can-br", gripper_checks.bit_rate_code),
@@ -91,10 +92,21 @@ CHECKS: tuple[Check, ...] = (
 )
 
 
+def doctor_options(parser: LateParser) -> None:
+    """Add the arguments of `doctor`."""
+    parser.add_argument(
+        "--scan",
+        action="store_true",
+        help="also have the ids 1 to 16 asked for a motor; refused while it is enabled",
+    )
+
+
 def doctor(run: Run) -> int:
     """Show what was found; the exit code shows if there is an error."""
     options = run.options
     facts = gather(options.channel, options.socket, channel_chosen=options.channel_chosen)
+    if options.scan:
+        facts = replace(facts, scan=scan(facts))
     findings = [*examine(facts, CHECKS), *fleet_checks.of_fleet(facts)]
     data = as_data(facts.channel if facts.is_channel_known else None, findings)
     run.output.result(data, findings_text(findings))
@@ -272,7 +284,7 @@ def completion(run: Run) -> int:
 
 
 COMMANDS: Commands = {
-    "doctor": (doctor, None),
+    "doctor": (doctor, doctor_options),
     "install-units": (install_units, install_units_options),
     "completion": (completion, completion_options),
 }

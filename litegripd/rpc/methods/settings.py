@@ -18,9 +18,10 @@ from litegripd.model.calibration import (
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import STROKE_RANGE_MM, Mount
 from litegripd.model.motion_config import ranges_of
-from litegripd.model.motor import RegisterReply
+from litegripd.model.motor import RegisterReply, Status
 from litegripd.model.state import HelperTask, Owner, SetZeroResult, TaskResult, ZeroResult
-from litegripd.motor.codec import REGISTERS, Register
+from litegripd.motor.codec import IN_USE, MASTER_ID, REGISTERS, Register
+from litegripd.motor.phases import SILENT
 from litegripd.rpc.method import (
     AT_ONCE,
     CONFIG,
@@ -121,6 +122,24 @@ class FrameInterval(TypedDict):
     """The daemon's period, which the SDK has among the fields of its configuration."""
 
     frame_interval: float
+
+
+SOUGHT_IDS = range(0x01, 0x11)
+"""The maker's tool offers more; a gripper whose id was changed has a small one."""
+
+
+class FoundMotor(TypedDict):
+    """A motor that has answered: the id of its commands, and the one on which it answers."""
+
+    can_id: int
+    master_id: int
+
+
+class Scanned(TypedDict):
+    """The ids that were asked, and the motors that have answered."""
+
+    asked: list[int]
+    found: list[FoundMotor]
 
 
 class ConfigView(TypedDict):
@@ -409,6 +428,45 @@ class SettingsMethods:
             deferred.resolve(reply.failure or named)
 
         return self._controller.register_reads.add(register.number, replied) or deferred
+
+    @Method(
+        "motor.scan",
+        f"Ask the ids {SOUGHT_IDS[0]} to {SOUGHT_IDS[-1]} for their MST_ID, and tell which answer:"
+        " for a motor that is not found at its configured id. Refused while the motor is enabled.",
+        "The ids that were asked, and the motors that have answered.",
+        Scanned,
+        role="operator",
+        waits=True,
+    )
+    def _scan(self, _call: Call) -> Answer:
+        controller, deferred, found = self._controller, Deferred(), list[FoundMotor]()
+        refusal = controller.bus.refusal(controller.gripper_id.bus_channel)
+        if refusal is not None:
+            return refusal
+        last = controller.motor.feedback
+        if last is not None and last.status == Status.ENABLED:
+            return IN_USE
+        left = iter(SOUGHT_IDS)
+
+        def ask() -> Refusal | None:
+            sought_id = next(left, None)
+            if sought_id is None:
+                deferred.resolve(Scanned(asked=list(SOUGHT_IDS), found=found))
+                return None
+
+            def replied(reply: RegisterReply) -> None:
+                if reply.value is not None:
+                    found.append(FoundMotor(can_id=sought_id, master_id=int(reply.value)))
+                elif reply.failure is not None and reply.failure.reason != SILENT.reason:
+                    deferred.resolve(reply.failure)
+                    return
+                refusal = ask()
+                if refusal is not None:
+                    deferred.resolve(refusal)
+
+            return controller.register_reads.add(MASTER_ID.number, replied, sought_id)
+
+        return ask() or deferred
 
     @Method(
         "motor.set_zero",

@@ -79,6 +79,24 @@ def test_what_is_not_well_is_told_and_ends_with_1(well: FakeDaemon, ctl: Ctl) ->
     assert out.endswith("\n1 error, 1 warning\n")
 
 
+def test_a_scan_is_asked_for_and_never_by_itself(well: FakeDaemon, ctl: Ctl) -> None:
+    found = {"asked": list(range(1, 17)), "found": [{"can_id": 9, "master_id": 25}]}
+    well.handlers["motor.scan"] = lambda request: found
+    assert "scan" not in levels(ctl("doctor", "--json")[1])
+    assert "motor.scan" not in well.methods()
+    code, out, _ = ctl("doctor", "--scan")
+    assert code == 1
+    assert "nothing answers at 0x08, but motors do at: 0x09 (answers on 0x19)\n" in out
+    assert "(first set [motor] can_id = 0x09 in /etc/litegripd/can0.toml)" in out
+    well.handlers["motor.scan"] = lambda request: request.fail("busy", -32020, "it is enabled")
+    assert "no id was asked: it is enabled\n" in ctl("doctor", "--scan")[1]
+
+
+def test_without_a_daemon_no_id_is_asked(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["-c", "nodaemon7", "doctor", "--scan"]) == 1
+    assert "no id was asked: no daemon answers" in capsys.readouterr().out
+
+
 def test_warnings_alone_end_with_0(well: FakeDaemon, ctl: Ctl, machine: dict[str, Any]) -> None:
     machine["system"] = System(link("long_queue"), None, ("can0",), "peak_usb")
     code, out, _ = ctl("doctor")
