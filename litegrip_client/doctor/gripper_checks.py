@@ -112,8 +112,8 @@ def scan(facts: Facts) -> Finding | None:
         f"no motor answers at {span}",
         advice="switch its 24 V on and look at its plug. A motor that is set to 5 Mbit/s (CAN FD)"
         " or another bit rate cannot be found over this bus at 1 Mbit/s: connect it by itself to"
-        f" the maker's tool, at its serial port, and set register 35 (can_br) to {CAN_BR_1_MBIT_S}, and"
-        " register 8 (ESC_ID) to what [motor] can_id says",
+        f" the maker's tool, at its serial port, and set register 35 (can_br) to {CAN_BR_1_MBIT_S},"
+        " and register 8 (ESC_ID) to what [motor] can_id says",
     )
 
 
