@@ -177,8 +177,8 @@ def teleop(facts: Facts) -> Finding | None:
     return error(
         f"{reach}: {why or 'the leader is not reached yet'}",
         f"{facts.ctl} teleop status",
-        "on the leader's machine 'litegripctl teleop status' says if it leads, and at which port;"
-        " both ends need the same port, and a firewall must let it through",
+        "the same command on the leader's machine says if it leads, and at which port; both ends"
+        " need the same port, and a firewall must let it through",
     )
 
 

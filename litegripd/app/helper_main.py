@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
 
-from litegrip_client.can_link import ask_ip, from_ip
+from litegrip_client.can_link import ask_kernel
 from litegrip_client.can_managers import settings_of
 from litegripd.io.helper.child import (
     CHILD_FD,
@@ -75,10 +75,12 @@ def dump_recorder(parameters: Parameters) -> Dumped:
 def look_at_link(parameters: Parameters) -> dict[str, object]:
     """Read a CAN interface's bit rate and modes, and who sets wrong ones: `link.look`.
 
-    Raises `IpError` or `ValueError` where iproute2 does not describe it.
+    Raises `OSError` where the kernel does not describe it.
     """
     name = str(parameters["channel"])
-    link = from_ip(ask_ip(name) or "")
+    link = ask_kernel(name)
+    if link is None:
+        raise OSError(f"there is no network interface {name}")
     return {
         "bitrate": link.bitrate if link.kind == "can" else None,
         "modes": {mode.lower(): why for mode, why in link.bad_modes.items()},

@@ -301,7 +301,7 @@ READABLE = frozenset({Phase.DISABLED, Phase.ENABLED, Phase.FAULT})
 
 IN_USE = Refusal(
     "busy",
-    "the motor is, or may be, enabled: other ids are asked while it is off: motor.disable first",
+    "the motor is, or may be, enabled: other ids are asked only while it is off: disable it first",
 )
 UNPOWERED = frozenset({Phase.LOOKING, Phase.DISABLED, Phase.FAULT})
 """The phases in which other ids may be asked: nothing depends on the bus then."""

@@ -1,11 +1,12 @@
 """A wrong bit rate, or a mode in which no motor answers, is read at each link-up and named."""
 
-import json
 import logging
-from pathlib import Path
+import struct
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from litegrip_client import can_link
 from litegripd.app import helper_main
@@ -13,7 +14,6 @@ from litegripd.app.build import LinkWatch
 from litegripd.io.can.bus import BusSettings
 from litegripd.model.motor import UP, BusCondition
 from litegripd.model.state import TaskResult
-from tests.client.doctor.known import LINKS
 from tests.world import World
 
 DOWN = BusCondition("link_down", "the link is down")
@@ -98,26 +98,36 @@ def test_an_adapter_that_is_no_network_interface_has_none(interface: str) -> Non
     assert watch(interface).step(UP) is None
 
 
-@pytest.mark.parametrize(
-    ("name", "bitrate"), [("wrong_bitrate", 500_000), ("healthy", 1_000_000), ("vcan", None)]
-)
-def test_the_helper_reads_what_iproute2_says(
-    name: str, bitrate: int | None, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    answer = (LINKS / f"{name}.json").read_text(encoding="utf-8")
-    monkeypatch.setattr(helper_main, "ask_ip", lambda _name: answer)
-    found = helper_main.look_at_link({"channel": "can0"})
-    assert json.loads(json.dumps(found))["bitrate"] == bitrate
-    assert found["modes"] == {}
+def test_the_helper_asks_the_kernel() -> None:
+    assert helper_main.OPERATIONS["link.look"]({"channel": "lo"}) == {**RIGHT, "bitrate": None}
+    with pytest.raises(OSError, match="no network interface nothere9"):
+        helper_main.OPERATIONS["link.look"]({"channel": "nothere9"})
 
 
-def test_the_helper_answers_with_the_reason_where_iproute2_is_missing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.setattr(can_link, "_ADMIN_PATHS", ())
-    with pytest.raises(can_link.IpError, match="not installed"):
-        helper_main.OPERATIONS["link.look"]({"channel": "can0"})
+def attribute(kind: int, value: bytes) -> bytes:
+    return struct.pack("=HH", 4 + len(value), kind) + value + bytes(-len(value) % 4)
+
+
+@pytest.mark.parametrize(("bits", "modes"), [(0, ()), (0x2, ("LISTEN-ONLY",)),
+    (0x31, ("LOOPBACK", "BERR-REPORTING", "FD"))])  # fmt: skip
+def test_what_the_kernel_answers_is_read(bits: int, modes: tuple[str, ...]) -> None:
+    data = attribute(1, struct.pack("=8I", 500_000, *range(7)))
+    data += attribute(5, struct.pack("=II", 0xFFFF, bits))
+    info = attribute(1, b"can\0") + attribute(2, data)
+    body = struct.pack("=BxHiII", 0, 280, 3, 1, 0)
+    body += attribute(3, b"can0\0") + attribute(18 | 0x8000, info)
+    message = struct.pack("=IHHII", 16 + len(body), 16, 0, 1, 0) + body
+    assert can_link.from_netlink(message) == can_link.Link(
+        "can0", is_can=True, is_up=True, kind="can", bitrate=500_000, modes=modes
+    )
+    for end in range(len(message)):
+        can_link.from_netlink(message[:end])
+
+
+@given(st.binary(max_size=200))
+def test_whatever_comes_in_its_place_is_read_without_an_error(data: bytes) -> None:
+    can_link.from_netlink(data)
+    can_link.from_netlink(struct.pack("=IHHII", 0, 16, 0, 1, 0) + data)
 
 
 def test_a_silent_motor_on_a_slow_link_is_not_told_as_a_fault_of_the_cable() -> None:

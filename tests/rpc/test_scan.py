@@ -69,7 +69,7 @@ def test_while_the_motor_is_enabled_no_other_id_is_asked() -> None:
     client = world.enabled()
     before = len(world.sent)
     error = client.call("motor.scan")["error"]
-    assert (error["data"]["reason"], "motor.disable first" in error["message"]) == ("busy", True)
+    assert (error["data"]["reason"], "disable it first" in error["message"]) == ("busy", True)
     assert all(one.frame.can_id != 0x7FF or one.frame.data[0] == 8 for one in world.sent[before:])
     client.result("motor.disable")
     assert client.result("motor.scan")["found"]

@@ -325,7 +325,7 @@ DAEMON_CASES = [
         "error",
         "connecting: b:1 has refused the connection (for 9 s)",
         "litegripctl -c can0 teleop status",
-        "both ends need the same port",
+        "need the same port",
     ),
     Case("health", facts(), "ok", "verdict on itself is ok"),
     Case("health", facts(daemon=None), None),
