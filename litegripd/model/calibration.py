@@ -341,7 +341,7 @@ def foreign_warning(
     if file_master and master_id and file_master != master_id:
         marks.append(f"mst_id 0x{file_master:02X}, and this motor answers on 0x{master_id:02X}")
     if told.get("canfd_mode") is True:
-        marks.append("canfd_mode, and this motor is driven by classic CAN")
+        marks.append("canfd_mode (CAN FD), and this motor is driven by classic CAN")
     file_type = told.get("motor_type")
     if isinstance(file_type, str) and file_type not in ("", motor_type) and not calibration.nominal:
         marks.append(f"motor_type {reprlib.repr(file_type)}, and this motor is a {motor_type}")

@@ -303,7 +303,9 @@ def test_limits_are_judged_by_what_the_motor_itself_reports_at_most() -> None:
 FOREIGN = [
     pytest.param({"can_id": 7}, "can_id 0x07, and this motor is 0x08", id="can_id"),
     pytest.param({"mst_id": 0x12}, "mst_id 0x12, and this motor answers on 0x18", id="mst_id"),
-    pytest.param({"canfd_mode": True}, "canfd_mode, and this motor is driven by", id="canfd_mode"),
+    pytest.param(
+        {"canfd_mode": True}, "canfd_mode (CAN FD), and this motor is driven by", id="canfd_mode"
+    ),
     pytest.param({"motor_type": "DM4340"}, "'DM4340', and this motor is a DM4310", id="motor_type"),
     pytest.param({"channel": "can7"}, "channel 'can7', and this is can0", id="channel"),
 ]
