@@ -91,6 +91,11 @@ TELEOP: Mapping[str, tuple[str, str]] = {
     "link_state": (_LINK, "of this end alone: open does not say that somebody is there"),
     "link_error": (_LINK, "why it failed; it is tried again every second"),
     "link_protected": (_LINK, "false: whoever reaches it can take part; null: not open"),
+    "link_reach": (
+        _LINK,
+        "a slave over zenoh: resolving (its leader's name), connecting, connected, frames",
+    ),
+    "link_unreached": (_LINK, "why its leader is not reached, and for how long; null: no reason"),
     "matching": (_LINK, "a master over zenoh: whether anybody listens; null: nobody can know"),
     "frames": (_OWN, "sent by a master, followed by a slave"),
     "last_frame_age_ms": (_OWN, "since the newest of them was sent, or came"),

@@ -121,6 +121,13 @@ def is_enabled(channel: str) -> bool:
     return os.path.lexists(f"{ENABLED_DIRECTORY}/litegripd@{channel}.service")
 
 
+def enabled_channels() -> list[str]:
+    """Return the channels whose daemons systemd starts."""
+    ends = ("litegripd@", ".service")
+    names = [name for name in _names(ENABLED_DIRECTORY) if name.startswith(ends[0])]
+    return sorted(name.removeprefix(ends[0]).removesuffix(ends[1]) for name in names)
+
+
 def is_unit_installed() -> bool:
     """Return True if systemd has the daemons' unit; without it, it can start none."""
     paths = [f"{directory}/litegripd@.service" for directory in UNIT_DIRECTORIES]

@@ -99,6 +99,7 @@ ROWS: tuple[Row, ...] = (
     ),
     _counter("bus.errors", "bus_errors", "Errors of sending and receiving."),
     _counter("bus.reopened", "bus_reopened", "How often the bus was opened again."),
+    Row("bus.bitrate", "bus_bitrate", "gauge", "Bit rate of the network interface, bit/s."),
     Row(
         "bus.pump_late_us",
         "bus_pump_late_seconds",

@@ -31,6 +31,7 @@ CALLS: Mapping[str, tuple[str, str]] = {
     "motor.disable": ("gripper.disable()", "litegripctl disable"),
     "motor.clear_fault": ("gripper.clear_fault()", "litegripctl clear-fault"),
     "motor.read_register": ("gripper.read_param()", "litegripctl register"),
+    "motor.scan": ("in a shell: litegripctl doctor --scan", "litegripctl doctor --scan"),
     "motor.set_zero": ("gripper.set_zero()", ""),
     "motion.open": ("gripper.open()", "litegripctl open"),
     "motion.close": ("gripper.close()", "litegripctl close"),

@@ -87,7 +87,13 @@ class FixedFacts:
             "registers": {},
             "motor_warnings": [],
             "calibration_file": None,
-            "calibration": {"file": None, "nominal": False, "channel": None, "saved_s": None},
+            "calibration": {
+                "file": None,
+                "nominal": False,
+                "channel": None,
+                "saved_s": None,
+                "foreign": None,
+            },
             "motion": MotionFields(MotionConfig().as_fields(PERIOD_S)),
             "configuration": {
                 "file": None,

@@ -781,7 +781,7 @@ class GripperActions:
         from litegrip_client.core import calibrations  # noqa: PLC0415
 
         view = await self._command("calibration.rescale", self._stroke(stroke_mm))
-        calibrations.warn_of_scale(view)
+        calibrations.warn_of_doubts(view)
         return CalibrationData.from_content(view["content"])
 
     async def zero(

@@ -57,16 +57,22 @@ async def use(command: Command, data: CalibrationData) -> bool:
 
 async def _load(command: Command, params: dict[str, Any]) -> bool:
     answer = await command("calibration.load", params, ACTION_TIMEOUT_S)
-    warn_of_scale(answer)
+    warn_of_doubts(answer)
     return answer["loaded"] is True
 
 
-def warn_of_scale(view: Mapping[str, Any]) -> None:
-    """Log why the millimetres of a calibration are probably wrong, if they are."""
-    if view.get("scale_warning"):
+def warn_of_doubts(view: Mapping[str, Any]) -> None:
+    """Log each reason why a calibration is probably wrong."""
+    for doubt in warnings_in(view):
         from litegrip_client.voices import in_python  # noqa: PLC0415 - seldom needed
 
-        warn(in_python(str(view["scale_warning"])))
+        warn(in_python(doubt))
+
+
+def warnings_in(view: Mapping[str, Any]) -> list[str]:
+    """Return why a calibration is probably wrong; an older daemon knows the scale alone."""
+    found = view.get("warnings", [view.get("scale_warning")])
+    return [str(warning) for warning in found if warning]
 
 
 async def _load_found(session: DaemonSession, command: Command) -> bool:
@@ -77,7 +83,7 @@ async def _load_found(session: DaemonSession, command: Command) -> bool:
             return True
         raise
     if answer["loaded"] is True and answer["factory"] is not True:
-        warn_of_scale(answer)
+        warn_of_doubts(answer)
         return True
     for reason in answer["skipped"]:
         warn(f"the daemon passed over: {reason}")

@@ -403,6 +403,7 @@ complete -c litegripctl -n '_shtab_litegripctl_using doctor' -s h -l help -d 'sh
 complete -c litegripctl -n '_shtab_litegripctl_using doctor' -s c -l channel -xka "(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)" -d 'the daemon'"'"'s channel (default: $LITEGRIP_CHANNEL, else can0)'
 complete -c litegripctl -n '_shtab_litegripctl_using doctor' -l socket -xka "(__fish_complete_path (commandline -ct))" -d 'the daemon'"'"'s socket'
 complete -c litegripctl -n '_shtab_litegripctl_using doctor' -l json -d 'print results and errors as JSON'
+complete -c litegripctl -n '_shtab_litegripctl_using doctor' -l scan -d 'also have the ids 1 to 16 asked for a motor; refused while it is enabled'
 complete -c litegripctl -n '_shtab_litegripctl_using; and test $_shtab_litegripctl_npos -eq 0' -a health -d 'show how the daemon is; the exit code is the verdict'
 complete -c litegripctl -n '_shtab_litegripctl_using health' -s h -l help -d 'show this help message and exit'
 complete -c litegripctl -n '_shtab_litegripctl_using health' -s c -l channel -xka "(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)" -d 'the daemon'"'"'s channel (default: $LITEGRIP_CHANNEL, else can0)'

@@ -328,6 +328,7 @@ _shtab_litegripctl_doctor_options=(
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
   "--json[print results and errors as JSON]"
+  "--scan[also have the ids 1 to 16 asked for a motor\; refused while it is enabled]"
 )
 
 # guard to ensure default positional specs are added only once per session

@@ -166,6 +166,22 @@ def health(facts: Facts) -> Finding | None:
     return found(f"{verdict}: {reasons}", f"{facts.ctl} health")
 
 
+def teleop(facts: Facts) -> Finding | None:
+    """Check that a follower reaches its leader; None where nobody is followed."""
+    figures = {} if facts.daemon is None else facts.daemon.health.get("teleop", {})
+    reach, why = figures.get("reach"), figures.get("unreached")
+    if reach is None:
+        return None
+    if reach in ("connected", "frames"):
+        return ok("the leader is reached")
+    return error(
+        f"{reach}: {why or 'the leader is not reached yet'}",
+        f"{facts.ctl} teleop status",
+        "the same command on the leader's machine says if it leads, and at which port; both ends"
+        " need the same port, and a firewall must let it through",
+    )
+
+
 def _no_daemon(facts: Facts) -> Finding:
     """Return why no daemon answers, as far as known, and how to start one."""
     status = None if facts.unit is None else f"systemctl status {facts.unit}"
@@ -186,6 +202,13 @@ def _no_daemon(facts: Facts) -> Finding:
             f"{who} listens, but {failure}",
             _systemctl("restart", facts),
             f"{f'look first: {status}; ' if status else ''}without systemd: end it, start it again",
+        )
+    if facts.others:
+        return error(
+            f"no channel was named, and {facts.channel} is none of this machine; there are:"
+            f" {', '.join(facts.others)}",
+            f"litegripctl -c {facts.others[0]} doctor",
+            f"or for all commands of this shell: export LITEGRIP_CHANNEL={facts.others[0]}",
         )
     if not facts.is_channel_known:
         advice = f"start its daemon: litegripd CHANNEL --socket {facts.socket}"

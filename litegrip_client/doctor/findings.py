@@ -10,29 +10,11 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
+from litegrip_client.can_link import Link
+from litegrip_client.can_managers import Setting
+
 SIMULATED = ("litegrip_sim", "virtual")
 """Interfaces of python-can without an adapter."""
-
-
-@dataclass(frozen=True, slots=True)
-class Link:
-    """A network interface; None where that is not known, or where its kind has no such thing."""
-
-    name: str
-    is_can: bool
-    is_up: bool
-    kind: str | None = None
-    """As iproute2 names it: "can" for an adapter, "vcan"; None without iproute2's answer."""
-    queue_frames: int | None = None
-    bitrate: int | None = None
-    sample_point: float | None = None
-    restart_ms: int | None = None
-    state: str | None = None
-    """The controller's: ERROR-ACTIVE, ERROR-WARNING, ERROR-PASSIVE, BUS-OFF, STOPPED, ..."""
-    tx_errors: int | None = None
-    rx_errors: int | None = None
-    history: Mapping[str, int] = field(default_factory=dict)
-    """What has happened since the driver was loaded: bus_off, bus_error, error_passive, ..."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +30,8 @@ class System:
     adapter: str | None = None
     """What a USB adapter calls itself."""
     device: Device | None = None
+    settings: tuple[Setting, ...] = ()
+    """What files of this system do to the link at every plug and boot."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +44,10 @@ class Device:
     is_accessible: bool = False
     """True if this user may read and write it."""
     group: str | None = None
+    is_left_alone: bool = False
+    """True if a rule of udev keeps ModemManager off it."""
+    probers: tuple[str, ...] = ()
+    """The programs of this machine that open serial ports which they do not know."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +111,18 @@ class Fleet:
 
 
 @dataclass(frozen=True, slots=True)
+class Scan:
+    """What has answered when the daemon asked the ids `asked`, or `problem`, why it did not ask.
+
+    `found` has the answering motors' ids, and the ids on which they answer.
+    """
+
+    asked: tuple[int, ...] = ()
+    found: Mapping[int, int] = field(default_factory=dict)
+    problem: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Facts:
     """All that is known; `daemon` None where none answers, `failure` then says why.
 
@@ -145,6 +145,8 @@ class Facts:
     """True if systemd has a unit for daemons at all."""
     socket: str | None = None
     """For a shell, the socket that alone was named, and where nobody answers."""
+    others: tuple[str, ...] = ()
+    """The channels of this machine, where none was named and the usual one is not among them."""
     hung_pid: int | None = None
     """Who listens but does not answer, 0 where that is not known; None where nobody listens."""
     configuration: Configuration | None = None
@@ -156,11 +158,13 @@ class Facts:
     """True if the gripper is another machine's: its link and its unit are not here."""
     fleet: Fleet | None = None
     """This machine's parts of a fleet, where it has any."""
+    scan: Scan | None = None
+    """Which motors are on the bus, where that was asked for."""
 
     @property
     def is_channel_known(self) -> bool:
-        """True unless a socket alone was named, and nobody answers there."""
-        return self.socket is None
+        """True unless a socket alone was named where nobody answers, or one has to be chosen."""
+        return self.socket is None and not self.others
 
     @property
     def unit(self) -> str | None:

@@ -8,7 +8,6 @@ import os
 import pwd
 import re
 import shlex
-import shutil
 import stat
 import subprocess
 import time
@@ -18,13 +17,24 @@ from typing import Any
 
 import litegrip_client
 from litegrip_client.blocking import connect
+from litegrip_client.can_link import (
+    ARPHRD_CAN,
+    IpError,
+    Link,
+    ask_ip,
+    from_files,
+    from_ip,
+)
+from litegrip_client.can_managers import settings_of
 from litegrip_client.discovery import (
     FLEET_PROGRAM,
     GROUP,
+    enabled_channels,
     is_enabled,
     is_socket_given,
     is_unit_installed,
     program_of,
+    running_channels,
     socket_paths,
 )
 from litegrip_client.doctor import fleet_checks
@@ -35,73 +45,12 @@ from litegrip_client.doctor.findings import (
     Device,
     Facts,
     Fleet,
-    Link,
+    Scan,
     Socket,
     System,
     User,
 )
 from litegrip_client.errors import LiteGripError
-
-ARPHRD_CAN = 280
-"""The type of a CAN interface in /sys/class/net/<name>/type (linux/if_arp.h)."""
-
-_IFF_UP = 0x1
-
-
-def from_ip(text: str) -> Link:
-    """Read the answer of `ip -details -statistics -json link show <name>`.
-
-    Raises `ValueError` for what is no such answer: other programs named ip know no JSON.
-    """
-    links = json.loads(text)
-    if not isinstance(links, list) or len(links) != 1 or not isinstance(links[0], dict):
-        raise ValueError("not the description of one interface")
-    link = links[0]
-    info = _mapping(link, "linkinfo")
-    data, counters = _mapping(info, "info_data"), _mapping(info, "info_xstats")
-    timing, errors = _mapping(data, "bittiming"), _mapping(data, "berr_counter")
-    return Link(
-        name=str(link.get("ifname")),
-        is_can=link.get("link_type") == "can",
-        is_up="UP" in link.get("flags", ()),
-        kind=info.get("info_kind"),
-        queue_frames=_integer(link.get("txqlen")),
-        bitrate=_integer(timing.get("bitrate")),
-        sample_point=_number(timing.get("sample_point")),
-        restart_ms=_integer(data.get("restart_ms")),
-        state=data.get("state"),
-        tx_errors=_integer(errors.get("tx")),
-        rx_errors=_integer(errors.get("rx")),
-        history={name: value for name, value in counters.items() if isinstance(value, int)},
-    )
-
-
-def from_files(name: str, files: Mapping[str, str]) -> Link:
-    """Read /sys/class/net/<name>/: the contents of `type`, `flags` and `tx_queue_len`.
-
-    They have no bit rate and no error counters. Raises `ValueError` for what is no number.
-    """
-    return Link(
-        name=name,
-        is_can=int(files["type"]) == ARPHRD_CAN,
-        is_up=bool(int(files["flags"], 16) & _IFF_UP),
-        queue_frames=int(files["tx_queue_len"]),
-    )
-
-
-def _mapping(data: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    value = data.get(name)
-    return value if isinstance(value, Mapping) else {}
-
-
-def _integer(value: object) -> int | None:
-    return value if isinstance(value, int) else None
-
-
-def _number(value: object) -> float | None:
-    """Read a number that iproute2 prints as a text: "0.750"."""
-    return float(value) if isinstance(value, str | int | float) else None
-
 
 DIRECTORY = Path("/etc/litegripd")
 CHECK_WITHIN_S = 10.0
@@ -192,6 +141,17 @@ def fleet_check(file: str) -> Fleet:
         return Fleet(file, problem=f"{FLEET_PROGRAM} check ended with {done.returncode}: {last}")
 
 
+def other_channels(usual: str) -> tuple[str, ...]:
+    """Return the channels that this machine has in place of the usual one, as `state` names them.
+
+    None where the usual one has a configuration, an interface or a unit that is enabled: then it
+    may be meant.
+    """
+    has_own = os.path.isfile(DIRECTORY / f"{usual}.toml") or is_can(usual)  # noqa: PTH113
+    found = list(dict.fromkeys([*running_channels(), *enabled_channels()]))
+    return () if has_own or usual in found else tuple(found)
+
+
 def is_remote_name(channel: str) -> bool:
     """Return True if a channel that does not answer is called like a gripper of another machine.
 
@@ -202,24 +162,19 @@ def is_remote_name(channel: str) -> bool:
 
 
 NET = Path("/sys/class/net")
-IP_WITHIN_S = 5.0
-_ADMIN_PATHS = ("/usr/sbin", "/sbin")
 _FILES = ("type", "flags", "tx_queue_len")
 
 
-class IpError(Exception):
-    """iproute2 is not there, or gave no usable answer; the message says which."""
-
-
-def system(interface: str, bus_channel: str, net: Path = NET) -> System:
+def system(interface: str, bus_channel: str, net: Path = NET, root: Path = Path("/")) -> System:
     """Ask about the bus that python-can's `interface` opens as `bus_channel`."""
     if interface in SIMULATED:
         return System()
     if interface != "socketcan":
-        return System(device=_device(bus_channel))
+        return System(device=_device(bus_channel, root))
     link, problem = _link(bus_channel, net)
     driver, adapter = _hardware(net / bus_channel / "device")
-    return System(link, problem, _can_links(net), driver, adapter)
+    settings = tuple(settings_of(bus_channel, driver, root))
+    return System(link, problem, _can_links(net), driver, adapter, settings=settings)
 
 
 def is_can(name: str) -> bool:
@@ -258,28 +213,6 @@ def sockets(paths: list[str]) -> tuple[Socket, ...]:
                 continue
             found.append(Socket(one, os.access(one, os.W_OK), owner_uid))
     return tuple(found)
-
-
-def ask_ip(name: str) -> str | None:
-    """Return what iproute2 says of an interface, None if it does not exist. Raises `IpError`."""
-    path = os.pathsep.join([os.environ.get("PATH", os.defpath), *_ADMIN_PATHS])
-    program = shutil.which("ip", path=path)
-    if program is None:
-        raise IpError("ip (iproute2) is not installed")
-    command = [program, "-details", "-statistics", "-json", "link", "show", name]
-    environment = {**os.environ, "LC_ALL": "C"}
-    try:
-        done = subprocess.run(
-            command, env=environment, capture_output=True, timeout=IP_WITHIN_S, check=False
-        )
-    except (OSError, subprocess.TimeoutExpired) as error:
-        raise IpError(f"ip cannot be run: {error}") from error
-    if done.returncode == 0:
-        return done.stdout.decode(errors="replace")
-    complaint = done.stderr.decode(errors="replace").strip()
-    if "does not exist" in complaint:
-        return None
-    raise IpError(f"ip ended with {done.returncode}: {complaint or 'no word'}")
 
 
 def _link(name: str, net: Path) -> tuple[Link | None, str | None]:
@@ -322,7 +255,7 @@ def _hardware(device: Path) -> tuple[str | None, str | None]:
         return driver, None
 
 
-def _device(bus_channel: str) -> Device | None:
+def _device(bus_channel: str, root: Path) -> Device | None:
     """Look at the adapter's file; python-can takes a bit rate behind it: /dev/ttyACM0@115200."""
     path = bus_channel.partition("@")[0]
     if not path.startswith("/"):
@@ -336,7 +269,36 @@ def _device(bus_channel: str) -> Device | None:
     except KeyError:
         group = None
     accessible = os.access(path, os.R_OK | os.W_OK)
-    return Device(path, True, stat.S_ISCHR(status.st_mode), accessible, group)
+    is_device = stat.S_ISCHR(status.st_mode)
+    number = f"c{os.major(status.st_rdev)}:{os.minor(status.st_rdev)}"
+    return Device(
+        path,
+        True,
+        is_device,
+        accessible,
+        group,
+        is_left_alone=is_device and _IGNORED in _udev_properties(root, number),
+        probers=tuple(name for name, files in _PROBERS.items() if _is_any(root, files)),
+    )
+
+
+_IGNORED = "E:ID_MM_DEVICE_IGNORE=1"
+_PROBERS = {
+    "ModemManager": ("usr/sbin/ModemManager", "sbin/ModemManager"),
+    "brltty": ("usr/bin/brltty", "bin/brltty", "usr/sbin/brltty"),
+}
+
+
+def _is_any(root: Path, files: tuple[str, ...]) -> bool:
+    return any((root / file).exists() for file in files)
+
+
+def _udev_properties(root: Path, number: str) -> list[str]:
+    """Return udev's notes on a device, as it keeps them for everybody to read."""
+    try:
+        return (root / "run/udev/data" / number).read_text(errors="replace").splitlines()
+    except OSError:
+        return []
 
 
 ANSWER_WITHIN_S = 5.0
@@ -350,7 +312,12 @@ def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
     daemon, failure, hung_pid = _daemon(channel, socket)
     paths = socket_paths(channel, socket) if daemon is None else [daemon.path]
     asked = channel if channel_chosen and socket is None else None
-    is_channel_known = daemon is not None or channel_chosen or not is_socket_given(socket)
+    others: tuple[str, ...] = ()
+    if daemon is None and not channel_chosen and not is_socket_given(socket):
+        others = other_channels(channel)
+    is_channel_known = not others and (
+        daemon is not None or channel_chosen or not is_socket_given(socket)
+    )
     file = None
     configuration: Mapping[str, Any] = {}
     is_remote = is_channel_known and is_remote_name(channel)
@@ -383,7 +350,8 @@ def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
         asked_channel=asked,
         is_unit_enabled=not is_socket_given(socket) and is_enabled(channel),
         is_unit_installed=is_unit_installed(),
-        socket=None if is_channel_known else shlex.quote(paths[0]),
+        socket=None if is_channel_known or others else shlex.quote(paths[0]),
+        others=others,
         hung_pid=hung_pid,
         configuration=file,
         interface=interface,
@@ -392,6 +360,20 @@ def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
         is_remote=is_remote,
         fleet=fleet_check(str(fleet_file)) if is_in_fleet else None,
     )
+
+
+def scan(facts: Facts) -> Scan:
+    """Have the daemon ask other ids for a motor."""
+    if facts.daemon is None:
+        return Scan(problem="no daemon answers, which would ask")
+    try:
+        with connect(facts.channel, facts.daemon.path, ANSWER_WITHIN_S) as connection:
+            connection.greet("litegripctl doctor")
+            told = connection.call("motor.scan")
+    except LiteGripError as error:
+        return Scan(problem=error.message)
+    found = {int(row["can_id"]): int(row["master_id"]) for row in told["found"]}
+    return Scan(tuple(told["asked"]), found)
 
 
 def _daemon(channel: str, socket: str | None) -> tuple[Daemon | None, str | None, int | None]:

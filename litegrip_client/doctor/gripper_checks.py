@@ -46,10 +46,14 @@ _RESTING: Mapping[str, tuple[str, str | None]] = {
     ),
 }
 """By the status of a disabled motor: what it means, and what to do, if anything."""
+_LOOK_AT_MOUNT = "closing may have the other direction: look at its mount first"
 
 _DAY_S = 86_400.0
 _SET = "with the maker's tool, while the daemon does not run"
-_NO_ANSWER = "switch its 24 V on and look at its plug; it is expected at 0x%02X, at 1 Mbit/s"
+_NO_ANSWER = (
+    "switch its 24 V on and look at its plug; it is expected at 0x%02X, at 1 Mbit/s; if it may have"
+    " another id: %s doctor --scan"
+)
 
 
 def bus(facts: Facts) -> Finding | None:
@@ -87,7 +91,7 @@ def motor(facts: Facts) -> Finding | None:
         return error(f"it reports a fault: {status}, {age}", f"{facts.ctl} enable", advice)
     if phase in ("silent", "unknown") or state.get("stale") or age_s is None:
         can_id = daemon.hello.get("motor", {}).get("can_id", 0x08)
-        advice = _NO_ANSWER % can_id
+        advice = _NO_ANSWER % (can_id, facts.ctl)
         if _is_in_use(daemon):
             return error(f"{phase}, {age}", advice=advice)
         text = "it does not answer, which is normal while its power is off, and nobody uses it"
@@ -102,6 +106,44 @@ def motor(facts: Facts) -> Finding | None:
 def _is_in_use(daemon: Daemon) -> bool:
     """Return False if nobody misses the motor; an older daemon does not say so."""
     return bool(daemon.health.get("motor", {}).get("in_use", True))
+
+
+def scan(facts: Facts) -> Finding | None:
+    """Check which ids have a motor, where the ids were asked."""
+    found = facts.scan
+    if found is None:
+        return None
+    if found.problem is not None:
+        command = f"{facts.ctl} disable" if facts.is_enabled else None
+        return error(
+            f"no id was asked: {found.problem}",
+            command,
+            f"then again: {facts.ctl} doctor --scan",
+        )
+    own = 0x08
+    if facts.daemon is not None:
+        own = int(facts.daemon.hello.get("motor", {}).get("can_id", own))
+    listed = ", ".join(f"0x{one:02X} (answers on 0x{on:02X})" for one, on in found.found.items())
+    if own in found.found:
+        others = "" if len(found.found) == 1 else "; a gripper has one motor: others are not its"
+        return ok(f"motors answer at: {listed}{others}")
+    if found.found:
+        first = next(iter(found.found))
+        configured = None if facts.daemon is None else facts.daemon.info.get("configuration", {})
+        file = (configured or {}).get("file") or f"/etc/litegripd/{facts.channel}.toml"
+        return error(
+            f"nothing answers at 0x{own:02X}, but motors do at: {listed}",
+            None if facts.unit is None else f"sudo systemctl restart {facts.unit}",
+            f"first set [motor] can_id = 0x{first:02X} in {file}",
+        )
+    span = f"0x{found.asked[0]:02X} to 0x{found.asked[-1]:02X}" if found.asked else "the ids"
+    return error(
+        f"no motor answers at {span}",
+        advice="switch its 24 V on and look at its plug. A motor that is set to 5 Mbit/s (CAN FD)"
+        " or another bit rate cannot be found over this bus at 1 Mbit/s: connect it by itself to"
+        f" the maker's tool, at its serial port, and set register 35 (can_br) to {CAN_BR_1_MBIT_S},"
+        " and register 8 (ESC_ID) to what [motor] can_id says",
+    )
 
 
 def other_master(facts: Facts) -> Finding | None:
@@ -305,7 +347,9 @@ def position(facts: Facts) -> Finding | None:
 def calibration_channel(facts: Facts) -> Finding | None:
     """Check that the calibration is this gripper's and not another channel's."""
     source = {} if facts.daemon is None else _calibration(facts.daemon)
-    channel = source.get("channel")
+    channel, foreign = source.get("channel"), source.get("foreign")
+    if foreign:
+        return warning(str(foreign), f"{facts.ctl} enable && {facts.ctl} zero", _LOOK_AT_MOUNT)
     if facts.daemon is None or channel is None:
         return None
     # A gripper of another machine is called otherwise there.
@@ -315,7 +359,7 @@ def calibration_channel(facts: Facts) -> Finding | None:
     return warning(
         f"the calibration is for {channel}, this is {own}",
         f"{facts.ctl} enable && {facts.ctl} zero",
-        "closing may have the other direction: look at its mount first",
+        _LOOK_AT_MOUNT,
     )
 
 

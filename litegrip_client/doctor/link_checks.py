@@ -8,11 +8,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from litegrip_client.doctor.findings import SIMULATED, Facts, Finding, Link, error, ok, warning
+from litegrip_client.can_link import BITRATE, HINDERING, Link, rate_text, switch_off
+from litegrip_client.doctor.findings import SIMULATED, Facts, Finding, error, ok, warning
 from litegrip_client.results import USABLE_BUS
-
-BITRATE = 1_000_000
-"""bit/s; the motor's."""
 
 SAMPLE_POINTS = (0.7, 0.9)
 """0.75 is what Linux takes above 800 kbit/s (CiA 301), and 0.875 what many set; within these limits
@@ -94,10 +92,41 @@ def bit_rate(facts: Facts) -> Finding | None:
         return _configured_bit_rate(facts)
     if found.bitrate is None:
         return _set_up(facts, "no bit rate is set")
-    text = f"{found.bitrate / 1e6:g} Mbit/s"
+    text = rate_text(found.bitrate)
     if found.bitrate == BITRATE:
         return ok(text)
     return _set_up(facts, f"{text}, but the motor speaks at 1 Mbit/s")
+
+
+def modes(facts: Facts) -> Finding | None:
+    """Check that the controller is in no mode in which a motor cannot answer."""
+    found = _controller(facts)
+    if found is None:
+        return None
+    bad = found.bad_modes
+    if not bad:
+        others = f", with {', '.join(found.modes).lower()}" if found.modes else ""
+        return ok(f"classic CAN, sends and listens{others}")
+    text = "; ".join(f"{mode.lower()} is on: {why}" for mode, why in bad.items())
+    if any(mode in HINDERING for mode in bad):
+        return _set_up(facts, text)
+    return warning(text, _anew(facts, f"type can bitrate {BITRATE}"), _IF_LOST)
+
+
+def network(facts: Facts) -> Finding | None:
+    """Check that no file of this system sets the link up for something else."""
+    settings = facts.system.settings
+    wrong = [setting for setting in settings if setting.is_wrong]
+    if not wrong:
+        return ok("; ".join(setting.text for setting in settings)) if settings else None
+    text = "; ".join(setting.text for setting in wrong)
+    commands = [setting.command for setting in wrong if setting.command is not None]
+    return warning(
+        f"at every plug and boot {text}",
+        " && ".join(commands) or None,
+        "the motor needs 1 Mbit/s and no other mode: correct what is named; then plug the adapter"
+        " in again",
+    )
 
 
 def sample_point(facts: Facts) -> Finding | None:
@@ -143,11 +172,14 @@ def queue(facts: Facts) -> Finding | None:
         rate_hz = float(facts.daemon.hello.get("limits", {}).get("rate_hz", RATE_HZ))
     held_s = found.queue_frames / rate_hz
     text = f"{found.queue_frames} frames, {held_s * 1e3:.0f} ms of commands at {rate_hz:g} Hz"
+    shorten = f"sudo ip link set {found.name} txqueuelen 10"
+    if found.queue_frames == 0:
+        return warning(f"{text}: a command that has to wait for another frame is lost", shorten)
     if held_s <= LONGEST_QUEUE_S:
         return ok(text)
     return warning(
         f"{text}: a dead bus that comes back gets old commands",
-        f"sudo ip link set {found.name} txqueuelen 10",
+        shorten,
     )
 
 
@@ -164,6 +196,8 @@ def bus_state(facts: Facts) -> Finding | None:
         return warning(text, advice=_WIRING)
     if found.state == "BUS-OFF" and (not found.restart_ms or facts.system.driver in _NO_RESTART):
         return error(text, _down_and_up(found), _WIRING)
+    if found.state in ("STOPPED", "SLEEPING"):
+        return error(f"{text}: the adapter takes no part in the bus", _down_and_up(found), _IF_LOST)
     return error(text, None, _WIRING)
 
 
@@ -222,6 +256,26 @@ def device(facts: Facts) -> Finding | None:
     )
 
 
+def serial(facts: Facts) -> Finding | None:
+    """Check that nobody else opens the adapter's port, which would take bytes from the daemon."""
+    found = facts.system.device
+    if found is None or not found.is_character_device:
+        return None
+    if not found.probers:
+        return ok("no program of this machine opens ports which it does not know")
+    if found.is_left_alone:
+        return ok(f"a rule keeps {' and '.join(found.probers)} off {found.path}")
+    return warning(
+        f"{' and '.join(found.probers)}, installed here, may open {found.path}: commands of others"
+        " reach the adapter then, and its answers not the daemon",
+        "sudo litegripctl install-units --serial && sudo udevadm control --reload"
+        " && sudo udevadm trigger --subsystem-match=tty",
+        "then plug the adapter in again; if this line stays, its chip is none that the rule knows:"
+        " the file 91-litegrip-serial.rules says how to add it; brltty that nobody needs:"
+        " sudo apt remove brltty",
+    )
+
+
 def _bus_figures(facts: Facts) -> Mapping[str, Any]:
     return {} if facts.daemon is None else facts.daemon.health.get("bus", {})
 
@@ -260,7 +314,7 @@ def _configured_bit_rate(facts: Facts) -> Finding | None:
     if bitrate == BITRATE:
         return ok("1 Mbit/s, by the configuration")
     return error(
-        f"{bitrate / 1e6:g} Mbit/s by the configuration, but the motor speaks at 1 Mbit/s",
+        f"{rate_text(bitrate)} by the configuration, but the motor speaks at 1 Mbit/s",
         advice=f"set [bus] bitrate = {BITRATE} and restart the daemon",
     )
 
@@ -285,13 +339,19 @@ def _is_virtual(found: Link) -> bool:
 def _set_up(facts: Facts, text: str) -> Finding:
     """Find a link that is not as it should be, and give the command that sets it up.
 
-    A `restart-ms` that was ever set stays as it was.
+    A `restart-ms` that was ever set stays as it was. So do modes, unless they are switched off.
     """
     found, settings = facts.system.link, f"type can bitrate {BITRATE}"
     is_unset = found is not None and found.restart_ms == 0
+    again = "".join(
+        f"; {setting.text} at every plug and boot: see the line network"
+        for setting in facts.system.settings
+        if setting.is_wrong
+    )
     if not is_unset or facts.system.driver in _NO_RESTART:
-        return error(text, _anew(facts, settings), _IF_LOST)
-    return error(text, _anew(facts, f"{settings} restart-ms 100"), f"{_IF_LOST}; {_IF_REFUSED}")
+        return error(text, _anew(facts, settings), f"{_IF_LOST}{again}")
+    advice = f"{_IF_LOST}; {_IF_REFUSED}{again}"
+    return error(text, _anew(facts, f"{settings} restart-ms 100"), advice)
 
 
 def _down_and_up(found: Link) -> str:
@@ -305,7 +365,8 @@ def _anew(facts: Facts, settings: str) -> str:
     commands = [f"{facts.ctl} disable"] if facts.is_enabled else []
     if found is not None and found.is_up:
         commands.append(f"sudo ip link set {name} down")
-    return " && ".join([*commands, f"sudo ip link set {name} up {settings}"])
+    off = "" if found is None else switch_off(found)
+    return " && ".join([*commands, f"sudo ip link set {name} up {settings}{off}"])
 
 
 def _count(counter: int | None) -> str:

@@ -138,6 +138,8 @@ EXAMPLE_CHANNEL = "can0"
 _UNITS = "usr/local/lib/systemd/system"
 RULES = "usr/local/lib/udev/rules.d/85-litegrip.rules"
 """Behind 80-net-setup-link.rules, before which an interface does not have its name."""
+SERIAL_RULES = "usr/local/lib/udev/rules.d/91-litegrip-serial.rules"
+"""Behind those of ModemManager (80-mm-candidate) and brltty (85 or 90)."""
 SUPERSEDED = (
     "usr/local/lib/udev/rules.d/80-litegrip.rules",
     "usr/local/lib/systemd/network/80-litegrip.network",
@@ -174,8 +176,11 @@ def units(programs: str) -> list[Planned]:
 
 
 def serial() -> list[Planned]:
-    """Return what lets the daemons use adapters at serial ports."""
-    return [Planned(f"{_UNITS}/litegripd@.service.d/serial.conf", _read("systemd/serial.conf"))]
+    """Return what lets the daemons use adapters at serial ports, and keeps others off them."""
+    return [
+        Planned(f"{_UNITS}/litegripd@.service.d/serial.conf", _read("systemd/serial.conf")),
+        Planned(SERIAL_RULES, _read("systemd/91-litegrip-serial.rules")),
+    ]
 
 
 def fleet(programs: str) -> list[Planned]:
@@ -278,7 +283,6 @@ _RUNNING = "run/systemd/units/invocation:litegripd[-@]*.service"
 _DROP_INS = "systemd/system/litegripd@*.service.d/*.conf"
 _FOREIGN = re.compile(r"^\s*User\s*=\s*(\S+)", re.MULTILINE)
 _NO_OTHER_USER = f"/run/litegripd and /var/lib/litegripd belong to {USER}: it cannot write there"
-_NETWORKD = "etc/systemd/system/*.wants/systemd-networkd.service"
 
 
 @dataclass(frozen=True, slots=True)
@@ -296,11 +300,6 @@ class Wanted:
     channels: Sequence[str] = ()
     serial: bool = False
     fleet: bool = False
-
-
-def uses_networkd(root: Path) -> bool:
-    """Return True if systemd-networkd is enabled in a system."""
-    return any(root.glob(_NETWORKD))
 
 
 def is_packaged(root: Path) -> bool:

@@ -12,17 +12,18 @@ import os
 import resource
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from secrets import token_urlsafe
 
+from litegrip_client.can_link import BITRATE, rate_text
 from litegripd.app.config import Config
 from litegripd.app.machine import Machine
 from litegripd.control.controller import Controller
 from litegripd.control.heat import HeatGuard
 from litegripd.handover.state import OnRestart, RestartMethods, no_restart
-from litegripd.io.can.bus import DIRECT_INTERFACES, SIMULATOR, DirectBus, FrameBus
+from litegripd.io.can.bus import DIRECT_INTERFACES, SIMULATOR, BusSettings, DirectBus, FrameBus
 from litegripd.io.can.pumped import PumpedBus
 from litegripd.io.helper.child import SharedMemory
 from litegripd.io.helper.helper import Helper
@@ -36,6 +37,7 @@ from litegripd.model.calibration import from_plain, of_stroke
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import MotorType
 from litegripd.model.motion_config import MotionConfig, MotionConfigError
+from litegripd.model.motor import BusCondition
 from litegripd.model.state import HelperTask, TaskResult
 from litegripd.recorder.recorder import Dumps, Recorder, RecorderMethods, memory_bytes, tick_slots
 from litegripd.rpc.jsonrpc import encode
@@ -185,6 +187,61 @@ def page_bytes(field: int) -> int:
         return int(statm.read().split()[field]) * resource.getpagesize()
 
 
+class LinkWatch:
+    """Has the interface's bit rate read at each link-up: a wrong one looks like a cable's fault.
+
+    `bitrate` is what was read, None where nothing is known; `doubt` what is wrong with the link.
+    """
+
+    def __init__(self, bus: BusSettings) -> None:
+        self.bitrate: int | None = None
+        self.doubt: str | None = None
+        self._bus = bus
+        self._was_up = False
+
+    def step(self, condition: BusCondition) -> HelperTask | None:
+        """Return, once for each link-up, the task that reads it."""
+        is_up = condition.state not in _NO_LINK and self._bus.interface == "socketcan"
+        was_up, self._was_up = self._was_up, is_up
+        if not is_up:
+            self.bitrate = self.doubt = None
+        if not is_up or was_up:
+            return None
+        return HelperTask("link.look", {"channel": self._bus.channel}, self._take)
+
+    def judged(self, condition: BusCondition) -> BusCondition:
+        """Return a condition of the bus with what is wrong with its link in front."""
+        if self.doubt is None or condition.state in _NO_LINK:
+            return condition
+        also = "" if condition.error is None else f"; {condition.error}"
+        return replace(condition, error=f"{self.doubt}{also}")
+
+    def _take(self, result: TaskResult) -> None:
+        if result.error is not None or not isinstance(result.value, dict) or not self._was_up:
+            return
+        name, found = self._bus.channel, result.value
+        self.bitrate = found["bitrate"]
+        wrong = []
+        if self.bitrate is not None and self.bitrate != BITRATE:
+            wrong.append(f"runs at {rate_text(self.bitrate)}, and the motor speaks at 1 Mbit/s")
+        wrong += [f"has {mode} on ({why})" for mode, why in found["modes"].items()]
+        if not wrong:
+            return
+        modes_off = "".join(f" {mode} off" for mode in found["modes"])
+        again = (
+            f", and again at every plug: {'; '.join(found['set_by'])}" if found["set_by"] else ""
+        )
+        self.doubt = (
+            f"{name} {' and '.join(wrong)}{again}; to correct it: sudo ip link set {name} down &&"
+            f" sudo ip link set {name} up type can bitrate {BITRATE}{modes_off}"
+        )
+        _log.warning("%s", self.doubt)
+
+
+_NO_LINK = ("link_down", "adapter_gone", "down")
+"""States of a bus whose interface is not up."""
+
+
 class Parts:
     """The running parts, and their figures."""
 
@@ -198,6 +255,7 @@ class Parts:
         helper: Helper,
         links: TeleopLinks,
         bus: FrameBus,
+        link: LinkWatch,
         rights: RealtimeRights,
         log: LogHandler,
         bitrate: int,
@@ -209,6 +267,7 @@ class Parts:
         self.helper = helper
         self.links = links
         self.bus = bus
+        self.link = link
         self.rights = rights
         self.log = log
         self._bitrate = bitrate
@@ -217,6 +276,11 @@ class Parts:
         self._window_bits = 0.0
         self.cpu_share = 0.0
         self.bus_load = 0.0
+
+    @property
+    def condition(self) -> BusCondition:
+        """The state of the bus, with what is wrong with its link."""
+        return self.link.judged(self.bus.condition)
 
     def tick(self, now_s: float) -> None:
         """Once a second, note the shares of the last second."""
@@ -231,6 +295,7 @@ class Parts:
     def figures(self, uptime_s: float, machine: Machine) -> Figures:
         """Return all figures, by room."""
         reactor, counters, pump = self.reactor, self.bus.counters, self.bus.lateness
+        reach = None if self.links.status is None else self.links.status.reach
         return {
             "uptime_s": round(uptime_s, 3),
             "control": {
@@ -250,6 +315,7 @@ class Parts:
             "bus": {
                 "state": machine.controller.bus.state,
                 "error": machine.controller.bus.error,
+                "bitrate": self.link.bitrate,
                 "load": round(self.bus_load, 4),
                 "sent": counters.sent,
                 "received": counters.received,
@@ -287,6 +353,8 @@ class Parts:
                 "deaths": self.links.deaths,
                 "link": None if self.links.status is None else self.links.status.state,
                 "open_to_network": self.links.is_open_to_network,
+                "reach": None if reach is None else reach.state,
+                "unreached": None if reach is None else reach.problem(time.monotonic()),
             },
             "log": {
                 "dropped": self.log.dropped + self.helper.log_lines_lost,

@@ -14,6 +14,7 @@ from typing import Any
 
 from litegripd.app.build import (
     Legacy,
+    LinkWatch,
     Parts,
     build_service,
     load_at_start,
@@ -131,6 +132,7 @@ class Daemon:
             arguments=config.trajectories.limits.arguments(),
         )
         self._bus = make_bus(config, period_s, self._spawner)
+        self._link_watch = LinkWatch(config.bus)
         self._log_handler = make_log_handler(
             config.channel, lambda text: self._helper.post("log", {"text": text})
         )
@@ -190,6 +192,7 @@ class Daemon:
             helper=self._helper,
             links=self._links,
             bus=self._bus,
+            link=self._link_watch,
             rights=rights,
             log=self._log_handler,
             bitrate=self._config.bus.bitrate,
@@ -232,9 +235,13 @@ class Daemon:
     def _work(self, now_s: float) -> None:
         """Receive, step the machine, send, and then answer clients."""
         received = self._bus.receive(now_s)
-        frames = self._machine.tick(now_s, received, self._bus.condition)
+        condition = self._link_watch.judged(self._bus.condition)
+        frames = self._machine.tick(now_s, received, condition)
         self._bus.send(frames, now_s)
         self._service.after_tick(now_s)
+        look = self._link_watch.step(self._bus.condition)
+        if look is not None:
+            self._machine.controller.tasks.append(look)
         self._spawner.poll(now_s, self._helper, may_wait=not self._machine.needs_commands)
         self._helper.poll(now_s)
         self._links.poll(now_s)

@@ -16,6 +16,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
 
+from litegrip_client.can_link import ask_kernel
+from litegrip_client.can_managers import settings_of
 from litegripd.io.helper.child import (
     CHILD_FD,
     MAX_PACKET_BYTES,
@@ -70,6 +72,22 @@ def dump_recorder(parameters: Parameters) -> Dumped:
     return dump(str(parameters["cause"]), str(parameters["note"]))
 
 
+def look_at_link(parameters: Parameters) -> dict[str, object]:
+    """Read a CAN interface's bit rate and modes, and who sets wrong ones: `link.look`.
+
+    Raises `OSError` where the kernel does not describe it.
+    """
+    name = str(parameters["channel"])
+    link = ask_kernel(name)
+    if link is None:
+        raise OSError(f"there is no network interface {name}")
+    return {
+        "bitrate": link.bitrate if link.kind == "can" else None,
+        "modes": {mode.lower(): why for mode, why in link.bad_modes.items()},
+        "set_by": [setting.text for setting in settings_of(name) if setting.is_wrong],
+    }
+
+
 def start_successor(parameters: Parameters) -> dict[str, int]:
     """Run a daemon that inherits the one descriptor of `descriptors`; return its pid.
 
@@ -113,6 +131,7 @@ OPERATIONS: dict[str, Operation] = {
     LOG: write_log,
     "successor.start": start_successor,
     START_SPAWNER: start_spawner,
+    "link.look": look_at_link,
     "calibration.load": load_operation,
     "calibration.templates": templates_operation,
     "calibration.save": save_calibration,

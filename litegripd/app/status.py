@@ -15,10 +15,10 @@ from litegripd.app.config import Config
 from litegripd.app.machine import Machine
 from litegripd.control.admission import position_refusal
 from litegripd.control.calibration import CalibrationInUse
+from litegripd.control.controller import Controller
 from litegripd.io.can.bus import SIMULATOR
 from litegripd.io.log import FIELDS, JournalSink, LogHandler, goes_to_journal
 from litegripd.io.server import MAX_CONNECTIONS, MAX_CONNECTIONS_PER_UID
-from litegripd.model.calibration import scale_warning
 from litegripd.model.gripper import STROKE_MM, MotorType
 from litegripd.model.motor import UNANSWERED, MotorIdentity, MotorPhase
 from litegripd.model.state import Event
@@ -224,7 +224,7 @@ class DaemonFacts:
             if identity is None
             else warnings(identity, controller.gripper_id.motor_type),
             "calibration_file": controller.calibrated.file,
-            "calibration": _calibration(controller.calibrated),
+            "calibration": _calibration(controller),
             "motion": MotionFields(controller.config.as_fields(controller.period_s)),
             "configuration": config.as_info(),
         }
@@ -255,9 +255,9 @@ class DaemonFacts:
             found.down.append(f"another program commands the motor ({other.count} frames so far)")
         is_usable = not found.down and self._machine.motor.view().feedback is not None
         found.degraded += self._gripper_complaints(is_usable=is_usable)
-        doubt = parts.bus.condition.error
-        if not found.down and doubt is not None and parts.bus.condition.is_usable:
-            found.degraded.append(f"the bus: {doubt}")
+        doubt = parts.condition.error
+        if parts.condition.is_usable and doubt is not None:  # the nearer suspect
+            (found.down or found.degraded).insert(0, f"the bus: {doubt}")
         found.degraded += self._teleop_complaints(parts) + _process_complaints(parts)
         verdict: Verdict = "down" if found.down else "degraded" if found.degraded else "ok"
         return verdict, found.down + found.degraded, found.notes
@@ -265,7 +265,7 @@ class DaemonFacts:
     def _motor_complaints(self, parts: Parts) -> "_Complaints":
         """Return what keeps the motor from being used: an alarm only if somebody misses it."""
         view, controller = self._machine.motor.view(), self._machine.controller
-        found, condition, is_missed = _Complaints(), parts.bus.condition, self._machine.is_missed
+        found, condition, is_missed = _Complaints(), parts.condition, self._machine.is_missed
         refusal = condition.refusal(self._config.bus.channel)
         if refusal is not None:
             if condition.state in UNANSWERED and not is_missed:
@@ -302,10 +302,7 @@ class DaemonFacts:
         elif is_usable:
             misplaced = position_refusal(self._machine.motor.view(), geometry)
             found += [] if misplaced is None else [misplaced.message]
-        calibration = controller.calibrated.calibration
-        if geometry is not None and calibration is not None:
-            doubt = scale_warning(calibration, controller.gripper_id.stroke_mm)
-            found += [] if doubt is None else [doubt]
+        found += controller.calibration_doubts()
         allowed_nm = controller.output.heat.allowance_nm
         if math.isfinite(allowed_nm):
             found.append(f"the coil is hot: holds are limited to {allowed_nm:.2f} N·m")
@@ -378,12 +375,13 @@ def _process_complaints(parts: Parts) -> list[str]:
     return found
 
 
-def _calibration(in_use: CalibrationInUse) -> CalibrationFacts:
+def _calibration(controller: Controller) -> CalibrationFacts:
     """Return the origin of the calibration; `saved_s` is the file's date, in Unix time."""
-    calibration = in_use.calibration
+    calibration = controller.calibrated.calibration
     return {
-        "file": in_use.file,
+        "file": controller.calibrated.file,
         "nominal": calibration is not None and calibration.nominal,
         "channel": None if calibration is None else calibration.channel,
         "saved_s": None if calibration is None else calibration.saved_s,
+        "foreign": controller.foreign_doubt,
     }

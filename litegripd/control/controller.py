@@ -38,8 +38,10 @@ from litegripd.control.motions.base import Action
 from litegripd.model.calibration import (
     Calibration,
     ScaleDoubt,
+    foreign_warning,
     out_of_range,
     scale_doubt,
+    scale_warning,
     unfitting,
 )
 from litegripd.model.errors import Refusal
@@ -258,7 +260,7 @@ class Controller:
         """
         self.calibrated.use(calibration, problem, file, by)
         if calibration is not None:
-            self.events.append(events.calibrated(calibration, file, self.gripper_id))
+            self.events.append(events.calibrated(calibration, file, self.calibration_doubts()))
 
     @property
     def scale_doubt(self) -> ScaleDoubt | None:
@@ -267,6 +269,29 @@ class Controller:
         if calibration is None or not calibration.calibrated:
             return None
         return scale_doubt(calibration, self.gripper_id.stroke_mm)
+
+    def calibration_doubts(self) -> list[str]:
+        """Return why the calibration in use is probably wrong: its scale, and where it is from."""
+        calibration = self.calibrated.calibration
+        if calibration is None or not calibration.calibrated:
+            return []
+        found = (scale_warning(calibration, self.gripper_id.stroke_mm), self.foreign_doubt)
+        return [doubt for doubt in found if doubt is not None]
+
+    @property
+    def foreign_doubt(self) -> str | None:
+        """Why the calibration in use is probably another gripper's, or None."""
+        calibration, gripper_id = self.calibrated.calibration, self.gripper_id
+        if calibration is None or not calibration.calibrated:
+            return None
+        identity = self.motor.identity
+        return foreign_warning(
+            calibration,
+            channel=gripper_id.channel,
+            can_id=gripper_id.can_id,
+            master_id=None if identity is None else identity.master_id,
+            motor_type=gripper_id.motor_type.name,
+        )
 
     def why_unfitting(self, calibration: Calibration, file: str | None) -> Refusal | None:
         """Return a refusal if a calibration cannot be this gripper's, or None.
@@ -747,7 +772,7 @@ class Controller:
         if useless is not None:
             content = content_of(useless, self.gripper_id, self.gains, self.motor)
             self.tasks.append(save_task(self.gripper_id, content, self._saved))
-            self.events.append(events.calibrated(useless, self.calibrated.file, self.gripper_id))
+            self.events.append(events.calibrated(useless, self.calibrated.file, ()))
             if self.action is not None and self.action.needs_power:
                 self.end(ZERO_MOVED)  # its travel is no longer known
 

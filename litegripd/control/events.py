@@ -6,15 +6,14 @@ about motions, stops and power.
 
 import math
 from collections import OrderedDict, deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import TypeAlias
 
 from litegripd.control.authority import Grant, Loss, LossCause
 from litegripd.control.heat import HeatChange, HeatGuard
-from litegripd.model.calibration import Calibration, scale_warning
+from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
-from litegripd.model.gripper import GripperId
 from litegripd.model.motor import (
     LATEST_DISARM_S,
     UNANSWERED,
@@ -177,13 +176,16 @@ class RegisterReads:
         self._row: deque[_RegisterRead] = deque()
         self._last = 0
 
-    def add(self, number: int, on_reply: OnReply) -> Refusal | None:
-        """Add a register to the queue; `on_reply` is called once, in a tick."""
+    def add(self, number: int, on_reply: OnReply, sought_id: int | None = None) -> Refusal | None:
+        """Add a register to the queue; `on_reply` is called once, in a tick.
+
+        With `sought_id` another id than the motor's own is asked.
+        """
         if len(self._row) >= MOST_WAITING:
             text = f"{MOST_WAITING} registers are waiting to be read already: try again"
             return Refusal("too_many_requests", text, {"limit": MOST_WAITING})
         self._last += 1
-        self._row.append(_RegisterRead(RegisterRequest(self._last, number), on_reply))
+        self._row.append(_RegisterRead(RegisterRequest(self._last, number, sought_id), on_reply))
         return None
 
     def step(self, reply: RegisterReply | None) -> RegisterRequest | None:
@@ -285,31 +287,23 @@ def heat_foretold(force_n: float, bears_s: float, heat: HeatGuard) -> Event:
     return Event("heat", text, {"force_n": force_n, "bears_s": round(bears_s, 1), "coil_c": coil_c})
 
 
-def calibrated(calibration: Calibration, file: str | None, gripper_id: GripperId) -> Event:
-    """Report the calibration in use, which way closing runs by it, and if it is another motor's.
-
-    A suspicious scale is a warning.
-    """
+def calibrated(calibration: Calibration, file: str | None, doubts: Sequence[str]) -> Event:
+    """Report the calibration in use, and which way closing runs by it; doubts make it a warning."""
     geometry = calibration.geometry
     turning = "increasing" if geometry.close_sign > 0 else "decreasing"
     usable = "" if calibration.calibrated else "; NOT calibrated: motions are refused"
-    measured_id = calibration.content.get("can_id")
-    other, can_id = "", gripper_id.can_id
-    if isinstance(measured_id, int) and measured_id != can_id:
-        other = f"; it was measured with motor {measured_id:#04x}, and this one is {can_id:#04x}"
     text = (
         f"calibration {file or 'given by a client'}: mount {geometry.mount}, closing by {turning}"
-        f" radians, {geometry.travel_mm:.1f} mm of travel{usable}{other}"
+        f" radians, {geometry.travel_mm:.1f} mm of travel{usable}"
     )
     if calibration.work_stroke_mm >= geometry.travel_mm:
         text += (
             f"; its work_stroke_mm {calibration.work_stroke_mm:g} is beyond the travel: open goes"
             " to the stop"
         )
-    doubt = scale_warning(calibration, gripper_id.stroke_mm)
     data: dict[str, object] = {"mount": geometry.mount, "file": file}
-    if doubt is not None:
-        text, data = f"{text}; {doubt}", {**data, "warning": True}
+    if doubts:
+        text, data = "; ".join([text, *doubts]), {**data, "warning": True}
     return Event("calibration", text, data)
 
 

@@ -60,6 +60,9 @@ _MEASURED = (
 )
 """The keys that a calibration sets. A rewrite keeps the file's values of all others."""
 
+_MARKS = ("can_id", "mst_id", "canfd_mode", "motor_type")
+"""The keys that say of which motor a calibration is."""
+
 GRASP_TORQUE_THRESHOLD_NM = 0.5
 """The value in the vendor's factory file; the daemon itself does not use it."""
 
@@ -210,13 +213,16 @@ def measured(
     """Return the calibration for two measured stops of jaws that open `stroke_mm`.
 
     `rad_to_mm = (stroke_mm + 1.0) / |closed - open|`, as the SDK's `zero()` derives it. All else of
-    the calibration `before` is kept; the mount follows from the stops, whatever it was before.
+    the calibration `before` is kept, but for the marks of a motor, which are this gripper's from
+    now on; the mount follows from the stops, whatever it was before.
     Raises `CalibrationError` for stops or a stroke that no gripper has.
     """
     nm_to_n = FORCE_PER_TORQUE_N_NM if before is None else before.geometry.nm_to_n
     try:
         limits = Geometry(closed_rad, open_rad, 1.0, nm_to_n)
         found = Calibration(limits) if before is None else replace(before, geometry=limits)
+        content = {key: value for key, value in found.content.items() if key not in _MARKS}
+        found = replace(found, content=content)
         return replace(found.rescaled(stroke_mm), calibrated=True)
     except ValueError as error:
         raise CalibrationError(f"the measured stops cannot be used: {error}") from None
@@ -314,6 +320,43 @@ def scale_warning(calibration: Calibration, stroke_mm: float) -> str | None:
         " (litegripctl zero). If a caliper says that the jaws do not open"
         f" {stroke_mm:g} mm: litegripctl calibration rescale --stroke-mm MM"
     )
+
+
+def foreign_warning(
+    calibration: Calibration, *, channel: str, can_id: int, master_id: int | None, motor_type: str
+) -> str | None:
+    """Return a warning that a calibration is probably another gripper's, by its marks; or None.
+
+    `channel`, `can_id`, `master_id` (None: not known yet) and `motor_type` are this gripper's. It
+    is a warning and no refusal. Ids are settings of a motor, which may be changed with the jaws as
+    they are; the SDK never reads `motor_type` and `canfd_mode`; and all units leave the maker with
+    0x08, so that ids that agree prove nothing, either. A template's type says nothing of a motor.
+    """
+    told, marks = calibration.content, []
+    if calibration.channel not in (None, channel):
+        marks.append(f"channel {reprlib.repr(calibration.channel)}, and this is {channel}")
+    file_id, file_master = _id(told, "can_id"), _id(told, "mst_id")
+    if file_id not in (None, can_id):
+        marks.append(f"can_id 0x{file_id:02X}, and this motor is 0x{can_id:02X}")
+    if file_master and master_id and file_master != master_id:
+        marks.append(f"mst_id 0x{file_master:02X}, and this motor answers on 0x{master_id:02X}")
+    if told.get("canfd_mode") is True:
+        marks.append("canfd_mode (CAN FD), and this motor is driven by classic CAN")
+    file_type = told.get("motor_type")
+    if isinstance(file_type, str) and file_type not in ("", motor_type) and not calibration.nominal:
+        marks.append(f"motor_type {reprlib.repr(file_type)}, and this motor is a {motor_type}")
+    if not marks:
+        return None
+    return (
+        f"the calibration is probably another gripper's: it has {'; '.join(marks)}. Its limits, and"
+        " the direction in which it closes, may be wrong here: measure again (calibration.zero), or"
+        " load this gripper's own. If it is this gripper's, correct those keys in the file"
+    )
+
+
+def _id(content: Mapping[str, Any], key: str) -> int | None:
+    value = content.get(key)
+    return value if isinstance(value, int) and not isinstance(value, bool) else None
 
 
 def to_plain(calibration: Calibration) -> dict[str, Any]:

@@ -176,10 +176,14 @@ class MotorPhase(Enum):
 
 @dataclass(frozen=True, slots=True)
 class RegisterRequest:
-    """A request for the value of register `number`; `identity` distinguishes requests."""
+    """A request for the value of register `number`; `identity` distinguishes requests.
+
+    With `sought_id` it is asked of whatever motor has that id, while this one is not powered.
+    """
 
     identity: int
     number: int
+    sought_id: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

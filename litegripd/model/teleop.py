@@ -73,13 +73,37 @@ class Arrival:
 LinkState: TypeAlias = Literal["opening", "open", "failed"]
 
 
+ReachState: TypeAlias = Literal["resolving", "connecting", "connected", "frames"]
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """How far a follower has come on the way to its leader.
+
+    `why` says what is in the way, since `since_s` (CLOCK_MONOTONIC); None while nothing is known
+    to be.
+    """
+
+    state: ReachState
+    why: str | None = None
+    since_s: float | None = None
+
+    def problem(self, now_s: float) -> str | None:
+        """Return what is in the way, and for how long, or None."""
+        if self.why is None:
+            return None
+        for_s = 0.0 if self.since_s is None else max(now_s - self.since_s, 0.0)
+        return f"{self.why} (for {for_s:.0f} s)"
+
+
 @dataclass(frozen=True, slots=True)
 class LinkStatus:
     """The state of a link: `error` says why it failed (it is retried automatically).
 
     `matching` is True if another end listens to a leader, None if nobody can know; `dropped` counts
     what came faster than any leader sends, or from an unexpected sender. `is_protected` is True if
-    only ends that the configuration names can take part, None before it is open.
+    only ends that the configuration names can take part, None before it is open. `reach` is how
+    far a follower has come to its leader, None of an end that goes to nobody.
     """
 
     state: LinkState = "opening"
@@ -87,6 +111,7 @@ class LinkStatus:
     matching: bool | None = None
     dropped: int = 0
     is_protected: bool | None = None
+    reach: Reach | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,13 +148,14 @@ class TeleopStatus:
 
     `host` and `port` are the link's: where a slave's leader is, with UDP also where a master sends
     to; None without a network. `link_protected` is False if anyone who reaches the link can take
-    part; like `link_state` and `matching` it is None after the end. `force_limited` is True if a
-    slave would press harder without its limits. With force reflection `reflected_n` is what a slave
-    has last reported to its leader (squeezing positive; None while it reports none), or how hard a
-    master's jaws push now (opening positive). `followers` counts those whose force a master
-    receives, `round_trip_ms` is the age of the position that the newest force answers. `late`
-    counts frames that lay in the network while it was silent, or, of a master, forces that came too
-    late.
+    part; like `link_state` and `matching` it is None after the end. `link_reach` is how far a slave
+    over zenoh has come to its leader, and `link_unreached` what is in the way. `force_limited` is
+    True if a slave would press harder without its limits. With force reflection `reflected_n` is
+    what a slave has last reported to its leader (squeezing positive; None while it reports none),
+    or how hard a master's jaws push now (opening positive). `followers` counts those whose force a
+    master receives, `round_trip_ms` is the age of the position that the newest force answers.
+    `late` counts frames that lay in the network while it was silent, or, of a master, forces that
+    came too late.
     """
 
     active: bool
@@ -142,6 +168,8 @@ class TeleopStatus:
     link_state: LinkState | None = None
     link_error: str | None = None
     link_protected: bool | None = None
+    link_reach: ReachState | None = None
+    link_unreached: str | None = None
     matching: bool | None = None
     frames: int = 0
     last_frame_age_ms: float | None = None

@@ -299,6 +299,13 @@ def _request(can_id: int, opcode: int, number: int, raw: bytes) -> CanFrame:
 READABLE = frozenset({Phase.DISABLED, Phase.ENABLED, Phase.FAULT})
 """In the other phases the motor does not answer, or its answers are awaited by other code."""
 
+IN_USE = Refusal(
+    "busy",
+    "the motor is, or may be, enabled: other ids are asked only while it is off: disable it first",
+)
+UNPOWERED = frozenset({Phase.LOOKING, Phase.DISABLED, Phase.FAULT})
+"""The phases in which other ids may be asked: nothing depends on the bus then."""
+SEEK_TRIES = 2
 READ_TRIES = 5
 READ_WITHIN_S = 1.0
 """How long a request waits in all, also for the end of an enabling or of a scan."""
@@ -320,15 +327,22 @@ class RegisterReader:
     def step(self, now_s: float, request: RegisterRequest | None, phase: Phase) -> list[CanFrame]:
         """Work on `request`, and return the frame that is due, if any.
 
-        In a phase that is not `READABLE` it waits. None withdraws the pending request.
+        In a phase that is not `READABLE` it waits; a request for another id ends in one that is not
+        `UNPOWERED`. None withdraws the pending request.
         """
         if request != self._request:
             self._begin(now_s, request)
         register = self._register
-        if register is None:
+        if register is None or request is None:
             return []
-        may_ask_again = phase in READABLE and now_s - self._asked_s >= ANSWER_WITHIN_S
-        is_over = may_ask_again and self._tries >= READ_TRIES
+        sought_id = request.sought_id
+        if sought_id is not None and phase not in UNPOWERED:
+            self._answer(None, IN_USE)
+            return []
+        is_readable = sought_id is not None or phase in READABLE
+        may_ask_again = is_readable and now_s - self._asked_s >= ANSWER_WITHIN_S
+        tries = READ_TRIES if sought_id is None else SEEK_TRIES
+        is_over = may_ask_again and self._tries >= tries
         if is_over or now_s - self._began_s >= READ_WITHIN_S:
             self._answer(None, SILENT)
             return []
@@ -336,11 +350,29 @@ class RegisterReader:
             return []
         self._tries += 1
         self._asked_s = now_s
-        return [read_request(self._can_id, register)]
+        return [read_request(self._can_id if sought_id is None else sought_id, register)]
+
+    def find(self, frame: CanFrame) -> bool:
+        """Take the answer of the id that is sought; return True if it is of another motor.
+
+        It tells its MST_ID, on which it answers: so a frame that only looks like it does not count.
+        """
+        register, request = self._register, self._request
+        if register is None or request is None or request.sought_id is None or not self._tries:
+            return False
+        answer = parse_answer(frame.data, request.sought_id)
+        if answer is None or answer.is_write or answer.number != MASTER_ID.number:
+            return False
+        if MASTER_ID.decode(answer.raw) != frame.can_id:
+            return False
+        self._answer(frame.can_id, None)
+        return request.sought_id != self._can_id
 
     def take(self, answer: Answer) -> bool:
         """Take an answer of the motor; return True if it was the awaited one."""
-        register = self._register
+        register, request = self._register, self._request
+        if request is not None and request.sought_id is not None:
+            return False
         is_awaited = register is not None and self._tries > 0 and answer.number == register.number
         if register is None or not is_awaited or answer.is_write:
             return False

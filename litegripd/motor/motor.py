@@ -210,6 +210,8 @@ class Motor:
     # Frames that come
 
     def _receive(self, frame: CanFrame) -> None:
+        if self._register_reader.find(frame):
+            return
         answer = parse_answer(frame.data, self._can_id)
         request = parse_write_request(frame, self._can_id)
         if frame.can_id == self._can_id and not self._is_on_own_id(frame, answer):

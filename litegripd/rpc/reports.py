@@ -21,7 +21,7 @@ from litegripd.model.state import (
     Progress,
     Result,
 )
-from litegripd.model.teleop import LinkState
+from litegripd.model.teleop import LinkState, ReachState
 from litegripd.rpc.jsonrpc import (
     ErrorObject,
     RequestId,
@@ -120,12 +120,16 @@ class Hello(TypedDict):
 
 
 class CalibrationFacts(TypedDict):
-    """Where the calibration came from; `saved_s` is the file's date, in Unix time."""
+    """Where the calibration came from; `saved_s` is the file's date, in Unix time.
+
+    `foreign` says why it is probably another gripper's, None if it bears no such mark.
+    """
 
     file: str | None
     nominal: bool
     channel: str | None
     saved_s: float | None
+    foreign: str | None
 
 
 class BusFacts(TypedDict):
@@ -210,12 +214,14 @@ class ControlFigures(TypedDict):
 class BusFigures(TypedDict):
     """The figures of the bus.
 
+    `bitrate` (bit/s) is the network interface's, null where it has none or it is not known.
     `pump_late_us`: the longest that a frame has lately waited for the process that drives the
     adapter while the adapter was free; null for an adapter without such a process.
     """
 
     state: BusState
     error: str | None
+    bitrate: int | None
     load: float
     sent: int
     received: int
@@ -281,13 +287,19 @@ class HelperFigures(TypedDict):
 
 
 class LinkFigures(TypedDict):
-    """The process of the teleoperation's link."""
+    """The process of the teleoperation's link.
+
+    `reach` is how far a slave over zenoh has come to its leader, and `unreached` what is in the
+    way, and for how long.
+    """
 
     pid: int | None
     is_running: bool
     deaths: int
     link: LinkState | None
     open_to_network: bool | None
+    reach: ReachState | None
+    unreached: str | None
 
 
 class LogFigures(TypedDict):

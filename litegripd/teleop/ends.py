@@ -1,15 +1,18 @@
 """The ends of a link in its process: plain UDP, and zenoh without any discovery."""
 
+import errno
 import json
+import os
 import socket
 import threading
+import time
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol, TypeAlias
 
 import zenoh
 
-from litegripd.model.teleop import LinkOptions, udp_targets
+from litegripd.model.teleop import LinkOptions, Reach, udp_targets
 from litegripd.teleop.link import MAX_PAYLOAD_BYTES
 
 Deliver: TypeAlias = Callable[[bytes, str], None]
@@ -41,6 +44,10 @@ class Endpoint(Protocol):
     @property
     def matching(self) -> bool | None:
         """True if somebody listens; None if this is unknown."""
+
+    @property
+    def reach(self) -> Reach | None:
+        """How far it has come to the one end that it goes to; None if it goes to none."""
 
     @property
     def failure(self) -> Exception | None:
@@ -86,7 +93,7 @@ class UdpLeader:
     With reflection it takes what those hosts send back to its sockets, and nothing else.
     """
 
-    matching = None
+    matching = reach = None
     is_protected = False
 
     def __init__(self, options: LinkOptions, deliver: Deliver, refuse: Refuse) -> None:
@@ -143,7 +150,7 @@ class UdpFollower:
     Raises `OSError` if the port is taken, the host is unknown or the address is none of here.
     """
 
-    matching = None
+    matching = reach = None
     is_protected = False
 
     def __init__(self, options: LinkOptions, deliver: Deliver, refuse: Refuse) -> None:
@@ -216,6 +223,98 @@ def _sent(own: socket.socket, payload: bytes, address: Address) -> OSError | Non
     return None
 
 
+_LOOK_AT_REACH_EVERY_S = 0.25
+_TRY_FIRST_S = 1.0
+_TRY_AT_MOST_S = 5.0
+_CONNECT_WITHIN_S = 1.0
+_PATIENCE_S = 3.0
+"""zenoh connects within a second to a port that listens; after this it is no leader's."""
+_ADDRESSES = 4
+"""So many addresses of a name are tried; the first that takes a connection ends it."""
+
+
+class Reaching:
+    """Watches from a thread of its own whether a leader is reached; `close` ends it.
+
+    zenoh retries silently. So a connection is tried with plain TCP, and closed at once, while the
+    leader is not reached.
+    """
+
+    def __init__(self, host: str, port: int, is_reached: Callable[[], bool]) -> None:
+        self._host, self._port = host, port
+        self._where = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+        self._is_reached = is_reached
+        self._ends = threading.Event()
+        self._accepted_s: float | None = None
+        self.reach = Reach("resolving")
+        threading.Thread(target=self._watch, daemon=True).start()
+
+    def close(self) -> None:
+        """Stop; a name that is being resolved is not waited for."""
+        self._ends.set()
+
+    def _watch(self) -> None:
+        try_at_s, after_s = time.monotonic(), _TRY_FIRST_S
+        while not self._ends.is_set():
+            now_s = time.monotonic()
+            if self._is_reached():
+                self._note(Reach("connected"))
+                self._accepted_s, after_s, try_at_s = None, _TRY_FIRST_S, now_s + _TRY_FIRST_S
+            elif now_s >= try_at_s:
+                found = self._try()
+                if not self._is_reached():
+                    self._note(found)
+                try_at_s = time.monotonic() + after_s
+                after_s = min(2.0 * after_s, _TRY_AT_MOST_S)
+            self._ends.wait(_LOOK_AT_REACH_EVERY_S)
+
+    def _note(self, found: Reach) -> None:
+        """Take what was found; a cause that lasts keeps the time of its beginning."""
+        before = self.reach
+        if (found.state, found.why) != (before.state, before.why):
+            since_s = None if found.why is None else time.monotonic()
+            self.reach = Reach(found.state, found.why, since_s)
+
+    def _try(self) -> Reach:
+        try:
+            found = socket.getaddrinfo(self._host, self._port, type=socket.SOCK_STREAM)
+        except (OSError, UnicodeError) as error:
+            text = error.strerror if isinstance(error, OSError) else str(error)
+            return Reach("resolving", f"the name {self._host} does not resolve: {text}")
+        why: str | None = None
+        for family, kind, protocol, _name, address in found[:_ADDRESSES]:
+            try:
+                with socket.socket(family, kind, protocol) as tried:
+                    tried.settimeout(_CONNECT_WITHIN_S)
+                    tried.connect(address)
+            except OSError as error:
+                why = why or self._refused(error)
+                continue
+            return self._accepted()
+        self._accepted_s = None
+        return Reach("connecting", why)
+
+    def _refused(self, error: OSError) -> str:
+        if isinstance(error, ConnectionRefusedError):
+            return f"{self._where} has refused the connection: nobody listens at that port"
+        if isinstance(error, TimeoutError) or error.errno == errno.ETIMEDOUT:
+            return f"{self._where} does not answer: it is off, elsewhere, or behind a firewall"
+        what = os.strerror(error.errno) if error.errno else str(error)
+        return f"{self._where} is unreachable: {what}"
+
+    def _accepted(self) -> Reach:
+        now_s = time.monotonic()
+        if self._accepted_s is None:
+            self._accepted_s = now_s
+        if now_s - self._accepted_s < _PATIENCE_S:
+            return Reach("connecting")
+        return Reach(
+            "connecting",
+            f"{self._where} takes connections, but what listens there is no leader's link, or one"
+            " with other certificates",
+        )
+
+
 _QUEUED_AT_MOST = 16
 _RETRY = {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 2}
 """How often a follower tries to reach a missing leader."""
@@ -259,7 +358,7 @@ class ZenohLeaders:
 class ZenohLeader:
     """Publishes at once, and drops what the network does not take."""
 
-    failure = None
+    failure = reach = None
 
     def __init__(
         self, session: zenoh.Session, options: LinkOptions, deliver: Deliver, *, is_protected: bool
@@ -324,6 +423,12 @@ class ZenohFollower:
         )
         self._thread = threading.Thread(target=self._listen, daemon=True)
         self._thread.start()
+        self._reaching = Reaching(options.host or "", options.port, self._is_reached)
+
+    @property
+    def reach(self) -> Reach:
+        """How far it has come to its leader."""
+        return self._reaching.reach
 
     def publish(self, _payload: bytes) -> None:
         """Do nothing: a follower only listens, and replies."""
@@ -336,10 +441,17 @@ class ZenohFollower:
 
     def close(self) -> None:
         """Disconnect, which also ends the listening."""
+        self._reaching.close()
         with self._in_use:
             self._forces = None
             self._session.close()
         self._thread.join(_END_WITHIN_S)
+
+    def _is_reached(self) -> bool:
+        try:
+            return bool(self._session.info.peers_zid())
+        except zenoh.ZError:  # closed
+            return False
 
     def _listen(self) -> None:
         while True:

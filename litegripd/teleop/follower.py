@@ -326,9 +326,12 @@ class TeleopFollower(TeleopAction):
         """Return the status; the opening is the leader's, in the latest frame that was followed."""
         intake, frame = self._intake, self._intake.latest
         age_s = intake.age_s(now_s)
+        reach, is_heard = self.link.status.reach, bool(intake.frames) and not intake.is_stale(now_s)
         return replace(
             self.base_status(),
             phase=self._phase,
+            link_reach=None if reach is None else "frames" if is_heard else reach.state,
+            link_unreached=None if reach is None or is_heard else reach.problem(now_s),
             frames=intake.frames,
             last_frame_age_ms=None if age_s is None else age_s * 1e3,
             stale=intake.is_stale(now_s),
@@ -357,9 +360,12 @@ class TeleopFollower(TeleopAction):
             return None
         never = "" if intake.frames else " yet"
         where = "" if self.options.host is None else f" at {self.options.host}"
+        reach = self.link.status.reach
+        problem = None if reach is None else reach.problem(now_s)
+        why = "" if problem is None else f": it is not reached, {problem}"
         return (
             f"teleoperation: nothing heard{never} from a leader{where}, port {self.options.port},"
-            f" for {silent_s:.0f} s"
+            f" for {silent_s:.0f} s{why}"
         )
 
     # The command of a tick

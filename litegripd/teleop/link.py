@@ -11,7 +11,7 @@ import struct
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, astuple, dataclass, replace
 from typing import Protocol, TypeAlias
 
 from litegripd.control.motions.base import PlainAction, Step
@@ -23,6 +23,7 @@ from litegripd.model.teleop import (
     Arrival,
     LinkOptions,
     LinkStatus,
+    Reach,
     TeleopMode,
     TeleopStatus,
 )
@@ -203,14 +204,16 @@ def unpack_arrival(body: bytes) -> tuple[int, Arrival]:
 def pack_status(generation: int, status: LinkStatus) -> bytes:
     """Return the packet that reports a link's status."""
     error = None if status.error is None else status.error[:_LONGEST_ERROR]
+    reach = None if status.reach is None else astuple(status.reach)
     values = [generation, status.state, error, status.matching, status.dropped, status.is_protected]
-    return STATUS + json.dumps(values).encode()
+    return STATUS + json.dumps([*values, reach]).encode()
 
 
 def unpack_status(body: bytes) -> tuple[int, LinkStatus]:
     """Return the content of `pack_status`'s packet, without its letter."""
-    generation, *values = json.loads(body)
-    return generation, LinkStatus(*values)
+    generation, *values, reach = json.loads(body)
+    status = LinkStatus(*values)
+    return generation, status if reach is None else replace(status, reach=Reach(*reach))
 
 
 _WINDOW_S = 1.0
@@ -275,6 +278,7 @@ class TeleopAction(PlainAction, ABC):
         self.feedback: Feedback | None = None
         self._report_event = report
         self._reported = LinkStatus()
+        self._unreached: set[str] = set()  # the reasons that were told since it was reached
 
     def finish(self) -> TeleopResult:
         """End it on its owner's request; return the result."""
@@ -316,6 +320,18 @@ class TeleopAction(PlainAction, ABC):
             if status.is_protected is False and not self.is_warned:
                 self.is_warned = True
                 self.report(_OPEN[self.options.mode], warning=True)
+        self._note_reach(status)
+
+    def _note_reach(self, status: LinkStatus) -> None:
+        """Report each reason why the leader is not reached once, until it is."""
+        reach = status.reach
+        if reach is None:
+            return
+        if reach.state == "connected":
+            self._unreached.clear()
+        elif reach.why is not None and reach.why not in self._unreached:
+            self._unreached.add(reach.why)
+            self.report(f"the leader is not reached: {reach.why}", warning=True, link=status.state)
 
     def base_status(self) -> TeleopStatus:
         """Return the part of the status that is the same for both ends."""
@@ -354,6 +370,8 @@ def ended(status: TeleopStatus, why: str | None) -> TeleopStatus:
         active=False,
         fault=why or status.fault,
         link_state=None,  # the action has released it
+        link_reach=None,
+        link_unreached=None,
         link_protected=None,
         matching=None,
         dq_cmd=0.0,

@@ -1,5 +1,6 @@
 """Teleoperation on one controller: begun, ended and reported by these methods."""
 
+import ipaddress
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -201,6 +202,9 @@ _GRIP_ID = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 _HOST = re.compile(r"[A-Za-z0-9_.:%-]{1,253}")
 _HOSTS = re.compile(r"[A-Za-z0-9_.:%,\[\] -]{1,1000}")
 """Excludes "/", "#", "?" and "*", which have a meaning in a key or an endpoint."""
+
+_LONGEST_LABEL = 63
+"""Of a part of a name between two dots (RFC 1035)."""
 
 _Problem: TypeAlias = tuple[str, str] | None
 """A parameter, and what is wrong with it."""
@@ -440,6 +444,25 @@ def _of_names(options: LinkOptions) -> _Problem:
         return _of_targets(options)
     if not _HOST.fullmatch(options.host):
         return "host", f"is {options.host!r}; it must be a host's name or address, without a port"
+    return _of_host(options.host, is_leader=options.mode == "slave")
+
+
+def _of_host(host: str, *, is_leader: bool) -> _Problem:
+    """Check that a machine may be called so: what can be none would only be waited for."""
+    name, _, port = host.rpartition(":")
+    if name and ":" not in name and port.isdecimal():
+        return "host", f"is {host!r}, with a port in it: give that as port, and {name!r} as host"
+    if ":" in host or re.fullmatch(r"[0-9.]+", host):
+        try:
+            address = ipaddress.ip_address(host)
+        except ValueError:
+            return "host", f"is {host!r}, which is no address of IPv4 or IPv6"
+        is_nobody = address.is_unspecified or address.is_multicast or host == "255.255.255.255"
+        if is_leader and is_nobody:
+            return "host", f"is {host!r}, which is the address of no single machine"
+        return None
+    if not all(0 < len(label) <= _LONGEST_LABEL for label in host.removesuffix(".").split(".")):
+        return "host", f"is {host!r}, which can be no machine's name: a part is empty or too long"
     return None
 
 
@@ -448,10 +471,11 @@ def _of_targets(options: LinkOptions) -> _Problem:
         text = "it must be hosts' names or addresses, separated by commas"
         return "host", f"is {options.host!r}; {text}"
     try:
-        udp_targets(options)
+        targets = udp_targets(options)
     except ValueError as error:
         return "host", str(error)
-    return None
+    problems = (_of_host(host, is_leader=False) for host, _port in targets)
+    return next((problem for problem in problems if problem is not None), None)
 
 
 def _of_reflection(params: Mapping[str, Any], *, fake: bool) -> _Problem:

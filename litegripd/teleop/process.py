@@ -13,7 +13,7 @@ import threading
 import time
 import traceback
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING
 
@@ -145,8 +145,7 @@ class Station:
             self._report(wanted, LinkStatus("failed", _not_opened(error, wanted.options)))
             return None
         self._endpoint = endpoint
-        matching, is_protected = endpoint.matching, endpoint.is_protected
-        self._report(wanted, LinkStatus("open", matching=matching, is_protected=is_protected))
+        self._report(wanted, self._status_of(endpoint))
         return endpoint
 
     def _make(self, wanted: OpenLink) -> Endpoint:
@@ -183,16 +182,19 @@ class Station:
             endpoint.close()
             self._report(wanted, LinkStatus("failed", f"listening: {_worded(failure)}"))
             return None
+        self._report(wanted, self._status_of(endpoint))
+        return endpoint
+
+    def _status_of(self, endpoint: Endpoint) -> LinkStatus:
         error = self._error
-        state = LinkStatus("open" if error is None else "failed", error)
-        state = replace(
-            state,
+        return LinkStatus(
+            "open" if error is None else "failed",
+            error,
             matching=endpoint.matching,
             dropped=self._flood.dropped,
             is_protected=endpoint.is_protected,
+            reach=endpoint.reach,
         )
-        self._report(wanted, state)
-        return endpoint
 
     def _report(self, wanted: OpenLink, status: LinkStatus) -> None:
         """Report the link's status if it has changed; a report that did not leave is repeated."""

@@ -21,7 +21,7 @@ from litegripd.model.calibration import NOMINAL, SUPERSEDED
 from litegripd.model.gripper import Geometry, GripperId
 from litegripd.model.state import Event, HelperTask, TaskResult
 from litegripd.sim import registers as reg
-from tests.app.test_facts import verdict
+from tests.app.test_facts import info, verdict
 from tests.sim.driving import write
 from tests.world import Client, Disk, World
 
@@ -298,3 +298,85 @@ def test_limits_are_judged_by_what_the_motor_itself_reports_at_most() -> None:
     narrow.gripper.receive(narrow.now_s, write(reg.PMAX, 8.0))
     error = narrow.start().client().call("calibration.load", content=content)["error"]
     assert "a limit is 9 rad, and the motor reports at most ±8 rad" in error["message"]
+
+
+FOREIGN = [
+    pytest.param({"can_id": 7}, "can_id 0x07, and this motor is 0x08", id="can_id"),
+    pytest.param({"mst_id": 0x12}, "mst_id 0x12, and this motor answers on 0x18", id="mst_id"),
+    pytest.param(
+        {"canfd_mode": True}, "canfd_mode (CAN FD), and this motor is driven by", id="canfd_mode"
+    ),
+    pytest.param({"motor_type": "DM4340"}, "'DM4340', and this motor is a DM4310", id="motor_type"),
+    pytest.param({"channel": "can7"}, "channel 'can7', and this is can0", id="channel"),
+]
+"""What says that a file is another gripper's, and what is said of it."""
+
+OWN_MARKS = {"channel": "can0", "can_id": 8, "mst_id": 24, "canfd_mode": False}
+TAUGHT = content_of(Geometry(0.05, -1.55, 53.75))
+"""A calibration of the right size that was measured on some gripper."""
+
+
+@pytest.mark.parametrize(("mark", "says"), FOREIGN)
+def test_another_grippers_is_taken_and_said_to_be_one_wherever_somebody_looks(
+    mark: dict[str, Any], says: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO)
+    world = journalled(World()).start()
+    client = world.client()
+    answer = client.result("calibration.load", content={**TAUGHT, **OWN_MARKS, **mark})
+    (warned,) = answer["warnings"]
+    assert answer["loaded"]
+    assert says in warned
+    world.run(0.1)
+    assert client.result("calibration.get")["warnings"] == [warned]
+    assert info(world)["calibration"]["foreign"] == warned
+    told = [one for one in caplog.records if warned in one.getMessage()]
+    assert [one.levelno for one in told] == [logging.WARNING]
+    judged, reasons = verdict(world)
+    assert (judged, reasons.count(warned)) == ("degraded", 1)
+
+
+@pytest.mark.parametrize(
+    "marks",
+    [{}, OWN_MARKS, {"mst_id": 0}, {"mst_id": None, "can_id": None}, {"motor_type": "DM4310"}],
+    ids=str,
+)
+def test_a_file_that_bears_no_other_mark_is_taken_without_a_word(marks: dict[str, Any]) -> None:
+    world = World().start()
+    assert world.client().result("calibration.load", content={**TAUGHT, **marks})["warnings"] == []
+    assert verdict(world) == ("ok", [])
+
+
+@pytest.mark.parametrize("way", AT_START, ids=lambda way: way.name)
+def test_at_the_start_another_grippers_is_warned_of(
+    root: Path, monkeypatch: pytest.MonkeyPatch, way: Way
+) -> None:
+    way.put(root, {**TAUGHT, "can_id": 7}, monkeypatch)
+    world = started(way.mount(root))
+    world.run(0.1)
+    is_template = way.name == "a template that mount names"  # of which only the limits count
+    judged, reasons = verdict(world)
+    assert any("can_id 0x07" in reason for reason in reasons) is not is_template
+    assert (judged == "degraded") is not is_template
+
+
+def test_what_is_measured_here_is_this_grippers_whatever_was_loaded_before() -> None:
+    world = World()
+    client = world.enabled()
+    foreign = {**TAUGHT, **OWN_MARKS, "can_id": 7, "mst_id": 18, "canfd_mode": True}
+    assert client.result("calibration.load", content={**foreign, "motor_type": "DM4340"})[
+        "warnings"
+    ]
+    assert client.result("calibration.zero")["ok"]
+    view = client.result("calibration.get")
+    assert view["warnings"] == []
+    assert {name: view["content"][name] for name in OWN_MARKS} == OWN_MARKS
+    assert view["content"]["motor_type"] == "DM4310"
+    assert verdict(world) == ("ok", [])
+
+
+def test_who_loads_one_in_which_no_jaw_can_be_where_it_is_learns_it_at_once() -> None:
+    world = World().start()
+    far = content_of(Geometry(9.0, 9.0 - NORMAL.travel_rad, NORMAL.rad_to_mm))
+    (warned,) = world.client().result("calibration.load", content=far)["warnings"]
+    assert "the motor says that it is at" in warned

@@ -44,7 +44,7 @@ def judged(world: World, *, helper_runs: bool = True, late_s: float = 0.0) -> Da
         recent_lateness=lateness, period_s=1.0, tick_errors=0, backlog_errors=0
     )
     parts = SimpleNamespace(
-        bus=SimpleNamespace(condition=world.condition),
+        condition=world.condition,
         rights=SimpleNamespace(refused=[]),
         spawner=SimpleNamespace(is_running=True),
         helper=SimpleNamespace(
@@ -104,7 +104,13 @@ def test_a_template_is_nominal_and_has_no_date() -> None:
     client.result("calibration.load", template="reverse")
     told = info(world)["calibration"]
     file = str(DATA / "reverse.json")
-    assert told == {"file": file, "nominal": True, "channel": None, "saved_s": None}
+    assert told == {
+        "file": file,
+        "nominal": True,
+        "channel": None,
+        "saved_s": None,
+        "foreign": None,
+    }
 
 
 def test_a_saved_template_was_still_measured_on_no_gripper() -> None:
@@ -122,11 +128,19 @@ def test_a_content_of_a_client_is_in_no_file_until_it_is_saved() -> None:
     content = client.result("calibration.get")["content"]
     client.result("calibration.load", content={**content, **MEASURED, "channel": "can7"})
     told = info(world)["calibration"]
+    foreign = told.pop("foreign")
+    assert "it has channel 'can7', and this is can0" in foreign
     assert told == {"file": None, "nominal": False, "channel": "can7", "saved_s": None}
     client.result("calibration.save")
     told = info(world)["calibration"]
     file = "/state/calibration.save"
-    assert told == {"file": file, "nominal": False, "channel": "can0", "saved_s": 1.6e9}
+    assert told == {
+        "file": file,
+        "nominal": False,
+        "channel": "can0",
+        "saved_s": 1.6e9,
+        "foreign": None,
+    }
     assert client.result("calibration.get")["file"] == file
 
 

@@ -256,6 +256,18 @@ def test_a_doubtful_scale_is_said_loudly(daemon: FakeDaemon, ctl: Ctl, tmp_path:
     assert ctl("calibration", "load", str(path))[1].splitlines()[-1] == WARNING
 
 
+def test_whatever_is_doubtful_is_said_to_who_loads_it(daemon: FakeDaemon, ctl: Ctl) -> None:
+    doubts = [DOUBT, "it has can_id 0x07"]
+    daemon.handlers["calibration.load"] = lambda request: {**LOADED, "warnings": doubts}
+    shown = ctl("calibration", "load", "normal")[1].splitlines()
+    assert [line for line in shown if line.startswith("WARNING")] == [
+        WARNING,
+        "WARNING: it has can_id 0x07",
+    ]
+    daemon.handlers["calibration.load"] = lambda request: {**LOADED, "warnings": []}
+    assert "WARNING" not in ctl("calibration", "load", "normal")[1]
+
+
 def test_rescaling_corrects_and_stores_in_one_command(daemon: FakeDaemon, ctl: Ctl) -> None:
     right = {**OLD, "travel_mm": SPAN_MM, "rad_to_mm": SPAN_MM / 1.605, "scale_warning": None}
     daemon.handlers["calibration.get"] = lambda request: OLD

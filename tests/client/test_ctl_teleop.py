@@ -143,6 +143,39 @@ def test_detached_it_returns_when_the_link_is_open_or_has_failed(
     assert len(stops) == code
 
 
+def test_detached_it_tells_why_its_leader_is_not_reached(daemon: FakeDaemon, ctl: Ctl) -> None:
+    started = {**STATUS, "link_state": "open", "link_reach": "resolving", "link_unreached": None}
+    why = "the name b does not resolve: unknown (for 0 s)"
+    looks = iter((started, {**started, "link_unreached": why}))
+    daemon.handlers["teleop.start"] = lambda _request: started
+    daemon.handlers["teleop.status"] = lambda _request: next(looks)
+    assert ctl("teleop", "slave", "--host", "b", "--detach")[:2] == (
+        0,
+        (
+            f"slave: it runs, but its leader is not reached: {why}; end it with: litegripctl teleop"
+            " stop\n"
+        ),
+    )
+
+
+@pytest.mark.parametrize(
+    ("reach", "said"),
+    [
+        ("resolving", "zenoh resolving"),
+        ("connecting", "zenoh connecting"),
+        ("connected", "zenoh connected, no frame yet"),
+        ("frames", "zenoh connected, frames come"),
+        (None, "zenoh open"),
+    ],
+)
+def test_the_status_says_how_far_the_link_has_come(reach: str | None, said: str) -> None:
+    why = "b:1 has refused the connection (for 4 s)" if reach == "connecting" else None
+    text = status_text({**STATUS, "link_state": "open", "link_reach": reach, "link_unreached": why})
+    (line,) = [line for line in text.splitlines() if line.startswith("link ")]
+    assert line.startswith(f"link              {said}, ")
+    assert (f"not reached: {why}" in text) is (why is not None)
+
+
 def test_detached_it_tells_of_an_end_while_the_link_opened(daemon: FakeDaemon, ctl: Ctl) -> None:
     daemon.handlers["teleop.start"] = lambda _request: {**STATUS, "link_state": "opening"}
     daemon.handlers["teleop.status"] = lambda _request: {**ENDED, "fault": "driver_hot"}

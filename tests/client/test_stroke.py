@@ -209,6 +209,19 @@ def test_loading_logs_that_the_millimetres_are_wrong(
     assert [record.getMessage() for record in caplog.records] == ["1.40 times too large"] * 2
 
 
+def test_loading_logs_whatever_is_doubtful(
+    daemon: FakeDaemon, gripper: LiteGrip, caplog: pytest.LogCaptureFixture
+) -> None:
+    answer = {**CALIBRATION, "loaded": True, "factory": False, "skipped": []}
+    answer["warnings"] = ["it has can_id 0x07: measure again (calibration.zero)", "and another"]
+    daemon.handlers["calibration.load"] = lambda request: answer
+    assert gripper.load_template("normal")
+    assert [record.getMessage() for record in caplog.records] == [
+        "it has can_id 0x07: measure again (gripper.zero())",
+        "and another",
+    ]
+
+
 # What a calibration has
 
 

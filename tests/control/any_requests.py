@@ -182,6 +182,7 @@ changes = st.one_of(
     _call("calibration.get"),
     _call("config.set", _must(config=good_fields), _may(keep=st.booleans())),
     _call("config.set", _must(config=any_fields)),
+    _call("motor.scan"),
     _call("motor.read_register", _must(register=st.sampled_from(["PMAX", "3", "99", "x"]))),
     _call("state.get"),
     _call("job.list"),

@@ -325,3 +325,42 @@ def test_leader_and_follower_of_one_process_meet() -> None:
     status = client.result("teleop.status")
     assert status["frames"] >= 99
     assert status["matching"] is False
+
+
+@pytest.mark.parametrize(
+    ("host", "why"),
+    [
+        ("10.0.0.2:17448", "with a port in it: give that as port, and '10.0.0.2' as host"),
+        ("leader.local:17448", "with a port in it: give that as port, and 'leader.local' as host"),
+        ("256.1.1.1", "which is no address of IPv4 or IPv6"),
+        ("10.0.0", "which is no address of IPv4 or IPv6"),
+        ("fe80:::1", "which is no address of IPv4 or IPv6"),
+        ("0.0.0.0", "the address of no single machine"),
+        ("::", "the address of no single machine"),
+        ("224.0.0.1", "the address of no single machine"),
+        ("255.255.255.255", "the address of no single machine"),
+        ("leader..local", "which can be no machine's name: a part is empty or too long"),
+        (f"{'a' * 64}.local", "which can be no machine's name: a part is empty or too long"),
+    ],
+)
+@pytest.mark.parametrize("link", ["zenoh", "udp"])
+def test_what_can_be_no_leaders_address_is_refused_and_not_waited_for(
+    host: str, why: str, link: str
+) -> None:
+    client = World().enabled()
+    error = client.call("teleop.start", mode="slave", host=host, link=link)["error"]
+    assert (error["data"]["reason"], error["data"]["parameter"]) == ("invalid_params", "host")
+    assert why in error["message"]
+
+
+@pytest.mark.parametrize("host", ["256.1.1.1", "10.0.0.2,a..b:17449"])
+def test_a_leader_over_udp_sends_to_no_impossible_address(host: str) -> None:
+    client = World().enabled()
+    error = client.call("teleop.start", mode="master", host=host, link="udp")["error"]
+    assert error["data"]["reason"] == "invalid_params"
+
+
+@pytest.mark.parametrize("host", ["leader", "leader.local.", "10.0.0.2", "fe80::1", "fe80::1%eth0"])
+def test_what_can_be_a_leaders_address_is_taken(host: str) -> None:
+    client = World().enabled()
+    assert client.result("teleop.start", mode="slave", host=host)["active"]

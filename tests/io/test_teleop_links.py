@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from litegripd.io.helper.child import Child
-from litegripd.model.teleop import Arrival, LinkOptions, LinkStatus
+from litegripd.model.teleop import Arrival, LinkOptions, LinkStatus, Reach
 from litegripd.teleop.link import (
     Link,
     OpenLink,
@@ -74,6 +74,8 @@ def test_states_are_the_same_after_their_journey() -> None:
         LinkStatus(),
         LinkStatus("failed", "why", None, 3),
         LinkStatus("open", None, True, 0, False),
+        LinkStatus("open", reach=Reach("connecting", "it is off", 2.5)),
+        LinkStatus("open", reach=Reach("connected")),
     ):
         assert unpack_status(pack_status(7, status)[1:]) == (7, status)
 

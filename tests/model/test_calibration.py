@@ -186,9 +186,12 @@ def test_a_rewrite_changes_what_was_measured_and_keeps_the_rest() -> None:
     )
     before = parse_calibration(text)
     after = measured(before, closed_rad=-1.5, open_rad=0.1, stroke_mm=STROKE_MM)
-    assert content_of(after) == {
+    assert content_of(after, 24) == {
         **json.loads(text),
         "channel": "can1",
+        "can_id": 9,
+        "mst_id": 24,  # by which a file says of which motor it is: this one, from now on
+        "canfd_mode": False,
         "zero_position_rad": -1.5,
         "max_position_rad": 0.1,
         "travel_range_rad": 1.6,
@@ -269,7 +272,8 @@ def test_a_measurement_gives_the_scale_and_keeps_gains_and_content() -> None:
     assert after.geometry.rad_to_mm == pytest.approx(86.0 / 1.617457)
     assert after.geometry.travel_mm == pytest.approx(STROKE_MM + 1.0)
     assert (after.kp_nm_rad, after.kd_nm_s_rad, after.channel) == (100.0, 2.0, "can0")
-    assert after.content == before.content
+    marks = {"can_id", "mst_id", "canfd_mode", "motor_type"}
+    assert after.content == {k: v for k, v in before.content.items() if k not in marks}
     assert before.geometry == NOMINAL[0]
 
 
@@ -449,7 +453,7 @@ def test_what_is_written_reads_back_as_it_was(
     read = parse_calibration(json.dumps(content))
     assert (read.geometry, read.calibrated, read.channel) == (after.geometry, True, "can1")
     assert (read.kp_nm_rad, read.kd_nm_s_rad) == (after.kp_nm_rad, after.kd_nm_s_rad)
-    assert set(others) <= set(read.content)
+    assert set(others) <= {*read.content, "mst_id"}
     assert content_of(read, master_id) == content
 
 

@@ -14,7 +14,16 @@ from litegrip_client import metrics
 from litegrip_client.doctor import gather
 from tests.process.daemon_process import CTL, DEADLINE_S, DaemonProcess
 
-NO_METRICS = {"control.cpus", "helper.pid", "spawner.pid", "bus.error", "teleop.pid", "teleop.link"}
+NO_METRICS = {
+    "control.cpus",
+    "helper.pid",
+    "spawner.pid",
+    "bus.error",
+    "teleop.pid",
+    "teleop.link",
+    "teleop.reach",
+    "teleop.unreached",
+}
 """Figures of health that are no quantities."""
 
 

@@ -40,6 +40,7 @@ def conversation(client: Client) -> Iterator[tuple[str, Params]]:
     yield "clients.list", {}
     yield "lease.acquire", {"purpose": "a test", "ttl_s": 600, "on_lost": "hold", "wait_s": 0}
     yield "lease.renew", {}
+    yield "motor.scan", {}
     yield "motor.enable", {"retries": 3}
     yield "motor.read_register", {"register": "PMAX"}
     yield "motion.open", {"speed_mm_s": 100, "progress": True, "key": "one"}

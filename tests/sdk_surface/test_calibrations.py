@@ -61,7 +61,7 @@ def test_a_calibration_of_another_motor_is_named_in_the_log(
         one["params"]["message"] for one in watching.notifications if one["method"] == "event"
     ]
     (loaded,) = [text for text in messages if text.startswith("calibration given by a client")]
-    assert ("measured with motor 0x09, and this one is 0x08" in loaded) is told
+    assert ("it has can_id 0x09, and this motor is 0x08" in loaded) is told
 
 
 def test_an_enabling_that_the_motor_does_not_confirm_has_its_reason(site: Site) -> None:

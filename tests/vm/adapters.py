@@ -7,6 +7,7 @@ import json
 import sys
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from tests.vm.emulated import Emulated
@@ -133,9 +134,28 @@ def wrong_bit_rate() -> None:
     ip("link set can0 up")
 
 
+def in_mode(mode: str) -> None:
+    """Set the adapter up in a mode in which no motor answers."""
+    ip("link set can0 down")
+    ip(f"link set can0 type can bitrate 1000000 {mode} on")
+    ip("link set can0 up")
+
+
+RULE = Path("/etc/udev/rules.d/99-can.rules")
+
+
+def another_rule() -> None:
+    """Have a rule of somebody else's set another rate at the next plug."""
+    command = "/sbin/ip link set %k up type can bitrate 500000"
+    RULE.write_text(f'ACTION=="add", SUBSYSTEM=="net", KERNEL=="can0", RUN+="{command}"\n')
+
+
 STATES: tuple[tuple[str, Callable[[], object]], ...] = (
     ("link down", partial(ip, "link set can0 down")),
     ("another bit rate", wrong_bit_rate),
+    ("only listening", partial(in_mode, "listen-only")),
+    ("looping back", partial(in_mode, "loopback")),
+    ("a rule that sets another bit rate", another_rule),
     ("a long queue", partial(ip, "link set can0 txqueuelen 1000")),
     ("the daemon stopped", partial(must, "systemctl", "stop", "litegripd@can0")),
 )
@@ -149,6 +169,25 @@ def doctors_remedies() -> None:
         found = reaches(lambda: bool(remedies()))
         check(f"{what}: doctor names a command", found, complaints())
         type_remedies(adapter, what)
+
+
+def wrong_rate_is_named() -> None:
+    """A wrong bit rate is told as what it is, and the daemon's own words correct it."""
+    installed()
+    unit = Unit()
+    rpc = unit.rpc()
+    reaches(partial(rpc.bus_is, "up"))
+    wrong_bit_rate()
+    slow = "can0 runs at 0.5 Mbit/s, and the motor speaks at 1 Mbit/s"
+    check("health names the bit rate", reaches(lambda: slow in reasons(rpc)), reasons(rpc))
+    check("and has it as a figure", rpc.call("health")["bus"]["bitrate"] == 500_000)
+    journal = run("journalctl", "-u", "litegripd@can0", "-o", "cat")[1]
+    check("so does the journal", slow in journal, journal[-2000:])
+    type_last_of(reasons(rpc))
+    works_again(rpc, "another bit rate, by health")
+    told = reaches(lambda: rpc.call("health")["bus"]["bitrate"] == 1_000_000)
+    check("the right bit rate is read again", told, reasons(rpc))
+    rpc.close()
 
 
 def leave_bus(adapter: Emulated, rpc: Rpc) -> None:
@@ -227,6 +266,7 @@ FIRST = (
     adapter_replugged,
     adapter_bus_off,
     adapter_error_frames,
+    wrong_rate_is_named,
     doctors_remedies,
     two_grippers,
 )

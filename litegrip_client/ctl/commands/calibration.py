@@ -10,6 +10,7 @@ import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+from litegrip_client.core.calibrations import warnings_in
 from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.ctl.parser import LateParser, positive
 from litegrip_client.ctl.render import CHOOSE_MOUNT, Data, figure, finish, plain, verdict
@@ -342,9 +343,8 @@ def _work_stroke(data: Data) -> str:
 
 
 def _doubt(data: Data) -> list[str]:
-    """Return a line that says why the millimetres are probably wrong, if they are."""
-    warning = data.get("scale_warning")
-    return [] if not warning else [f"WARNING: {plain(in_shell(str(warning)))}"]
+    """Return a line for each reason why the calibration is probably wrong."""
+    return [f"WARNING: {plain(in_shell(warning))}" for warning in warnings_in(data)]
 
 
 def templates(run: Run) -> int:

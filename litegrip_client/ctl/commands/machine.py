@@ -5,15 +5,16 @@ from __future__ import annotations
 import re
 from argparse import ArgumentTypeError
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
+from litegrip_client.can_managers import uses_networkd
 from litegrip_client.ctl.parser import LateParser
 from litegrip_client.ctl.render import plain
 from litegrip_client.ctl.run import NOT_OK, OK, Commands, Run
 from litegrip_client.doctor import daemon_checks, fleet_checks, gripper_checks, link_checks
 from litegrip_client.doctor.findings import Check, Finding, as_data, examine
-from litegrip_client.doctor.gather import gather
+from litegrip_client.doctor.gather import gather, scan
 from litegrip_client.units import install
 from litegrip_client.units.install import Done, Wanted
 from litegrip_client.voices import in_shell
@@ -57,8 +58,11 @@ CHECKS: tuple[Check, ...] = (
     Check("iproute2", link_checks.tool),
     Check("link", link_checks.link),
     Check("device", link_checks.device),
+    Check("serial", link_checks.serial),
     Check("adapter", link_checks.adapter),
     Check("bit-rate", link_checks.bit_rate),
+    Check("modes", link_checks.modes),
+    Check("network", link_checks.network),
     Check("sample-point", link_checks.sample_point),
     Check("restart", link_checks.restart),
     Check("queue", link_checks.queue),
@@ -72,6 +76,7 @@ CHECKS: tuple[Check, ...] = (
     Check("real-time", daemon_checks.real_time),
     Check("bus", gripper_checks.bus),
     Check("motor", gripper_checks.motor),
+    Check("scan", gripper_checks.scan),
     Check("other-master", gripper_checks.other_master),
     Check("control-mode", gripper_checks.control_mode),
     Check("can-br", gripper_checks.bit_rate_code),
@@ -82,14 +87,26 @@ CHECKS: tuple[Check, ...] = (
     Check("stroke", gripper_checks.stroke),
     Check("position", gripper_checks.position),
     Check("channel", gripper_checks.calibration_channel),
+    Check("teleop", daemon_checks.teleop),
     Check("health", daemon_checks.health),
 )
+
+
+def doctor_options(parser: LateParser) -> None:
+    """Add the arguments of `doctor`."""
+    parser.add_argument(
+        "--scan",
+        action="store_true",
+        help="also have the ids 1 to 16 asked for a motor; refused while it is enabled",
+    )
 
 
 def doctor(run: Run) -> int:
     """Show what was found; the exit code shows if there is an error."""
     options = run.options
     facts = gather(options.channel, options.socket, channel_chosen=options.channel_chosen)
+    if options.scan:
+        facts = replace(facts, scan=scan(facts))
     findings = [*examine(facts, CHECKS), *fleet_checks.of_fleet(facts)]
     data = as_data(facts.channel if facts.is_channel_known else None, findings)
     run.output.result(data, findings_text(findings))
@@ -180,6 +197,8 @@ def install_units(run: Run) -> int:
 def _after_installation(root: Path, done: Sequence[Done], channels: Sequence[str]) -> list[str]:
     following = ["systemd-sysusers", "systemctl daemon-reload"]
     following += _reloads(root, done, is_rule_wanted=bool(channels))
+    if any(one.path.endswith(install.SERIAL_RULES) and one.what != "unchanged" for one in done):
+        following.append("udevadm trigger --subsystem-match=tty")
     following += [
         f"udevadm trigger --action=add --subsystem-match=net --sysname-match={channel}"
         for channel in channels
@@ -220,7 +239,7 @@ def _reloads(root: Path, done: Sequence[Done], *, is_rule_wanted: bool = False) 
     changed = [one.path for one in done if one.what not in ("unchanged", "kept")]
     is_network = any("/systemd/network/" in path for path in changed)
     is_rule = any("/rules.d/" in path for path in changed)
-    following = ["networkctl reload"] if is_network and install.uses_networkd(root) else []
+    following = ["networkctl reload"] if is_network and uses_networkd(root) else []
     if is_rule_wanted or is_rule or is_network:  # a .link is udev's
         following.append("udevadm control --reload")
     return following
@@ -265,7 +284,7 @@ def completion(run: Run) -> int:
 
 
 COMMANDS: Commands = {
-    "doctor": (doctor, None),
+    "doctor": (doctor, doctor_options),
     "install-units": (install_units, install_units_options),
     "completion": (completion, completion_options),
 }

@@ -158,7 +158,7 @@ def _start(run: Run, mode: str) -> int:
 def _leave(run: Run, data: dict[str, Any]) -> int:
     """Leave it running once its link is open; end it where that cannot be opened."""
     ends_s = time.monotonic() + _OPEN_WITHIN_S
-    while data["active"] and data.get("link_state") == "opening" and time.monotonic() < ends_s:
+    while data["active"] and _is_on_its_way(data) and time.monotonic() < ends_s:
         time.sleep(_LOOK_EVERY_S)
         data = run.connection.call("teleop.status")
     if data["active"] and data.get("link_state") == "failed":
@@ -171,9 +171,17 @@ def _leave(run: Run, data: dict[str, Any]) -> int:
         run.output.result(data, status_text(data))
         return NOT_OK
     opening = ", its link is still opening" if data.get("link_state") == "opening" else ""
+    if data.get("link_unreached"):
+        opening = f", but its leader is not reached: {plain(data['link_unreached'])}"
     text = f"{data['mode']}: it runs{opening}; end it with: litegripctl teleop stop"
     run.output.result(data, text)
     return OK
+
+
+def _is_on_its_way(data: Data) -> bool:
+    """Return True while it is not known if the link can be opened, or its leader be reached."""
+    is_reaching = data.get("link_reach") in ("resolving", "connecting")
+    return data.get("link_state") == "opening" or (is_reaching and not data.get("link_unreached"))
 
 
 def _watch(run: Run) -> int:
@@ -226,7 +234,7 @@ def status_text(data: Data) -> str:
     whose, own = _owners(data)
     rows = [
         ("teleop", f"{data.get('mode')}, {verdict} ({data.get('phase')})"),
-        ("link", f"{data.get('link')} {data.get('link_state') or 'closed'}{_where(data)}"),
+        ("link", f"{data.get('link')} {_link_state(data)}{_where(data)}"),
         ("topic", f"{data.get('topic')}"),
         (
             f"{whose}opening",
@@ -248,6 +256,15 @@ def status_text(data: Data) -> str:
     if data.get("fault"):
         rows.append(("ended by" if not data.get("active") else "fault", str(data["fault"])))
     return "\n".join(f"{label:<{_LABEL_WIDTH}} {plain(text)}" for label, text in rows)
+
+
+_REACH = {"connected": "connected, no frame yet", "frames": "connected, frames come"}
+
+
+def _link_state(data: Data) -> str:
+    """Return how far the link is: of an end that goes to another one, how far it has come."""
+    state, reach = data.get("link_state") or "closed", data.get("link_reach")
+    return str(state) if reach is None or state != "open" else _REACH.get(str(reach), str(reach))
 
 
 def _owners(data: Data) -> tuple[str, str]:
@@ -301,6 +318,8 @@ def _troubles(data: Data) -> list[str]:
     found = []
     if data.get("active") and data.get("mode") == "slave" and not data.get("frames"):
         found.append(f"nothing heard from {_leader(data)} yet")
+    if data.get("link_unreached"):
+        found.append(f"not reached: {data['link_unreached']}")
     if data.get("stale"):
         found.append(f"STALE {_age(data)}")
     if data.get("over_torque"):

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, TypeAlias, TypedDict
 
-from litegripd.control.admission import ENDING
+from litegripd.control.admission import ENDING, position_refusal
 from litegripd.control.calibration import content_of
 from litegripd.control.controller import Controller
 from litegripd.control.requests import CalibrationRequests
@@ -18,9 +18,10 @@ from litegripd.model.calibration import (
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import STROKE_RANGE_MM, Mount
 from litegripd.model.motion_config import ranges_of
-from litegripd.model.motor import RegisterReply
+from litegripd.model.motor import RegisterReply, Status
 from litegripd.model.state import HelperTask, Owner, SetZeroResult, TaskResult, ZeroResult
-from litegripd.motor.codec import REGISTERS, Register
+from litegripd.motor.codec import IN_USE, MASTER_ID, REGISTERS, Register
+from litegripd.motor.phases import SILENT
 from litegripd.rpc.method import (
     AT_ONCE,
     CONFIG,
@@ -46,8 +47,9 @@ Authority: TypeAlias = Callable[[], "Refusal | None"]
 class CalibrationView(TypedDict):
     """The calibration in use; `content` is that of its file, empty where there is none.
 
-    `scale_warning` says why its millimetres are probably wrong, and what corrects them; `problem`
-    why none is in use.
+    `warnings` say why it is probably wrong, and what corrects that: its scale, marks of another
+    gripper, a position at which no jaw can be. `scale_warning` is the one on its millimetres, None
+    without one. `problem` is why none is in use.
     """
 
     calibrated: bool
@@ -62,6 +64,7 @@ class CalibrationView(TypedDict):
     kd: float
     file: str | None
     scale_warning: str | None
+    warnings: list[str]
     problem: str | None
     content: Mapping[str, object]
 
@@ -121,6 +124,24 @@ class FrameInterval(TypedDict):
     frame_interval: float
 
 
+SOUGHT_IDS = range(0x01, 0x11)
+"""The maker's tool offers more; a gripper whose id was changed has a small one."""
+
+
+class FoundMotor(TypedDict):
+    """A motor that has answered: the id of its commands, and the one on which it answers."""
+
+    can_id: int
+    master_id: int
+
+
+class Scanned(TypedDict):
+    """The ids that were asked, and the motors that have answered."""
+
+    asked: list[int]
+    found: list[FoundMotor]
+
+
 class ConfigView(TypedDict):
     """The motion configuration; `kept` is true if it outlives the daemon."""
 
@@ -177,11 +198,21 @@ class SettingsMethods:
             "scale_warning": None
             if calibration is None
             else scale_warning(calibration, controller.gripper_id.stroke_mm),
+            "warnings": self._warnings(),
             "problem": in_use.problem.message if in_use.geometry is None else None,
             "content": {}
             if calibration is None
             else content_of(calibration, controller.gripper_id, in_use.gains, controller.motor),
         }
+
+    def _warnings(self) -> list[str]:
+        """Return what is doubtful about the calibration in use, for whoever loads it."""
+        controller, found = self._controller, self._controller.calibration_doubts()
+        geometry, motor = controller.geometry, controller.motor
+        if geometry is not None and motor.feedback is not None:
+            misplaced = position_refusal(motor, geometry)
+            found += [] if misplaced is None else [misplaced.message]
+        return found
 
     @Method(
         "calibration.templates", "Tell the templates of the mounts.", "The templates.", Templates
@@ -397,6 +428,45 @@ class SettingsMethods:
             deferred.resolve(reply.failure or named)
 
         return self._controller.register_reads.add(register.number, replied) or deferred
+
+    @Method(
+        "motor.scan",
+        f"Ask the ids {SOUGHT_IDS[0]} to {SOUGHT_IDS[-1]} for their MST_ID, and tell which answer:"
+        " for a motor that is not found at its configured id. Refused while the motor is enabled.",
+        "The ids that were asked, and the motors that have answered.",
+        Scanned,
+        role="operator",
+        waits=True,
+    )
+    def _scan(self, _call: Call) -> Answer:
+        controller, deferred, found = self._controller, Deferred(), list[FoundMotor]()
+        refusal = controller.bus.refusal(controller.gripper_id.bus_channel)
+        if refusal is not None:
+            return refusal
+        last = controller.motor.feedback
+        if last is not None and last.status == Status.ENABLED:
+            return IN_USE
+        left = iter(SOUGHT_IDS)
+
+        def ask() -> Refusal | None:
+            sought_id = next(left, None)
+            if sought_id is None:
+                deferred.resolve(Scanned(asked=list(SOUGHT_IDS), found=found))
+                return None
+
+            def replied(reply: RegisterReply) -> None:
+                if reply.value is not None:
+                    found.append(FoundMotor(can_id=sought_id, master_id=int(reply.value)))
+                elif reply.failure is not None and reply.failure.reason != SILENT.reason:
+                    deferred.resolve(reply.failure)
+                    return
+                refusal = ask()
+                if refusal is not None:
+                    deferred.resolve(refusal)
+
+            return controller.register_reads.add(MASTER_ID.number, replied, sought_id)
+
+        return ask() or deferred
 
     @Method(
         "motor.set_zero",

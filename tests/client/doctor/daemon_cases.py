@@ -300,6 +300,33 @@ DAEMON_CASES = [
         LIMITS,
         "CAP_SYS_NICE",
     ),
+    Case(
+        "daemon",
+        facts(daemon=None, failure="no daemon", others=("left", "right")),
+        "error",
+        "no channel was named, and can0 is none of this machine; there are: left, right",
+        "litegripctl -c left doctor",
+        "export LITEGRIP_CHANNEL=left",
+    ),
+    Case("teleop", facts(), None),
+    Case("teleop", facts(daemon=None), None),
+    *(
+        Case("teleop", with_daemon(health_teleop={"reach": reach, "unreached": None}), "ok", "is")
+        for reach in ("connected", "frames")
+    ),
+    Case(
+        "teleop",
+        with_daemon(
+            health_teleop={
+                "reach": "connecting",
+                "unreached": "b:1 has refused the connection (for 9 s)",
+            }
+        ),
+        "error",
+        "connecting: b:1 has refused the connection (for 9 s)",
+        "litegripctl -c can0 teleop status",
+        "need the same port",
+    ),
     Case("health", facts(), "ok", "verdict on itself is ok"),
     Case("health", facts(daemon=None), None),
     Case(

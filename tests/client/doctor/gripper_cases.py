@@ -2,13 +2,14 @@
 
 from dataclasses import replace
 
-from litegrip_client.doctor.findings import Configuration
+from litegrip_client.doctor.findings import Configuration, Scan
 from tests.client.doctor.case import Case
 from tests.client.doctor.known import daemon, facts, with_daemon
 
 ZERO = "litegripctl -c can0 enable && litegripctl -c can0 zero"
 
 RESTS = {"foreign_commands": 0, "foreign_active": False, "in_use": False}
+ASKED = tuple(range(1, 17))
 
 GRIPPER_CASES = [
     Case("bus", facts(), "ok", "the daemon uses it, load 12%, 0 lost frames"),
@@ -87,6 +88,42 @@ GRIPPER_CASES = [
         "it reports a fault: communication_lost, last feedback 0.004 s ago",
         "litegripctl -c can0 enable",
         "the line health says if the bus or the daemon itself was silent",
+    ),
+    Case("scan", facts(), None),
+    Case(
+        "scan",
+        facts(scan=Scan(ASKED, {8: 24})),
+        "ok",
+        "motors answer at: 0x08 (answers on 0x18)",
+    ),
+    Case(
+        "scan",
+        facts(scan=Scan(ASKED, {8: 24, 9: 25})),
+        "ok",
+        "0x09 (answers on 0x19); a gripper has one motor: others are not its",
+    ),
+    Case(
+        "scan",
+        facts(scan=Scan(ASKED, {9: 25})),
+        "error",
+        "nothing answers at 0x08, but motors do at: 0x09 (answers on 0x19)",
+        "sudo systemctl restart litegripd@can0",
+        "first set [motor] can_id = 0x09 in /etc/litegripd/can0.toml",
+    ),
+    Case(
+        "scan",
+        facts(scan=Scan(ASKED)),
+        "error",
+        "no motor answers at 0x01 to 0x10",
+        advises="A motor that is set to 5 Mbit/s (CAN FD) or another bit rate cannot be found",
+    ),
+    Case(
+        "scan",
+        facts(scan=Scan(problem="the motor is enabled"), daemon=daemon(state_enabled=True)),
+        "error",
+        "no id was asked: the motor is enabled",
+        "litegripctl -c can0 disable",
+        "then again: litegripctl -c can0 doctor --scan",
     ),
     Case("other-master", facts(), "ok", "nobody but the daemon"),
     Case("other-master", facts(daemon=None), None),
@@ -315,6 +352,14 @@ GRIPPER_CASES = [
     ),
     Case("channel", facts(), "ok", "the calibration is for can0"),
     Case("channel", with_daemon(info_calibration__channel=None), None),
+    Case(
+        "channel",
+        with_daemon(info_calibration__foreign="the calibration is probably another gripper's: x"),
+        "warning",
+        "the calibration is probably another gripper's: x",
+        ZERO,
+        "look at its mount",
+    ),
     Case(
         "channel",
         facts(

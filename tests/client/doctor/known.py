@@ -5,8 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from litegrip_client.doctor.findings import Daemon, Facts, Link, Socket, System, User
-from litegrip_client.doctor.gather import from_ip
+from litegrip_client.can_link import Link, from_ip
+from litegrip_client.doctor.findings import Daemon, Facts, Socket, System, User
 
 LINKS = Path(__file__).parent / "links"
 NOW_S = 1_800_000_000.0
@@ -48,6 +48,7 @@ INFO: dict[str, Any] = {
         "nominal": False,
         "channel": "can0",
         "saved_s": NOW_S - 3.2 * 86_400,
+        "foreign": None,
     },
     "configuration": {
         "bus": {"interface": "socketcan", "channel": "can0", "bitrate": 1_000_000},
@@ -64,6 +65,7 @@ HEALTH: dict[str, Any] = {
     "control": {"fifo_priority": 50, "memory_locked": True},
     "bus": {"state": "up", "error": None, "load": 0.123, "send_failures": 0},
     "motor": {"foreign_commands": 0, "foreign_active": False},
+    "teleop": {"link": None, "reach": None, "unreached": None},
 }
 STATE: dict[str, Any] = {
     "motor": "disabled",

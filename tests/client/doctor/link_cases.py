@@ -1,7 +1,10 @@
 """The cases of the checks of the bus: the network interface, its controller, other adapters."""
 
 from dataclasses import replace
+from typing import Any
 
+from litegrip_client.can_link import HARMFUL, HINDERING
+from litegrip_client.can_managers import Setting
 from litegrip_client.doctor.findings import Device, Facts
 from tests.client.doctor.case import Case
 from tests.client.doctor.known import daemon, facts, link, system, with_daemon
@@ -36,6 +39,20 @@ def gs_usb(link_name: str) -> Facts:
         bus_channel=found.name,
     )
 
+
+def in_modes(*modes: str, **changes: Any) -> Facts:
+    """Return facts of a link whose controller is in these modes."""
+    return facts(system=system(link=replace(link("healthy"), modes=modes)), **changes)
+
+
+NETWORK_FILE = Setting("can0", "systemd-networkd", "/etc/systemd/network/can.network", 5, 500_000)
+DROP_IN = (
+    "sudo mkdir -p /etc/systemd/network/can.network.d"
+    " && printf '[CAN]\\nBitRate=1000000\\n' | sudo tee"
+    " /etc/systemd/network/can.network.d/90-litegrip.conf && sudo networkctl reload"
+)
+STANZA = replace(NETWORK_FILE, manager="ifupdown", file="/etc/network/interfaces", line=7)
+RIGHT = replace(STANZA, bitrate=1_000_000)
 
 LINK_CASES = [
     Case("iproute2", facts(), None),
@@ -141,6 +158,24 @@ LINK_CASES = [
     Case(
         "device", serial(CLOSED, health_bus__state="motor_silent"), "ok", "is there and accessible"
     ),
+    Case("serial", facts(), None),
+    Case("serial", serial(SERIAL), "ok", "no program of this machine"),
+    Case("serial", serial(Device("/dev/ttyACM0", True)), None),
+    Case(
+        "serial",
+        serial(replace(SERIAL, probers=("ModemManager",), is_left_alone=True)),
+        "ok",
+        "a rule keeps ModemManager off /dev/ttyACM0",
+    ),
+    Case(
+        "serial",
+        serial(replace(SERIAL, probers=("ModemManager", "brltty"))),
+        "warning",
+        "ModemManager and brltty, installed here, may open /dev/ttyACM0",
+        "sudo litegripctl install-units --serial && sudo udevadm control --reload"
+        " && sudo udevadm trigger --subsystem-match=tty",
+        "91-litegrip-serial.rules says how to add it",
+    ),
     Case("adapter", facts(), "ok", "driver peak_usb, PCAN-USB"),
     Case("adapter", gs_usb("healthy"), "ok", "driver gs_usb, candleLight USB to CAN adapter"),
     Case("adapter", facts(system=system(adapter=None)), "ok", "driver peak_usb"),
@@ -189,6 +224,77 @@ LINK_CASES = [
         "0.5 Mbit/s by the configuration",
         advises="set [bus] bitrate = 1000000",
     ),
+    Case(
+        "bit-rate",
+        facts(system=system(link=link("wrong_bitrate"), settings=(NETWORK_FILE,))),
+        "error",
+        "0.5 Mbit/s, but the motor speaks at 1 Mbit/s",
+        ANEW,
+        "/etc/systemd/network/can.network:5 (systemd-networkd) sets 0.5 Mbit/s at every plug and"
+        " boot: see the line network",
+    ),
+    Case("modes", facts(), "ok", "classic CAN, sends and listens"),
+    Case("modes", in_modes("BERR-REPORTING"), "ok", "and listens, with berr-reporting"),
+    Case("modes", facts("vcan"), None),
+    *(
+        Case(
+            "modes",
+            in_modes(mode),
+            "error",
+            f"{mode.lower()} is on: {why}",
+            f"{ANEW} {mode.lower()} off",
+            LOST,
+        )
+        for mode, why in HINDERING.items()
+    ),
+    *(
+        Case(
+            "modes",
+            in_modes(mode),
+            "warning",
+            f"{mode.lower()} is on: {why}",
+            f"{ANEW} {mode.lower()} off",
+            LOST,
+        )
+        for mode, why in HARMFUL.items()
+    ),
+    Case(
+        "modes",
+        in_modes("FD", "LISTEN-ONLY", "BERR-REPORTING", daemon=daemon(state_enabled=True)),
+        "error",
+        "listen-only is on: the adapter only listens: it sends nothing and acknowledges nothing;"
+        " fd is on: ",
+        f"litegripctl -c can0 disable && {ANEW} listen-only off fd off",
+        LOST,
+    ),
+    Case(
+        "link",
+        facts(system=system(link=replace(link("down"), modes=("LOOPBACK",)))),
+        "error",
+        "can0 is down",
+        f"{UP} loopback off",
+        LOST,
+    ),
+    Case("network", facts(), None),
+    Case("network", facts(system=system(settings=(RIGHT,))), "ok", "(ifupdown) sets 1 Mbit/s"),
+    Case(
+        "network",
+        facts(system=system(settings=(NETWORK_FILE, RIGHT))),
+        "warning",
+        "at every plug and boot /etc/systemd/network/can.network:5 (systemd-networkd) sets 0.5"
+        " Mbit/s",
+        DROP_IN,
+        "the motor needs 1 Mbit/s and no other mode",
+    ),
+    Case(
+        "network",
+        facts(system=system(settings=(NETWORK_FILE, STANZA))),
+        "warning",
+        "/etc/network/interfaces:7 (ifupdown) sets 0.5 Mbit/s",
+        f"{DROP_IN} && sudo sed -i '7s/\\(\\bbitrate[[:space:]]*\\)500000\\b/\\11000000/'"
+        " /etc/network/interfaces",
+        "the motor needs 1 Mbit/s and no other mode",
+    ),
     Case("sample-point", facts(), "ok", "at 75.0% of a bit"),
     Case("sample-point", facts("wrong_bitrate"), "ok", "at 87.5% of a bit"),
     Case("sample-point", facts("unset"), None),
@@ -226,6 +332,13 @@ LINK_CASES = [
         facts("long_queue"),
         "warning",
         "1000 frames, 5000 ms of commands at 200 Hz: a dead bus that comes back gets old commands",
+        "sudo ip link set can0 txqueuelen 10",
+    ),
+    Case(
+        "queue",
+        facts(system=system(link=replace(link("healthy"), queue_frames=0))),
+        "warning",
+        "0 frames, 0 ms of commands at 200 Hz: a command that has to wait for another frame is",
         "sudo ip link set can0 txqueuelen 10",
     ),
     Case("queue", facts("vcan"), None),
@@ -268,6 +381,17 @@ LINK_CASES = [
         "error",
         "bus-off",
         advises=WIRING,
+    ),
+    *(
+        Case(
+            "bus-state",
+            facts(system=system(link=replace(link("healthy"), state=state))),
+            "error",
+            f"{state.lower()}, tx errors 0, rx errors 0: the adapter takes no part in the bus",
+            CYCLE.replace("can1", "can0"),
+            LOST,
+        )
+        for state in ("STOPPED", "SLEEPING")
     ),
     Case("bus-errors", facts(), "ok", "none since the driver was loaded"),
     Case(

@@ -6,6 +6,7 @@ from collections import defaultdict
 import damiao_motor
 import pytest
 
+from litegrip_client.can_link import BITRATE
 from litegrip_client.ctl.commands.machine import CHECKS
 from litegrip_client.doctor.findings import Finding
 from litegrip_client.doctor.gripper_checks import (
@@ -15,7 +16,6 @@ from litegrip_client.doctor.gripper_checks import (
     MODEL_RANGES,
     TIMEOUT_UNIT_S,
 )
-from litegrip_client.doctor.link_checks import BITRATE
 from litegripd.control import admission
 from litegripd.model.gripper import MOTOR_TYPES
 from litegripd.motor import codec, identity

@@ -79,6 +79,24 @@ def test_what_is_not_well_is_told_and_ends_with_1(well: FakeDaemon, ctl: Ctl) ->
     assert out.endswith("\n1 error, 1 warning\n")
 
 
+def test_a_scan_is_asked_for_and_never_by_itself(well: FakeDaemon, ctl: Ctl) -> None:
+    found = {"asked": list(range(1, 17)), "found": [{"can_id": 9, "master_id": 25}]}
+    well.handlers["motor.scan"] = lambda request: found
+    assert "scan" not in levels(ctl("doctor", "--json")[1])
+    assert "motor.scan" not in well.methods()
+    code, out, _ = ctl("doctor", "--scan")
+    assert code == 1
+    assert "nothing answers at 0x08, but motors do at: 0x09 (answers on 0x19)\n" in out
+    assert "(first set [motor] can_id = 0x09 in /etc/litegripd/can0.toml)" in out
+    well.handlers["motor.scan"] = lambda request: request.fail("busy", -32020, "it is enabled")
+    assert "no id was asked: it is enabled\n" in ctl("doctor", "--scan")[1]
+
+
+def test_without_a_daemon_no_id_is_asked(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["-c", "nodaemon7", "doctor", "--scan"]) == 1
+    assert "no id was asked: no daemon answers" in capsys.readouterr().out
+
+
 def test_warnings_alone_end_with_0(well: FakeDaemon, ctl: Ctl, machine: dict[str, Any]) -> None:
     machine["system"] = System(link("long_queue"), None, ("can0",), "peak_usb")
     code, out, _ = ctl("doctor")
@@ -132,6 +150,32 @@ def test_a_socket_without_a_daemon_is_of_no_known_channel(
     assert "bus" not in machine
     assert main(["-c", "can3", "doctor"]) == 1
     assert "sudo systemctl start litegripd@can3" in capsys.readouterr().out
+
+
+def test_on_a_robot_with_stable_names_those_are_named_and_not_can0(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    machine: dict[str, Any],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delenv("LITEGRIPD_SOCKET", raising=False)
+    monkeypatch.delenv("LITEGRIP_CHANNEL", raising=False)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setattr("litegrip_client.discovery.SYSTEM_DIRECTORY", str(tmp_path / "run"))
+    monkeypatch.setattr("litegrip_client.discovery.ENABLED_DIRECTORY", str(tmp_path / "wants"))
+    for path in ("run/left.sock", "run/left.stop.sock", "wants/litegripd@right.service"):
+        (tmp_path / path).parent.mkdir(exist_ok=True)
+        (tmp_path / path).touch()
+    assert main(["doctor"]) == 1
+    out = capsys.readouterr().out
+    assert "there are: left, right\n         litegripctl -c left doctor\n" in out
+    assert "litegripd@can0" not in out
+    assert "bus" not in machine
+    assert main(["-c", "can0", "doctor"]) == 1  # who names it means it
+    assert "litegripd@can0" in capsys.readouterr().out
+    machine["links"] = ["can0"]
+    assert main(["doctor"]) == 1
+    assert "litegripd@can0" in capsys.readouterr().out
 
 
 def test_a_daemon_that_hangs_is_to_be_restarted(

@@ -9,8 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from litegrip_client import can_link
+from litegrip_client.can_link import Link
 from litegrip_client.doctor import gather
-from litegrip_client.doctor.findings import Configuration, Device, Link, Socket, System
+from litegrip_client.doctor.findings import Configuration, Device, Socket, System
 from tests.client.doctor.known import LINKS, link
 
 
@@ -38,7 +40,7 @@ def programs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     path = tmp_path / "bin"
     path.mkdir()
     monkeypatch.setenv("PATH", str(path))
-    monkeypatch.setattr(gather, "_ADMIN_PATHS", ())
+    monkeypatch.setattr(can_link, "_ADMIN_PATHS", ())
     return path
 
 
@@ -212,7 +214,7 @@ def test_without_iproute2_the_kernels_files_tell(
 def test_an_iproute2_that_hangs_is_not_waited_for(
     net: Path, programs: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(gather, "IP_WITHIN_S", 0.05)
+    monkeypatch.setattr(can_link, "IP_WITHIN_S", 0.05)
     ip_says(programs, "read line < /dev/zero")
     assert "cannot be run" in str(gather.system("socketcan", "can1", net).ip_problem)
 
@@ -244,6 +246,33 @@ def test_the_file_of_an_adapter(tmp_path: Path) -> None:
     assert found is not None
     assert (found.is_there, found.is_character_device) == (True, False)
     assert gather.system("pcan", "PCAN_USBBUS1").device is None
+
+
+def test_who_else_may_open_a_port_and_whether_a_rule_keeps_them_off(tmp_path: Path) -> None:
+    controller, terminal = os.openpty()
+    try:
+        path = os.ttyname(terminal)
+
+        def found() -> tuple[tuple[str, ...], bool]:
+            device = gather.system("slcan", path, root=tmp_path).device
+            assert device is not None
+            return device.probers, device.is_left_alone
+
+        assert found() == ((), False)
+        (tmp_path / "usr/sbin").mkdir(parents=True)
+        (tmp_path / "usr/sbin/ModemManager").touch()
+        assert found() == (("ModemManager",), False)
+        number = os.stat(path).st_rdev  # noqa: PTH116 - a path of the terminal
+        notes = tmp_path / "run/udev/data"
+        notes.mkdir(parents=True)
+        noted = notes / f"c{os.major(number)}:{os.minor(number)}"
+        noted.write_text("S:serial/by-id/x\nE:ID_MM_CANDIDATE=1\n", encoding="utf-8")
+        assert found() == (("ModemManager",), False)
+        noted.write_text("E:ID_MM_CANDIDATE=1\nE:ID_MM_DEVICE_IGNORE=1\n", encoding="utf-8")
+        assert found() == (("ModemManager",), True)
+    finally:
+        os.close(controller)
+        os.close(terminal)
 
 
 def test_the_user_and_a_group() -> None:

@@ -1,9 +1,10 @@
 """What is read of iproute2's answers and of the kernel's files."""
 
+import json
+
 import pytest
 
-from litegrip_client.doctor.findings import Link
-from litegrip_client.doctor.gather import from_files, from_ip
+from litegrip_client.can_link import HARMFUL, HINDERING, Link, from_files, from_ip
 from tests.client.doctor.known import LINKS, link
 
 NOTHING = dict.fromkeys(
@@ -26,6 +27,28 @@ def test_a_healthy_adapter() -> None:
         rx_errors=0,
         history=NOTHING,
     )
+
+
+@pytest.mark.parametrize("mode", [*HINDERING, *HARMFUL])
+def test_each_mode_that_is_on_is_read_and_none_that_is_only_supported(mode: str) -> None:
+    told = json.loads((LINKS / "healthy.json").read_text(encoding="utf-8"))
+    assert from_ip(json.dumps(told)).modes == ()
+    told[0]["linkinfo"]["info_data"]["ctrlmode"] = ["BERR-REPORTING", mode]
+    found = from_ip(json.dumps(told))
+    assert (found.modes, [*found.bad_modes]) == (("BERR-REPORTING", mode), [mode])
+
+
+def test_an_interface_of_the_size_of_fd_frames_is_in_fd_mode() -> None:
+    told = json.loads((LINKS / "healthy.json").read_text(encoding="utf-8"))
+    told[0]["mtu"] = 72
+    assert from_ip(json.dumps(told)).modes == ("FD",)
+    assert link("vcan").modes == ()  # has that size too, and no controller
+
+
+def test_a_bit_rate_of_nothing_is_none() -> None:
+    told = json.loads((LINKS / "healthy.json").read_text(encoding="utf-8"))
+    told[0]["linkinfo"]["info_data"]["bittiming"]["bitrate"] = 0
+    assert from_ip(json.dumps(told)).bitrate is None
 
 
 def test_a_virtual_bus_has_no_controller() -> None:

@@ -210,6 +210,29 @@ def test_an_upgrade_renews_what_earlier_calls_installed(tmp_path: Path) -> None:
     assert [path.read_text() for path in (rule, drop_in)] == contents
 
 
+@pytest.mark.usefixtures("usable")
+def test_with_serial_ports_others_are_kept_off_them_by_a_rule_behind_theirs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["install-units", "--root", str(tmp_path), "--serial", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert [command for command in told["next"] if command.startswith("udevadm")] == [
+        "udevadm control --reload",
+        "udevadm trigger --subsystem-match=tty",
+    ]
+    rule = tmp_path / install.SERIAL_RULES
+    assert rule.name > "90-brltty-device.rules"
+    lines = rule.read_text(encoding="utf-8").splitlines()
+    labels = {line.split('"')[1] for line in lines if line.startswith("LABEL")}
+    jumps = {part.split('"')[1] for line in lines for part in line.split("GOTO=")[1:]}
+    assert jumps == labels
+    assert sum('GOTO="litegrip_serial"' in line for line in lines) >= 7
+    assert 'ENV{ID_MM_DEVICE_IGNORE}="1", ENV{ID_MM_PORT_IGNORE}="1"' in lines
+    assert main(["install-units", "--root", str(tmp_path), "--serial", "--json"]) == 0
+    again = json.loads(capsys.readouterr().out)["next"]
+    assert not any("trigger" in command for command in again)
+
+
 def use_networkd(root: Path) -> None:
     wants = root / "etc/systemd/system/multi-user.target.wants"
     wants.mkdir(parents=True)

@@ -68,7 +68,13 @@ def test_beside_the_package_only_the_interfaces_are_installed(
     packaged: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["install-units", "--root", str(packaged), "--can", "can1", "--serial"]) == 0
-    assert files(packaged) == {install.PACKAGED, CONFIGURATION, RULES, SERIAL}
+    assert files(packaged) == {
+        install.PACKAGED,
+        CONFIGURATION,
+        RULES,
+        SERIAL,
+        install.SERIAL_RULES,
+    }
     assert "note: the units are those of the Debian package" in capsys.readouterr().out
 
 
@@ -94,6 +100,6 @@ def test_what_is_beside_the_package_is_removed_while_a_unit_is_enabled(
     link.symlink_to(f"/{install.PACKAGED}")
     assert main(["install-units", "--root", str(packaged), "--uninstall", "--json"]) == 0
     removed = [one["what"] for one in json.loads(capsys.readouterr().out)["files"]]
-    assert sorted(removed) == ["kept", "removed", "removed"]
+    assert sorted(removed) == ["kept", "removed", "removed", "removed"]
     assert files(packaged) == {install.PACKAGED, CONFIGURATION}
     assert link.is_symlink()
