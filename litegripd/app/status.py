@@ -14,6 +14,7 @@ from litegripd.app.config import Config
 from litegripd.app.machine import Machine
 from litegripd.control.admission import position_refusal
 from litegripd.control.calibration import CalibrationInUse
+from litegripd.control.events import weak_text
 from litegripd.io.can.bus import SIMULATOR
 from litegripd.io.log import FIELDS, JournalSink, LogHandler, goes_to_journal
 from litegripd.io.server import MAX_CONNECTIONS, MAX_CONNECTIONS_PER_UID
@@ -252,6 +253,8 @@ class DaemonFacts:
         if geometry is not None and calibration is not None:
             doubt = scale_warning(calibration, controller.gripper_id.stroke_mm)
             found += [] if doubt is None else [doubt]
+        if controller.output.made.is_weak:
+            found.append(weak_text(controller.output.made))
         allowed_nm = controller.output.heat.allowance_nm
         if math.isfinite(allowed_nm):
             found.append(f"the coil is hot: holds are limited to {allowed_nm:.2f} N·m")

@@ -606,6 +606,7 @@ class Controller:
         self.now_s = now_s
         self._step_authority(now_s)
         self._note_second_master(now_s, motor)
+        self._note_made_torque(motor)
         if self.capture is not None:
             self.capture.step(now_s, motor, self.geometry, self.grip, self.jobs)
         register = self.register_reads.step(motor.register)
@@ -736,6 +737,20 @@ class Controller:
         refusal, running = self.second_master.refusal(), self.jobs.running
         if refusal is not None and running is not None and running.kind not in _SAFE_JOBS:
             self.end(refusal)
+
+    def _note_made_torque(self, motor: MotorView) -> None:
+        """Report a motor that makes less torque than it is told, and the end of that."""
+        made = self.output.made
+        if motor.feedback is None or motor.phase is not MotorPhase.ENABLED:
+            return
+        if self.second_master.is_active:
+            made.reset()  # it may have been told something else
+        elif made.see(motor.feedback, self.output.command):
+            self.events.append(events.weak(made))
+        if made.is_short:
+            self.motor = self.motor._replace(is_short=True)
+        if self.grip is not None:
+            self.grip.note_made(made.made_nm if made.is_judging or made.is_weak else None)
 
     def _note_phase(self, motor: MotorView) -> None:
         """Hold what is measured now when the motor becomes enabled, or answers again.

@@ -12,6 +12,7 @@ from typing import TypeAlias
 
 from litegripd.control.authority import Grant, Loss, LossCause
 from litegripd.control.heat import HeatChange, HeatGuard
+from litegripd.control.made_torque import MadeTorque
 from litegripd.model.calibration import Calibration, scale_warning
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import GripperId
@@ -241,6 +242,23 @@ def heat_foretold(force_n: float, bears_s: float, heat: HeatGuard) -> Event:
         f" {heat.limit_c:.0f} °C then, and less force is held"
     )
     return Event("heat", text, {"force_n": force_n, "bears_s": round(bears_s, 1), "coil_c": coil_c})
+
+
+def weak(made: MadeTorque) -> Event:
+    """Report that the motor makes less torque than it is told, or does not any more."""
+    data: dict[str, object] = {"weak": made.is_weak}
+    data |= {"made_nm": made.made_nm, "told_nm": made.told_nm, "warning": made.is_weak}
+    text = weak_text(made) if made.is_weak else "the motor makes the torque again that it is told"
+    return Event("weak", text, data)
+
+
+def weak_text(made: MadeTorque) -> str:
+    """Return what is wrong with a weak motor, and what to do."""
+    return (
+        f"the motor makes {made.made_nm:.2f} N·m where it is told {made.told_nm:.2f} N·m, by its"
+        " own report: what is held is held by less than was asked for; check the supply's voltage"
+        " and current, the motor's registers OC_Value and KT_Value, and its winding"
+    )
 
 
 def calibrated(calibration: Calibration, file: str | None, gripper_id: GripperId) -> Event:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from litegripd.control.heat import HeatChange, HeatGuard
+from litegripd.control.made_torque import MadeTorque
 from litegripd.model.calibration import Calibration
 from litegripd.model.gripper import DM4310, Geometry, MotorType
 from litegripd.model.motion_config import (
@@ -389,16 +390,18 @@ def _clamp(value: float, limit: float) -> float:
 
 
 class Output:
-    """Keeps the wanted command, the sent one, and why they differ."""
+    """Keeps the wanted command, the sent one, why they differ, and what the motor made of it."""
 
     requested: Carried[MitCommand | None] = None
     command: Carried[MitCommand | None] = None
     limited: Carried[tuple[str, ...]] = ()
     heat: Carried[HeatGuard]
+    made: Carried[MadeTorque]
     _limiter: Carried[CommandLimiter]
 
     def __init__(self, motor_type: MotorType = DM4310) -> None:
         self.heat = HeatGuard(motor_type)
+        self.made = MadeTorque()
         self._limiter = CommandLimiter(motor_type)
 
     def send(
@@ -431,4 +434,5 @@ class Output:
         """Take note that the motor gets no command from now on."""
         self.requested, self.command, self.limited = None, None, ()
         self._limiter.unpowered(now_s)
+        self.made.reset()
         return None if feedback is None else self.heat.update(now_s, feedback, 0.0)

@@ -235,7 +235,8 @@ class MotorView(NamedTuple):
     latest enabling; `problem` is why the motor cannot be enabled now, or None; `failure` why the
     latest enabling or disabling did not succeed; `fault` what the motor reports; `register` is the
     reply to the latest answered register request; `foreign_commands` counts the frames to the motor
-    from other senders, and `foreign_write` is the latest of them that wrote registers.
+    from other senders, and `foreign_write` is the latest of them that wrote registers. `is_short`
+    is the controller's: standing jaws get less torque now than the motor is told.
     """
 
     phase: MotorPhase
@@ -249,6 +250,7 @@ class MotorView(NamedTuple):
     zero: ZeroView = ZeroView()
     foreign_commands: int = 0
     foreign_write: RegisterWrite | None = None
+    is_short: bool = False
 
     @property
     def has_jumped(self) -> bool:

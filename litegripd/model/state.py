@@ -17,11 +17,12 @@ MoveOutcome: TypeAlias = Literal[
 arrived."""
 
 GraspOutcome: TypeAlias = Literal[
-    "object_held", "wrong_width", "no_object", "object_lost", "timed_out"
+    "object_held", "wrong_width", "motor_weak", "no_object", "object_lost", "timed_out"
 ]
 """`object_held`: something is held. `wrong_width`: something is held, but not of the width asked
-for. `no_object`: the jaws came to the empty end. `object_lost`: they closed further after a
-grip. `timed_out`: they neither gripped nor arrived."""
+for. `motor_weak`: the jaws stand, but the motor makes less torque than it is told: whatever is
+between them is held by less than was asked for. `no_object`: the jaws came to the empty end.
+`object_lost`: they closed further after a grip. `timed_out`: they neither gripped nor arrived."""
 
 ZeroOutcome: TypeAlias = Literal[
     "measured", "implausible_travel", "not_found", "not_confirmed", "not_saved"
@@ -36,11 +37,11 @@ RecordOutcome: TypeAlias = Literal["stopped", "full", "failed"]
 """`stopped`: ended by request. `full`: as long as it could or should be. `failed`: ended early."""
 
 ReplayOutcome: TypeAlias = Literal[
-    "completed", "blocked", "not_aligned", "no_object", "object_lost", "timed_out"
+    "completed", "blocked", "not_aligned", "motor_weak", "no_object", "object_lost", "timed_out"
 ]
 """`completed`: the jaws followed the path to its end. `blocked`: the path ended, but the jaws
 did not get there. `not_aligned`: they did not get to its start. For a repeated grip the outcomes
-of a grasp: `no_object`, `object_lost`, `timed_out`."""
+of a grasp: `motor_weak`, `no_object`, `object_lost`, `timed_out`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -403,6 +404,7 @@ EventKind: TypeAlias = Literal[
     "client_lost",
     "object_lost",
     "object_moved",
+    "weak",
     "heat",
     "calibration",
     "lease",

@@ -228,6 +228,16 @@ class SimulatedGripper:
                 raise ValueError("the motor is switched off and latches nothing; switch it on")
             self._motor.latch_fault(status)
 
+    def weaken(self, made_share: float) -> None:
+        """Let the motor make, and report, this share of the torque that it is told; 1 ends it.
+
+        Raises `ValueError` for a share outside 0 to 1.
+        """
+        if not 0.0 <= made_share <= 1.0:
+            raise ValueError(f"made_share must be 0 to 1, not {made_share!r}")
+        with self._lock:
+            self._plant.weaken(made_share)
+
     def jam(self) -> None:
         """Let the rotor be stuck where it is, whatever pushes it."""
         with self._lock:

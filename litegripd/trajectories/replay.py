@@ -176,6 +176,7 @@ def grips_refusal(
 
 
 _MISSED: Mapping[str, ReplayOutcome] = {
+    "motor_weak": "motor_weak",
     "no_object": "no_object",
     "object_lost": "object_lost",
     "timed_out": "timed_out",

@@ -241,10 +241,15 @@ class Grasp(PlainAction):
             if self._verdict is None:
                 return Step(command)
             self._grip = self._take(now_s, feedback)
+            if motor.is_short:
+                return Step(command, outcome=self._result("motor_weak"))
             if self._request.until == "verdict":
                 return Step(command, outcome=self._result(self._held()))
         elif self._width_mm is None and self._is_felt(now_s, feedback, self._grip):
             self._note_contact(now_s, feedback)
+            if motor.is_short:
+                command = self._grip.command(now_s, feedback)
+                return Step(command, outcome=self._result("motor_weak"))
             if self._request.until == "verdict":
                 command = self._grip.command(now_s, feedback)
                 return Step(
