@@ -20,7 +20,10 @@ NOISE_NM = 0.1
 """Twice by how much a reported torque may stray, and 20 codes of a frame."""
 LEAST_NM = 0.4
 """Less is not judged: the noise would be a quarter of it."""
-SHORT_S = 0.07
+STANDS_S = 0.02
+"""The time over which positions show that the jaws stand. A noise of one code is 0.04 rad/s then,
+which the damping of a hold turns into as many N·m."""
+SHORT_S = 0.06
 """How long it must be short of it to count in a verdict: a contact has lasted 80 ms by then. The
 report is filtered by 3 to 6 ms and a command takes a period; a damaged answer is a single one."""
 WEAK_S = 0.15
@@ -36,9 +39,9 @@ class MadeTorque:
     is_judging: Carried[bool] = False
     """True while the jaws stand, and are told enough to judge it."""
     told_nm: Carried[float] = 0.0
-    """The mean of what was told lately."""
+    """The mean of what was told lately, while it was judged."""
     made_nm: Carried[float] = 0.0
-    """The mean of what was made."""
+    """The mean of what was made of it."""
     _before: Carried[MitCommand | None] = None
     _seen_s: Carried[float | None] = None
     _speed: Carried[SpeedWindow]
@@ -47,7 +50,7 @@ class MadeTorque:
     _whole: Carried[Lasting]
 
     def __init__(self) -> None:
-        self._speed = SpeedWindow()
+        self._speed = SpeedWindow(STANDS_S)
         self._short = Lasting(SHORT_S)
         self._weak = Lasting(WEAK_S)
         self._whole = Lasting(WEAK_S)
@@ -65,11 +68,14 @@ class MadeTorque:
             return False
         self._seen_s = at_s
         speed_rad_s = self._speed.add(at_s, feedback.position_rad)
-        stands = speed_rad_s is not None and abs(speed_rad_s) < STILL_RAD_S
-        if seen_s is None or sent is None or before is None or not stands:
+        if seen_s is None or sent is None or before is None or speed_rad_s is None:
             self._forget()
             return False
-        told_nm = _less(_told_nm(sent, feedback), _told_nm(before, feedback))
+        if abs(speed_rad_s) >= STILL_RAD_S:
+            self._forget()
+            return False
+        position_rad = feedback.position_rad
+        told_nm = _less(*(_told_nm(one, position_rad, speed_rad_s) for one in (sent, before)))
         if abs(told_nm) < LEAST_NM:
             self._forget()
             return False
@@ -84,13 +90,14 @@ class MadeTorque:
         self._forget()
 
     def _judge(self, at_s: float, elapsed_s: float, told_nm: float, made_nm: float) -> bool:
-        is_short = made_nm < WEAK_SHARE * told_nm - NOISE_NM
-        is_whole = made_nm >= WHOLE_SHARE * told_nm - NOISE_NM
-        self._short.step(is_short, at_s)
+        made_nm = min(max(made_nm, 0.0), told_nm)  # a damaged answer may say anything
         gain = min(elapsed_s / AVERAGE_S, 1.0) if self.is_judging else 1.0
         self.is_judging = True
         self.told_nm += gain * (told_nm - self.told_nm)
         self.made_nm += gain * (made_nm - self.made_nm)
+        is_short = self.made_nm < WEAK_SHARE * self.told_nm - NOISE_NM
+        is_whole = self.made_nm >= WHOLE_SHARE * self.told_nm - NOISE_NM
+        self._short.step(is_short, at_s)
         was_weak = self.is_weak
         if self._weak.step(is_short, at_s):
             self.is_weak = True
@@ -104,11 +111,11 @@ class MadeTorque:
             lasting.reset()
 
 
-def _told_nm(command: MitCommand, feedback: Feedback) -> float:
+def _told_nm(command: MitCommand, position_rad: float, speed_rad_s: float) -> float:
     """Return the torque that a command asks for where the jaws are (MIT protocol)."""
     return (
-        command.kp_nm_rad * (command.position_rad - feedback.position_rad)
-        + command.kd_nm_s_rad * (command.velocity_rad_s - feedback.velocity_rad_s)
+        command.kp_nm_rad * (command.position_rad - position_rad)
+        + command.kd_nm_s_rad * (command.velocity_rad_s - speed_rad_s)
         + command.torque_nm
     )
 

@@ -138,6 +138,9 @@ class Rig(Protocol):
     def give_way(self, by_mm: float) -> None:
         """Let the object be thinner at once."""
 
+    def weaken(self, made_share: float) -> None:
+        """Let the motor make, and report, this share of what it is told."""
+
 
 class PlantRig:
     """The plant of this package."""
@@ -161,6 +164,9 @@ class PlantRig:
 
     def give_way(self, by_mm: float) -> None:
         self._mechanics.give_way(by_mm)
+
+    def weaken(self, made_share: float) -> None:
+        self._mechanics.made_share = made_share
 
 
 class NoisyWorld(World):
@@ -214,6 +220,9 @@ class SimulatorRig:
 
     def give_way(self, by_mm: float) -> None:
         self._gripper.give_way(by_mm)
+
+    def weaken(self, made_share: float) -> None:
+        self._gripper.weaken(made_share)
 
 
 RIGS: dict[str, Callable[[ClampTrial], Rig]] = {"plant": PlantRig, "simulator": SimulatorRig}
