@@ -54,8 +54,9 @@ class GripperState(StateNames):
     `force_set_n` is the squeezing force that a hold by force aims at, None in any other and
     when the motor is off; `is_grasped` is true if an object is held.
 
-    While one is, `clamp_n` is the least and the most force (N) that it may feel, for friction hides
-    the difference; the least is 0 while the jaws search for an object that gave way.
+    While one is, `clamp_n` is the least and the most force (N) that it may feel: friction hides the
+    difference, and a tenth of it is the motor's. The least is 0 while the jaws search for an object
+    that gave way. What else pushes the jaws is not in it: a hand, a weight.
     `loss_detection` is true if its loss would be noticed, `loss_detection_from_n` with which set
     force it would. All three are None without an object, and of a daemon that does not know them.
 
@@ -218,9 +219,10 @@ class GraspResult(ShortRepr):
     """How a grasp ended; true if an object is held, and of the width that was asked for.
 
     On an object `stalled` is true and `reached` is not: the jaws stop short of where they would
-    stand empty. `outcome` is object_held, wrong_width, no_object, object_lost or timed_out;
-    `width_mm` the opening between the fingers at the object, None without one. `cycles` counts
-    the whole slices of `hold_interval` for which the force was held, `held_s` the seconds.
+    stand empty. `outcome` is object_held, wrong_width, motor_weak (the motor makes less torque than
+    it is told: whatever is held is held by less), no_object, object_lost or timed_out; `width_mm`
+    the opening between the fingers at the object, None without one. `cycles` counts the whole
+    slices of `hold_interval` for which the force was held, `held_s` the seconds.
     """
 
     ok: bool
@@ -252,7 +254,8 @@ class PlayResult(ShortRepr):
     not_aligned (they could not get to its start). `loops` counts the whole passes, `frames` the
     commands; `largest_lag_mm` is how far the jaws were behind the path at most.
 
-    With `force` "replay" `outcome` may also be no_object, object_lost or timed_out, as a grasp's.
+    With `force` "replay" `outcome` may also be a grasp's: motor_weak, no_object, object_lost or
+    timed_out.
     `grips` counts those that held something; `width_mm` is the latest one's, and
     `width_difference_mm` by how much the object that differed most was wider (above 0) than the
     taught one.

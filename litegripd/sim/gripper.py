@@ -83,6 +83,11 @@ class SimulatedGripper:
         return self._plant.hand_nm
 
     @property
+    def made_share(self) -> float:
+        """The share of the torque that the motor makes of what it is told."""
+        return self._plant.made_share
+
+    @property
     def is_held(self) -> bool:
         """True if something blocks the jaws where they are."""
         return self._plant.is_jammed
@@ -236,7 +241,7 @@ class SimulatedGripper:
         if not 0.0 <= made_share <= 1.0:
             raise ValueError(f"made_share must be 0 to 1, not {made_share!r}")
         with self._lock:
-            self._plant.weaken(made_share)
+            self._plant.made_share = made_share
 
     def jam(self) -> None:
         """Let the rotor be stuck where it is, whatever pushes it."""

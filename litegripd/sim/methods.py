@@ -49,6 +49,7 @@ class SimulatedWorld(TypedDict):
     push_nm: float
     held: bool
     powered: bool
+    made_share: float
     coil_c: float
     watchdog_s: float
 
@@ -66,7 +67,7 @@ class SimMethods:
         "Describe the world of the simulated gripper.",
         "The object between the jaws, or null; the true opening; the torque that the object feels;"
         " the torque of a hand, positive when it closes; whether the jaws are held; whether the"
-        " motor has power; its coil's temperature; after how long without a command it disarms.",
+        " motor has power, and which share of its torque it makes; its coil's temperature; after how long without a command it disarms.",
         SimulatedWorld,
     )
     def _get(self, _call: Call) -> Answer:
@@ -242,6 +243,7 @@ def world_of(gripper: "SimulatedGripper") -> dict[str, Any]:
         "push_nm": gripper.hand_nm,
         "held": gripper.is_held,
         "powered": gripper.motor.is_powered,
+        "made_share": gripper.made_share,
         "coil_c": gripper.motor.coil_c,
         "watchdog_s": gripper.motor.disarms_after_s,
     }

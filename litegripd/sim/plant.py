@@ -299,7 +299,8 @@ class Plant:
         if p.encoder_counts_per_rad:
             self._seen, _ = self._count(self._s, self._s, 0.0)
         self._most = math.inf
-        self._made_share = 1.0
+        self.made_share = 1.0
+        """The motor makes, and reports, this share of the torque that it is told."""
         self._heat_nm2 = 0.0
         self._object_at = math.inf
         self.jam(jammed=False)
@@ -404,10 +405,6 @@ class Plant:
         damping_nm_s_rad = self._p.viscous_nm_s_rad + self._p.braking_nm_s_rad
         self._free_damping = 1.0 + self._gain * damping_nm_s_rad
 
-    def weaken(self, made_share: float) -> None:
-        """Let the motor make, and report, this share of the torque that it is told."""
-        self._made_share = made_share
-
     def push(self, torque_nm: float) -> None:
         """Let a hand push with this torque (motor's direction) until the next call; 0 lets go."""
         self._hand = self._sign * torque_nm
@@ -463,7 +460,7 @@ class Plant:
         gain, current_decay, filter_decay = self._gain, self._current_decay, self._filter_decay
         moving_drag, still_drag = self._drags
         filtered, speed_decay, seen = self._filtered, self._speed_decay, self._seen
-        made_share, factor = self._made_share, self._p.torque_factor
+        made_share, factor = self.made_share, self._p.torque_factor
         limit, has_steps = min(limit, self._most), self._p.encoder_counts_per_rad > 0.0
         heat = self._heat_nm2  # added to step by step: its rounding is the same for all slices
         done = 0
