@@ -53,13 +53,14 @@ class GripperState:
     motor got, and `limited` names the limits that make the difference. `force_set_n` is the set
     force of a hold by force, None without one and when the motor is off; `is_grasped` is true if
     such a hold has something between the jaws. Then `clamp_n` is the interval of the force on the
-    object (friction hides the exact value, and the motor may be off by a tenth; the lower end is 0
-    while the jaws follow an object that gave way, and less than usual with a motor that makes less
-    than it is told; what pushes the jaws besides the motor is not in it), `loss_detection` is true if the loss of the object would be noticed, and
-    `loss_detection_from_n` is the smallest set force with which it would. `work_stroke_mm` is the
-    opening to which `motion.open` goes, None for the open stop. `scale_doubt` says why the
-    calibration's millimetres are probably wrong: "superseded" for the scale of an earlier version,
-    "unusual" for one that no gripper was seen to have.
+    object: friction hides the exact value, and the motor's constant may be off by a tenth. Its
+    lower end is 0 while the jaws follow an object that gave way, and lower with a motor that makes
+    less than it is told. What pushes the jaws besides the motor is not in it. `loss_detection` is
+    true if the loss of the object would be noticed, and `loss_detection_from_n` is the smallest set
+    force with which it would. `work_stroke_mm` is the opening to which `motion.open` goes, None for
+    the open stop. `scale_doubt` says why the calibration's millimetres are probably wrong:
+    "superseded" for the scale of an earlier version, "unusual" for one that no gripper was seen to
+    have.
     """
 
     seq: int

@@ -67,7 +67,8 @@ class SimMethods:
         "Describe the world of the simulated gripper.",
         "The object between the jaws, or null; the true opening; the torque that the object feels;"
         " the torque of a hand, positive when it closes; whether the jaws are held; whether the"
-        " motor has power, and which share of its torque it makes; its coil's temperature; after how long without a command it disarms.",
+        " motor has power, and which share of its torque it makes; its coil's temperature; after"
+        " how long without a command it disarms.",
         SimulatedWorld,
     )
     def _get(self, _call: Call) -> Answer:

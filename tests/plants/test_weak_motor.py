@@ -99,6 +99,16 @@ def test_a_grasp_by_a_weak_motor_is_no_success(
 
 
 @any_rig
+def test_a_hold_for_some_time_that_ends_weak_is_none_either(name: str) -> None:
+    scene = Scene(name)
+    number = scene.client.send("motion.grasp", force_n=FORCE_N, hold_s=2.0)
+    scene.world.run(1.0)
+    scene.rig.weaken(0.5)
+    scene.world.run_until(lambda: scene.client.has_answer(number))
+    assert scene.client.answers[number]["result"]["outcome"] == "motor_weak"
+
+
+@any_rig
 def test_a_grasp_of_what_is_held_already_is_none_either(name: str) -> None:
     scene = Scene(name)
     assert scene.grasp()["ok"]

@@ -90,7 +90,7 @@ def test_a_motor_without_power_is_silent_until_the_reset() -> None:
 
 
 def test_a_weak_motor_makes_little_until_the_reset() -> None:
-    world, client = simulated()
+    _, client = simulated()
     assert client.result("sim.fault", name="weak")["made_share"] == 0.15
     client.result("sim.object", width_mm=40.0)
     assert client.result("motion.grasp", force_n=20.0)["outcome"] == "motor_weak"

@@ -220,6 +220,7 @@ class Grasp(PlainAction):
         self._steps = 0
         self._command_rad = 0.0
         self._feedback: Feedback | None = None
+        self._is_short = False
         self._feels_n: float | None = None
         self._felt = Lasting(FELT_S)
         if held is not None:
@@ -231,7 +232,7 @@ class Grasp(PlainAction):
         feedback = motor.feedback
         if feedback is None:
             return Step()
-        self._now_s, self._feedback = now_s, feedback
+        self._now_s, self._feedback, self._is_short = now_s, feedback, motor.is_short
         self._steps += 1
         if self._grip is None:
             command, self._verdict = self._approach.step(now_s, feedback)
@@ -241,16 +242,11 @@ class Grasp(PlainAction):
             if self._verdict is None:
                 return Step(command)
             self._grip = self._take(now_s, feedback)
-            if motor.is_short:
-                return Step(command, outcome=self._result("motor_weak"))
-            if self._request.until == "verdict":
+            if self._request.until == "verdict" or self._is_short:
                 return Step(command, outcome=self._result(self._held()))
         elif self._width_mm is None and self._is_felt(now_s, feedback, self._grip):
             self._note_contact(now_s, feedback)
-            if motor.is_short:
-                command = self._grip.command(now_s, feedback)
-                return Step(command, outcome=self._result("motor_weak"))
-            if self._request.until == "verdict":
+            if self._request.until == "verdict" or self._is_short:
                 command = self._grip.command(now_s, feedback)
                 return Step(
                     command, outcome=self._outcome(self._grip) or self._result(self._held())
@@ -324,7 +320,9 @@ class Grasp(PlainAction):
         return None
 
     def _held(self) -> GraspOutcome:
-        """Return the outcome by the width that the caller expects of the object."""
+        """Return the outcome by what the motor makes, and by the width that the caller expects."""
+        if self._is_short:
+            return "motor_weak"
         expected_mm, width_mm = self._request.width_mm, self._width_mm
         if expected_mm is None or width_mm is None:
             return "object_held"
