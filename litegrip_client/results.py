@@ -220,7 +220,7 @@ class GraspResult(ShortRepr):
 
     On an object `stalled` is true and `reached` is not: the jaws stop short of where they would
     stand empty. `outcome` is object_held, wrong_width, motor_weak (the motor makes less torque than
-    it is told: whatever is held is held by less), no_object, object_lost or timed_out; `width_mm`
+    is commanded: what is held is held by less), no_object, object_lost or timed_out; `width_mm`
     the opening between the fingers at the object, None without one. `cycles` counts the whole
     slices of `hold_interval` for which the force was held, `held_s` the seconds.
     """

@@ -739,12 +739,12 @@ class Controller:
             self.end(refusal)
 
     def _note_made_torque(self, motor: MotorView) -> None:
-        """Report a motor that makes less torque than it is told, and the end of that."""
+        """Report a motor that makes less torque than is commanded, and the end of that."""
         made = self.output.made
         if motor.feedback is None or motor.phase is not MotorPhase.ENABLED:
             return
         if self.second_master.is_active:
-            made.reset()  # it may have been told something else
+            made.reset()  # it may obey other commands
         elif made.see(motor.feedback, self.output.command):
             self.events.append(events.weak(made))
         if made.is_short:

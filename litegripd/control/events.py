@@ -12,7 +12,7 @@ from typing import TypeAlias
 
 from litegripd.control.authority import Grant, Loss, LossCause
 from litegripd.control.heat import HeatChange, HeatGuard
-from litegripd.control.made_torque import MadeTorque
+from litegripd.control.detectors import MadeTorque
 from litegripd.model.calibration import Calibration, scale_warning
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import GripperId
@@ -245,17 +245,17 @@ def heat_foretold(force_n: float, bears_s: float, heat: HeatGuard) -> Event:
 
 
 def weak(made: MadeTorque) -> Event:
-    """Report that the motor makes less torque than it is told, or does not any more."""
+    """Report that the motor makes less torque than is commanded, or makes it again."""
     data: dict[str, object] = {"weak": made.is_weak}
-    data |= {"made_nm": made.made_nm, "told_nm": made.told_nm, "warning": made.is_weak}
-    text = weak_text(made) if made.is_weak else "the motor makes the torque again that it is told"
+    data |= {"made_nm": made.made_nm, "commanded_nm": made.commanded_nm, "warning": made.is_weak}
+    text = weak_text(made) if made.is_weak else "the motor makes the commanded torque again"
     return Event("weak", text, data)
 
 
 def weak_text(made: MadeTorque) -> str:
     """Return what is wrong with a weak motor, and what to do."""
     return (
-        f"the motor makes {made.made_nm:.2f} N·m where it is told {made.told_nm:.2f} N·m, by its"
+        f"the motor makes {made.made_nm:.2f} N·m of the commanded {made.commanded_nm:.2f} N·m, by its"
         " own report: what is held is held by less than was asked for; check the supply's voltage"
         " and current, the motor's registers OC_Value and KT_Value, and its winding"
     )

@@ -323,7 +323,7 @@ class Grip:
 
         While the jaws search for the object, the smallest is 0. So it is for a stiff hold (`by`
         "gains") around a position at which the object may no longer be. A motor that makes
-        less than it is told lowers it.
+        less than is commanded lowers it.
         """
         motor, nm_to_n = self._motor_type, self.geometry.nm_to_n
         commanded_nm = self._effective_nm

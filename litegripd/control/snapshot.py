@@ -55,7 +55,7 @@ class GripperState:
     such a hold has something between the jaws. Then `clamp_n` is the interval of the force on the
     object: friction hides the exact value, and the motor's constant may be off by a tenth. Its
     lower end is 0 while the jaws follow an object that gave way, and lower with a motor that makes
-    less than it is told. What pushes the jaws besides the motor is not in it. `loss_detection` is
+    less than is commanded. What pushes the jaws besides the motor is not in it. `loss_detection` is
     true if the loss of the object would be noticed, and `loss_detection_from_n` is the smallest set
     force with which it would. `work_stroke_mm` is the opening to which `motion.open` goes, None for
     the open stop. `scale_doubt` says why the calibration's millimetres are probably wrong:

@@ -236,7 +236,7 @@ class MotorView(NamedTuple):
     latest enabling or disabling did not succeed; `fault` what the motor reports; `register` is the
     reply to the latest answered register request; `foreign_commands` counts the frames to the motor
     from other senders, and `foreign_write` is the latest of them that wrote registers. `is_short`
-    is the controller's: standing jaws get less torque now than the motor is told.
+    is the controller's: standing jaws get less torque now than is commanded.
     """
 
     phase: MotorPhase

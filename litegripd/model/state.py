@@ -20,7 +20,7 @@ GraspOutcome: TypeAlias = Literal[
     "object_held", "wrong_width", "motor_weak", "no_object", "object_lost", "timed_out"
 ]
 """`object_held`: something is held. `wrong_width`: something is held, but not of the width asked
-for. `motor_weak`: the jaws stand, but the motor makes less torque than it is told: whatever is
+for. `motor_weak`: the jaws stand, but the motor makes less torque than is commanded: what is
 between them is held by less than was asked for. `no_object`: the jaws came to the empty end.
 `object_lost`: they closed further after a grip. `timed_out`: they neither gripped nor arrived."""
 

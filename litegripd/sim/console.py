@@ -250,7 +250,7 @@ _ENTRIES = (
     ),
     Entry(
         "weak SHARE",
-        "let the motor make this share of the torque that it is told; 1 ends it",
+        "let the motor make this share of the commanded torque; 1 ends it",
         _with_number(lambda simulator, share: simulator.wire.gripper.weaken(share)),
     ),
     Entry(

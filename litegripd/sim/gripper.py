@@ -84,7 +84,7 @@ class SimulatedGripper:
 
     @property
     def made_share(self) -> float:
-        """The share of the torque that the motor makes of what it is told."""
+        """The share of the commanded torque that the motor makes."""
         return self._plant.made_share
 
     @property
@@ -234,7 +234,7 @@ class SimulatedGripper:
             self._motor.latch_fault(status)
 
     def weaken(self, made_share: float) -> None:
-        """Let the motor make, and report, this share of the torque that it is told; 1 ends it.
+        """Let the motor make, and report, this share of the commanded torque; 1 ends it.
 
         Raises `ValueError` for a share outside 0 to 1.
         """

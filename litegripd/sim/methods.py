@@ -170,7 +170,7 @@ class SimMethods:
                 "name",
                 "string",
                 f"The fault; {SILENT}: no power, so the motor answers nothing; {WEAK}: it makes"
-                f" {WEAK_SHARE:.0%} of the torque that it is told.",
+                f" {WEAK_SHARE:.0%} of the commanded torque.",
                 required=True,
                 choices=(*FAULTS, SILENT, WEAK),
             ),

@@ -300,7 +300,7 @@ class Plant:
             self._seen, _ = self._count(self._s, self._s, 0.0)
         self._most = math.inf
         self.made_share = 1.0
-        """The motor makes, and reports, this share of the torque that it is told."""
+        """The motor makes, and reports, this share of the commanded torque."""
         self._heat_nm2 = 0.0
         self._object_at = math.inf
         self.jam(jammed=False)

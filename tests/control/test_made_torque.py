@@ -1,26 +1,26 @@
-"""What counts as a motor that makes less torque than it is told, by measurements alone."""
+"""What counts as a motor that makes less torque than is commanded, by measurements alone."""
 
 from collections.abc import Callable
 
 import pytest
 
-from litegripd.control.made_torque import LEAST_NM, SHORT_S, STANDS_S, WEAK_S, MadeTorque
+from litegripd.control.detectors import LEAST_NM, SHORT_S, STANDS_S, WEAK_S, MadeTorque
 from litegripd.model.motor import CanFrame, Feedback, MitCommand, Status
 from litegripd.sim.plant import SimulatorParameters
 from tests.control.held import Held
 from tests.world import World
 
 PERIOD_S = 0.005
-TOLD_NM = 2.0
+COMMANDED_NM = 2.0
 Reports = Callable[[int], tuple[float, float]]
 
 
-def watch(reports: Reports, ticks: int, told_nm: float = TOLD_NM) -> MadeTorque:
+def watch(reports: Reports, ticks: int, commanded_nm: float = COMMANDED_NM) -> MadeTorque:
     """Let a motor report position and torque by the number of the tick."""
     made = MadeTorque()
     for tick in range(ticks):
         position_rad, torque_nm = reports(tick)
-        command = MitCommand(position_rad, 0.0, 0.0, 1.0, told_nm)
+        command = MitCommand(position_rad, 0.0, 0.0, 1.0, commanded_nm)
         made.see(feedback(tick * PERIOD_S, position_rad, torque_nm), command)
     return made
 
@@ -32,13 +32,13 @@ def feedback(at_s: float, position_rad: float, torque_nm: float) -> Feedback:
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_it_is_short_before_it_is_weak(sign: float) -> None:
     short, weak = (round((STANDS_S + lasts_s) / PERIOD_S) + 1 for lasts_s in (SHORT_S, WEAK_S))
-    made = watch(lambda _: (0.0, sign * 0.3), short - 1, sign * TOLD_NM)
+    made = watch(lambda _: (0.0, sign * 0.3), short - 1, sign * COMMANDED_NM)
     assert (made.is_short, made.is_weak) == (False, False)
-    made = watch(lambda _: (0.0, sign * 0.3), short, sign * TOLD_NM)
+    made = watch(lambda _: (0.0, sign * 0.3), short, sign * COMMANDED_NM)
     assert (made.is_short, made.is_weak) == (True, False)
-    made = watch(lambda _: (0.0, sign * 0.3), weak, sign * TOLD_NM)
+    made = watch(lambda _: (0.0, sign * 0.3), weak, sign * COMMANDED_NM)
     assert (made.is_short, made.is_weak) == (True, True)
-    assert made.told_nm == pytest.approx(TOLD_NM)
+    assert made.commanded_nm == pytest.approx(COMMANDED_NM)
     assert made.made_nm == pytest.approx(0.3)
 
 
@@ -56,7 +56,7 @@ def test_little_torque_is_not_judged() -> None:
 
 
 def test_moving_jaws_are_not_judged() -> None:
-    """At 0.3 rad/s: what they are told depends on where they are by now."""
+    """At 0.3 rad/s: what is commanded of them depends on where they are by now."""
     assert not watch(lambda tick: (0.3 * tick * PERIOD_S, 0.2), 200).is_short
 
 
@@ -69,7 +69,7 @@ def test_damaged_answers_make_no_motor_weak(every: int) -> None:
 def test_a_measurement_counts_once() -> None:
     made, old = watch(lambda _: (0.0, 2.0), 5), feedback(1.0, 0.0, 0.0)
     for _ in range(200):
-        assert not made.see(old, MitCommand(0.0, 0.0, 0.0, 1.0, TOLD_NM))
+        assert not made.see(old, MitCommand(0.0, 0.0, 0.0, 1.0, COMMANDED_NM))
     assert not made.is_short
 
 
@@ -83,7 +83,7 @@ def weak_events(world: Held) -> list[bool]:
     return [event["data"]["weak"] for event in world.events("weak")]
 
 
-def test_a_motor_whose_torque_heat_limits_is_told_less_and_makes_it() -> None:
+def test_a_motor_whose_torque_heat_limits_makes_what_is_commanded() -> None:
     held = Held(30.0)
     for _ in range(200):
         held.controller.output.heat.allowance_nm = 1.0

@@ -139,7 +139,7 @@ class Rig(Protocol):
         """Let the object be thinner at once."""
 
     def weaken(self, made_share: float) -> None:
-        """Let the motor make, and report, this share of what it is told."""
+        """Let the motor make, and report, this share of the commanded torque."""
 
 
 class PlantRig:
@@ -293,8 +293,9 @@ def report(found: dict[Task, list[Sample]]) -> None:
             ]
             parts = [[one for one in ones if one.moment == moment] for moment in MOMENTS]
             cells = " | ".join(share(part) for part in (*parts, ones))
-            width_n = statistics.median((one.high_n - one.low_n) / 2 for one in ones)
-            print(f"| {name} | within {error:.0%} | {cells} | {width_n:.1f} N |")
+            standing = [one for one in ones if one.moment != "searching"]
+            width_n = statistics.median((one.high_n - one.low_n) / 2 for one in standing)
+            print(f"| {name} | within {100 * error:.0f} % | {cells} | {width_n:.1f} N |")
     outside = [(one.outside_n, task, one) for task, some in found.items() for one in some]
     for by_n, (name, error, seed), one in sorted(outside, key=lambda row: -row[0])[:WORST]:
         print(
@@ -305,7 +306,7 @@ def report(found: dict[Task, list[Sample]]) -> None:
 
 def share(ones: list[Sample]) -> str:
     """Return how many of them are right."""
-    return f"{sum(one.is_inside for one in ones) / max(len(ones), 1):.1%}"
+    return f"{100 * sum(one.is_inside for one in ones) / max(len(ones), 1):.1f} %"
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""A motor that makes less torque than it is told: it says so, and nothing is claimed to be held."""
+"""A motor that makes less torque than is commanded: that is reported, and no grasp succeeds."""
 
 from dataclasses import replace
 from typing import Any
@@ -16,7 +16,7 @@ any_rig = pytest.mark.parametrize("name", RIGS)
 
 
 class Scene:
-    """A gripper, its client, and what it was told of the motor's torque."""
+    """A gripper, its client, and the events about the motor's torque."""
 
     def __init__(self, name: str, rate_hz: int = 200, plant: PlantParameters = RIPPLED) -> None:
         self.rig: Rig = RIGS[name](replace(plain_trial(plant, FORCE_N), rate_hz=rate_hz))
@@ -30,8 +30,8 @@ class Scene:
     def weak(self) -> list[bool]:
         """Return for each event whether the motor is weak by it."""
         self.client.read()
-        told = [n["params"]["data"] for n in self.client.notifications if n["method"] == "event"]
-        return [data["weak"] for data in told]
+        events = [n["params"]["data"] for n in self.client.notifications if n["method"] == "event"]
+        return [data["weak"] for data in events]
 
 
 @any_rig
