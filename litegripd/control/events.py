@@ -11,8 +11,8 @@ from dataclasses import dataclass, fields
 from typing import TypeAlias
 
 from litegripd.control.authority import Grant, Loss, LossCause
-from litegripd.control.heat import HeatChange, HeatGuard
 from litegripd.control.detectors import MadeTorque
+from litegripd.control.heat import HeatChange, HeatGuard
 from litegripd.model.calibration import Calibration, scale_warning
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import GripperId
@@ -255,9 +255,9 @@ def weak(made: MadeTorque) -> Event:
 def weak_text(made: MadeTorque) -> str:
     """Return what is wrong with a weak motor, and what to do."""
     return (
-        f"the motor makes {made.made_nm:.2f} N·m of the commanded {made.commanded_nm:.2f} N·m, by its"
-        " own report: what is held is held by less than was asked for; check the supply's voltage"
-        " and current, the motor's registers OC_Value and KT_Value, and its winding"
+        f"the motor makes {made.made_nm:.2f} N·m of the commanded {made.commanded_nm:.2f} N·m, by"
+        " its own report: what is held is held by less than was asked for; check the supply's"
+        " voltage and current, the motor's registers OC_Value and KT_Value, and its winding"
     )
 
 

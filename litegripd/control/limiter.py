@@ -9,8 +9,8 @@ import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from litegripd.control.heat import HeatChange, HeatGuard
 from litegripd.control.detectors import MadeTorque
+from litegripd.control.heat import HeatChange, HeatGuard
 from litegripd.model.calibration import Calibration
 from litegripd.model.gripper import DM4310, Geometry, MotorType
 from litegripd.model.motion_config import (
