@@ -1,10 +1,8 @@
-"""Plants that were the worst of many at something, by what that was."""
-
-from collections.abc import Mapping
+"""The plants on which something was worst, by the name of what it was: one line each."""
 
 from tests.plants.parameters import PlantParameters, random_plant
 
-WORST: Mapping[str, PlantParameters] = {
-    "friction hid more of its clamp than was said": random_plant(72),
+WORST: dict[str, PlantParameters] = {
+    "friction hid more of its clamp than was reported": random_plant(72),
     "its torque constant was off by more than friction hides": random_plant(11),
 }
