@@ -39,7 +39,9 @@ PARAMS: Mapping[str, str] = {
     ),
     "event": (
         "`subscription`, `seq`, `monotonic_s`, `kind`, `message`, `data` (an object, "
-        "other for each kind; `object_moved` has `moved_mm` and `width_mm`). `seq` counts"
+        "other for each kind; `object_moved` has `moved_mm` and `width_mm`, `pressing` has"
+        " `pressing_n`, `most_n` (the most so far), `kind` (the motion that led the jaws there) and"
+        " `job` (its number while it runs). `seq` counts"
         " all events since the daemon's start, those of other kinds included. No event is"
         " dropped."
     ),

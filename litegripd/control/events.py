@@ -238,8 +238,8 @@ def pressing(lasting: Pressing, geometry: Geometry, kind: JobKind, running: Job 
         " open them, or let them go with zero_gravity"
     )
     number = None if running is None else running.number
-    data = {"pressing_n": pressing_n, "most_n": most_n, "kind": kind, "job": number}
-    return Event("pressing", text, data)
+    data = {"pressing_n": round(pressing_n, 1), "most_n": round(most_n, 1), "kind": kind}
+    return Event("pressing", text, {**data, "job": number})
 
 
 def heat_changed(change: HeatChange) -> Event:

@@ -18,9 +18,9 @@ from collections import deque
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
+from litegripd.control.detectors import STILL_RAD_S, Lasting, SpeedWindow
 from litegripd.control.holds import Hold, Idle, Slack
 from litegripd.control.limiter import Gains, budgeted, clamp_lead, is_in_press_zone
-from litegripd.control.detectors import STILL_RAD_S, Lasting, SpeedWindow
 from litegripd.control.motions.base import Step, progress_of
 from litegripd.control.pressing import Easing
 from litegripd.model.gripper import FASTEST_RAD_S, Geometry

@@ -218,8 +218,8 @@ _RUN_IN_BUDGET = 1.1
 _RUN_IN_SHARES = (0.55, 0.85)
 """Shares of it from the velocity: more, the further the jaws are ahead of their measurement."""
 _RELEASING_GAINS = Gains(0.0, MOVING_KD_NM_S_RAD)
-"""They let go of what the jaws press. Without damping, an object of 10 N·m/rad would throw them open
-at 470 mm/s; with it, at 140."""
+"""They let go of what the jaws press. Without damping, an object of 10 N·m/rad would throw the jaws
+open at 470 mm/s; with it, at 150."""
 _STALE_PERIODS = 1.5
 _LOOK_AHEAD_PERIODS = 2.0
 """How old a measurement may be when its command arrives; the jaws are that much nearer."""
