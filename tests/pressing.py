@@ -23,7 +23,7 @@ TRAVEL_MM = TRAVEL_RAD * MM_RAD
 FROM_MM, OBJECT_MM, TO_MM = 70.0, 60.0, 25.0
 CORD_MM = 30.0
 """From this opening on, a cord resists that the jaws open."""
-LASTS_S = 3.0
+LASTS_S = 4.0
 
 
 class Leader:
@@ -34,8 +34,12 @@ class Leader:
         self.began_s = 0.0
         self.silent_s = float("inf")
 
+    def openness_from(self, openness: Callable[[float], float]) -> None:
+        """Lead otherwise from now on."""
+        self.openness = openness
+
     def open(self, _options: LinkOptions) -> Link:
-        return _Heard(self.openness, self.began_s, self)
+        return _Heard(self)
 
     def warning(self, _options: LinkOptions) -> str | None:
         return None
@@ -44,11 +48,12 @@ class Leader:
 class _Heard(ScriptedLeader):
     """A leader that may fall silent."""
 
-    def __init__(
-        self, openness: Callable[[float], float], began_s: float, leader: Leader
-    ) -> None:
-        super().__init__(openness, began_s, 0.005)
+    def __init__(self, leader: Leader) -> None:
+        super().__init__(self._openness, leader.began_s, 0.005)
         self._leader = leader
+
+    def _openness(self, at_s: float) -> float:
+        return self._leader.openness(at_s)
 
     def receive(self, now_s: float) -> Any:
         return super().receive(now_s) if now_s < self._leader.silent_s else []
@@ -60,13 +65,11 @@ class Rig(World):
     `looks` has what is true in each millisecond, `torque_nm` as the motor believes it.
     """
 
-    name: str
     looks: list[Look]
     friction_nm: float
     """What may hold standing jaws in the middle of their travel."""
     torque_factor: float
     cord_nm_rad: float = 0.0
-    hand_mm: float | None = None
 
     def begin(self, openness: Callable[[float], float]) -> None:
         """Be ready, with a client and a leader that follows nothing yet."""
@@ -80,6 +83,10 @@ class Rig(World):
 
     def put(self, item: Item) -> None:
         """Put an object between the jaws."""
+        raise NotImplementedError
+
+    def remove(self) -> None:
+        """Take it away at once."""
         raise NotImplementedError
 
     def events_of(self, kind: str) -> list[dict[str, Any]]:
@@ -100,7 +107,6 @@ class Rig(World):
 class SimulatedRig(Rig):
     """The simulator of this project."""
 
-    name = "simulator"
     torque_factor = 1.0
 
     def __init__(self, mount: str, rate_hz: int, opening_mm: float) -> None:
@@ -122,6 +128,9 @@ class SimulatedRig(Rig):
             yield_mm_s=item.yield_mm_s,
             yield_torque_nm=item.yield_nm,
         )
+
+    def remove(self) -> None:
+        self.gripper.remove_object()
 
     def advance(self) -> None:
         gripper, sign = self.gripper, self.gripper.parameters.close_sign
@@ -147,12 +156,14 @@ class PlantRig(PlantWorld, Rig):
         self, parameters: PlantParameters, mount: str, rate_hz: int, opening_mm: float
     ) -> None:
         super().__init__(parameters, mount, rate_hz, opening_mm=opening_mm)
-        self.name = f"plant {parameters.seed}"
         self.torque_factor = parameters.torque_factor
         self.friction_nm = parameters.breakaway_nm
 
     def put(self, item: Item) -> None:
         self.mechanics.put(item)
+
+    def remove(self) -> None:
+        self.mechanics.put(None)
 
     def _look_until(self, at_s: float) -> None:
         while self._next_look_s <= at_s:
@@ -197,12 +208,17 @@ def calls(method: str, **params: Any) -> Act:
     return act
 
 
-def ended_by(method: str, then: Callable[[Rig, int], None], **params: Any) -> Act:
-    """Return a motion that something else ends while it presses."""
+def ended_by(
+    method: str, then: Callable[[Rig, int], None], felt_nm: float = 1.5, **params: Any
+) -> Act:
+    """Return a motion that something else ends while it presses, with 0 N·m while it moves."""
 
     def act(rig: Rig) -> None:
         number = rig.owner.send(method, **params)
-        rig.run_until(lambda: rig.felt_nm(rig.looks[-1]) > 2.0, 10.0)
+        if felt_nm:
+            rig.run_until(lambda: rig.felt_nm(rig.looks[-1]) > felt_nm, 10.0)
+        else:
+            rig.run(0.15)
         running = rig.controller.jobs.running
         assert running is not None
         assert not rig.owner.has_answer(number)
@@ -239,25 +255,24 @@ def grasped(rig: Rig) -> float:
     return 1.5
 
 
-def streamed(torque_nm: float) -> Act:
+def streamed(torque_nm: float, **more: Any) -> Act:
     """Return a stream of set-points beyond the object, which ends."""
 
     def act(rig: Rig) -> float:
         for _ in range(round(2.5 / rig.period_s)):
-            rig.owner.send("stream.set", opening_mm=TO_MM, torque_nm=torque_nm)
+            rig.owner.send("stream.set", opening_mm=TO_MM, torque_nm=torque_nm, **more)
             rig.tick()
         return torque_nm
 
     return act
 
 
-def path(rig: Rig) -> str:
+def path(rig: Rig) -> int:
     """Upload a path through the object."""
     count = round((FROM_MM - TO_MM) / 50.0 / 0.01)
     way_mm = (FROM_MM - TO_MM) / count
     points = [(0.01 * n, (FROM_MM - way_mm * n) / TRAVEL_MM) for n in range(count + 1)]
-    name: str = uploaded(rig.owner, points)
-    return name
+    return uploaded(rig.owner, points)
 
 
 def played(rig: Rig) -> None:
@@ -268,7 +283,7 @@ def played(rig: Rig) -> None:
 def paused(rig: Rig) -> float:
     """Play, and pause where the jaws press."""
     rig.owner.send("trajectory.play", upload=path(rig), torque_nm=2.0)
-    rig.run_until(lambda: rig.felt_nm(rig.looks[-1]) > 1.4, 10.0)
+    rig.run_until(lambda: rig.felt_nm(rig.looks[-1]) > 0.8, 10.0)
     rig.owner.result("trajectory.control", action="pause")
     return 2.0
 
@@ -350,9 +365,7 @@ PRESSES: dict[str, Press] = {
     "move": Press(calls("motion.move", opening_mm=TO_MM), ("motion.move",)),
     "fast move": Press(calls("motion.move", opening_mm=TO_MM, speed_mm_s=150.0), ("motion.move",)),
     "slow move": Press(calls("motion.move", opening_mm=TO_MM, speed_mm_s=10.0), ("motion.move",)),
-    "stiff move": Press(
-        calls("motion.move", opening_mm=TO_MM, kp=500.0, kd=3.0), ("motion.move",)
-    ),
+    "stiff move": Press(calls("motion.move", opening_mm=TO_MM, kp=500.0, kd=3.0), ("motion.move",)),
     "short move": Press(calls("motion.move", opening_mm=OBJECT_MM - 1.5), ("motion.move",)),
     "opening move": Press(calls("motion.move", opening_mm=80.0), ("motion.move",), opens=True),
     "open": Press(calls("motion.open"), ("motion.open",), opens=True),

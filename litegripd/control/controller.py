@@ -701,11 +701,18 @@ class Controller:
         grip, running, geometry = self.grip, self.jobs.running, self.geometry
         is_held = grip is not None and grip.is_holding
         self.pressing.see(feedback, is_held=is_held)
-        if is_held or geometry is None:
+        if is_held or geometry is None or self._rests_at_stop(feedback, geometry):
             return
         lasting = self.pressing.take_lasting(now_s, self._moved_by)
         if lasting is not None:
             self.events.append(events.pressing(lasting, geometry, self._moved_by, running))
+
+    def _rests_at_stop(self, feedback: Feedback, geometry: Geometry) -> bool:
+        """Return True if the jaws are at a stop, which is elastic and pushes back a little."""
+        position_rad, config = feedback.position_rad, self.config
+        stops_rad = (geometry.closed_rad, geometry.open_rad)
+        is_there = min(abs(position_rad - stop_rad) for stop_rad in stops_rad) <= config.stop_tol
+        return is_there and abs(feedback.torque_nm) <= config.stop_nm
 
     def _note_moved_object(self, feedback: Feedback) -> None:
         grip, geometry = self.grip, self.geometry

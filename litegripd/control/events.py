@@ -231,7 +231,7 @@ def pressing(lasting: Pressing, geometry: Geometry, kind: JobKind, running: Job 
     """Report that the jaws press on something and go on, with the motion that led them there."""
     pressing_n = abs(geometry.force_n(lasting.torque_nm))
     most_n = abs(geometry.force_n(lasting.most_nm))
-    lowered = f", {most_n:.1f} N before" if most_n > pressing_n * 1.05 else ""
+    lowered = f" ({most_n:.1f} N before)" if most_n > pressing_n * 1.05 else ""
     state = "has left them there" if running is None else "goes on"
     text = (
         f"the jaws press with {pressing_n:.1f} N{lowered} on what is in their way: {kind} {state};"

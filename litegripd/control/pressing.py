@@ -90,8 +90,8 @@ PRESSES_S = 0.05
 FRICTIONS = 2.0
 """Times what it usually takes to move standing jaws: that much torque, friction may take. Jaws
 that came to rest were held by less, 0.45 N·m on the stiffest gripper considered."""
-TELL_AFTER_S = 1.0
-"""A stop is pressed for 0.55 s at most by the motion that looks for it: nothing to report."""
+TELL_AFTER_S = 1.5
+"""A motion that looks for a stop presses on it for up to 1.0 s: nothing to report."""
 GAP_S = 1.0
 """Jaws that stop pressing for less than this continue the episode: eased ones move back a bit."""
 TELL_EVERY_S = 60.0

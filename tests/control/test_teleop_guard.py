@@ -10,7 +10,7 @@ from tests.control.teleop_scene import OBJECT_MM, TRAVEL_MM, Follower, TeleopWor
 from tests.world import PERIOD_S
 
 
-def pressing(limit_nm: float = 1.0, rate_hz: float = 200.0, **more: float) -> Follower:
+def pressing(limit_nm: float = 1.0, rate_hz: float = 200.0, **more: Any) -> Follower:
     """Return a follower that has run onto a rigid object."""
     follower = following(torque_limit_nm=limit_nm, **more)
     follower.world.gripper.put_object(width_mm=OBJECT_MM)
