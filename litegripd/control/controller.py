@@ -31,11 +31,11 @@ from litegripd.control.authority import (
     held_refusal,
 )
 from litegripd.control.calibration import CalibrationInUse, content_of, save_task
+from litegripd.control.detectors import PressWatch
 from litegripd.control.events import JobBook, RegisterReads, Start
 from litegripd.control.holds import Grip, Hold, Idle, Slack
-from litegripd.control.limiter import CATCHING_GAINS, Gains, Output, bounds_of
+from litegripd.control.limiter import CATCHING_GAINS, Easing, Gains, Output, bounds_of
 from litegripd.control.motions.base import Action
-from litegripd.control.pressing import Easing, PressWatch
 from litegripd.model.calibration import (
     Calibration,
     ScaleDoubt,

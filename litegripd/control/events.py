@@ -11,8 +11,8 @@ from dataclasses import dataclass, fields
 from typing import TypeAlias
 
 from litegripd.control.authority import Grant, Loss, LossCause
+from litegripd.control.detectors import Pressing
 from litegripd.control.heat import HeatChange, HeatGuard
-from litegripd.control.pressing import Pressing
 from litegripd.model.calibration import Calibration, scale_warning
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import Geometry, GripperId

@@ -471,7 +471,7 @@ class Hold:
     What displaces the jaws for longer than a push is an object: an elastic one that a motion has
     pressed, or a finger that somebody has put between the jaws. Nobody has asked for a force on it,
     and a position alone cannot tell the two apart. So whatever left this hold, and whoever pushes,
-    the torque is lowered to `press_nm` after a while (`control/pressing.py`). The position stays,
+    the torque is lowered to `press_nm` after a while (`Easing`). The position stays,
     so that the jaws neither let go of what they hold nor stay where a hand has left them.
     """
 

@@ -3,12 +3,19 @@
 `Gains` are stiffness, damping and lead of position commands, which a torque bounds.
 `CommandLimiter` bounds each command before it is packed, whatever the action asked for. It names
 the limits that changed a command: they appear as `limited` in the state.
+
+`Easing` lowers what presses without an end to a gentle press. A finite motion may press hard on its
+way, since it ends by itself. What has no end and no set force may not: a hold that a blocked motion
+leaves behind, one that something has pushed away, a follower whose leader stays closed. A short
+push is to be resisted, so it gets some time. Then its torque is lowered gradually, and an elastic
+object pushes the jaws back. They are not let go: what they hold must not drop.
 """
 
 import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+from litegripd.control.detectors import Lasting
 from litegripd.control.heat import HeatChange, HeatGuard
 from litegripd.model.calibration import Calibration
 from litegripd.model.gripper import DM4310, Geometry, MotorType
@@ -136,6 +143,73 @@ def budgeted(
     kp = max(gains.kp_nm_rad, SOFTEST_KP_NM_RAD)
     lead_rad = max(left_nm / kp, LEAD_PERIODS * speed_rad_s * period_s)
     return Gains(left_nm / lead_rad, kd), lead_rad
+
+
+LASTING_S = 0.5
+"""A push of this length is resisted; what presses on for longer is an object, or a finger."""
+EASE_NM_S = 8.0
+"""How fast the torque is lowered: 5.4 N·m in 0.6 s. An object of 20 N·m/rad opens the jaws by 21
+mm/s then. At once, it would throw them open by up to 470 mm/s."""
+BACK_S = 0.5
+"""How long a press must be gentle by itself until a push is resisted again."""
+ANOTHER_S = 0.1
+"""After so long without a step it is another hold, or another press."""
+
+
+class Easing:
+    """Bounds the torque of one hold or follower; `most_nm` is infinite while nothing is bounded."""
+
+    most_nm: Carried[float] = math.inf
+    _sign: Carried[float] = 0.0
+    _over: Carried[Lasting]
+    _gentle: Carried[Lasting]
+    _stepped_s: Carried[float | None] = None
+
+    def __init__(self) -> None:
+        self._over = Lasting(LASTING_S)
+        self._gentle = Lasting(BACK_S)
+
+    @property
+    def is_active(self) -> bool:
+        """True while the torque is bounded."""
+        return self.most_nm < math.inf
+
+    def reset(self) -> None:
+        """Bound nothing, and begin to count again."""
+        self.most_nm, self._stepped_s = math.inf, None
+        self._over.reset()
+        self._gentle.reset()
+
+    def begin(self, torque_nm: float, press_nm: float) -> None:
+        """Lower the present torque to `press_nm` from now on: it has lasted already."""
+        self.reset()
+        self.most_nm, self._sign = max(abs(torque_nm), press_nm), math.copysign(1.0, torque_nm)
+
+    def step(
+        self, now_s: float, asked_nm: float, press_nm: float, torque_nm: float, *, stands: bool
+    ) -> float:
+        """Return the bound for a lead that asks for `asked_nm`; `torque_nm` is the present torque.
+
+        Only a lead that asks for more than `press_nm` for `LASTING_S` is bounded, while the jaws
+        stand. One that turns round is another one.
+        """
+        before_s = self._stepped_s
+        is_over = abs(asked_nm) > press_nm
+        has_turned = is_over and asked_nm * self._sign < 0.0
+        if has_turned or (before_s is not None and now_s - before_s > ANOTHER_S):
+            self.reset()
+        self._stepped_s = now_s
+        if not self.is_active:
+            self._sign = math.copysign(1.0, asked_nm)
+            if not self._over.step(is_over and stands, now_s):
+                return math.inf
+            self.most_nm = max(min(abs(asked_nm), abs(torque_nm)), press_nm)
+        elif self._gentle.step(not is_over, now_s):
+            self.reset()
+            return math.inf
+        elapsed_s = 0.0 if before_s is None else max(now_s - before_s, 0.0)
+        self.most_nm = max(self.most_nm - EASE_NM_S * elapsed_s, press_nm)
+        return self.most_nm
 
 
 VENDOR_KD_NM_S_RAD = 2.0

@@ -20,9 +20,8 @@ from typing import Literal, TypeAlias
 
 from litegripd.control.detectors import STILL_RAD_S, Lasting, SpeedWindow
 from litegripd.control.holds import Hold, Idle, Slack
-from litegripd.control.limiter import Gains, budgeted, clamp_lead, is_in_press_zone
+from litegripd.control.limiter import Easing, Gains, budgeted, clamp_lead, is_in_press_zone
 from litegripd.control.motions.base import Step, progress_of
-from litegripd.control.pressing import Easing
 from litegripd.model.gripper import FASTEST_RAD_S, Geometry
 from litegripd.model.motion_config import MOVING_KP_NM_RAD, REACHING_KP_NM_RAD, MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorView
