@@ -20,7 +20,7 @@ USABLE_BUS = ("up", "motor_silent")
 
 NEWER_FIELDS = (
     *("clamp_n", "loss_detection", "loss_detection_from_n"),
-    *("work_stroke_mm", "scale_doubt"),
+    *("work_stroke_mm", "scale_doubt", "pressing_n"),
 )
 """Fields that an older daemon does not send."""
 
@@ -60,6 +60,10 @@ class GripperState(StateNames):
     `loss_detection` is true if its loss would be noticed, `loss_detection_from_n` with which set
     force it would. All three are None without an object, and of a daemon that does not know them.
 
+    `pressing_n` is about the force with which the jaws press in any mode, by the motor's torque:
+    they stand, and it makes more than friction explains, or they hold by force. None while they do
+    not press.
+
     `work_stroke_mm` is the opening to which `open` goes, None for the open stop. `scale_doubt` says
     why the calibration's millimetres are probably wrong: "superseded" if they are those of earlier
     versions, which took the travel for 120 mm, "unusual" if no gripper was seen to have them; then
@@ -94,6 +98,7 @@ class GripperState(StateNames):
     clamp_n: tuple[float, float] | None
     loss_detection: bool | None
     loss_detection_from_n: float | None
+    pressing_n: float | None
     limited: tuple[str, ...]
     calibrated: bool
     mount: str | None

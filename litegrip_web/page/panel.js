@@ -210,6 +210,7 @@ export class Panel {
     if (!state.calibrated) parts.push("not calibrated");
     if (state.job) parts.push(`by ${owner(state.job.owner)}`);
     if (state.is_grasped) parts.push("something is held");
+    else if (isNumber(state.pressing_n)) parts.push(`the jaws press with about ${figure(state.pressing_n, 0, "N")}`);
     if (state.limited.length) parts.push(`limited by ${state.limited.join(", ").replaceAll("_", " ")}`);
     return parts.join("; ");
   }

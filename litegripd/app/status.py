@@ -48,7 +48,9 @@ _FIELDS = {
 }
 """The members of an event's data by which the journal can be searched."""
 
-_WARNINGS = frozenset({"stop", "refused", "object_lost", "heat", "second_master", "implausible"})
+_WARNINGS = frozenset(
+    {"stop", "refused", "object_lost", "pressing", "heat", "second_master", "implausible"}
+)
 
 
 def make_log_handler(channel: str, post: Callable[[str], bool]) -> LogHandler:

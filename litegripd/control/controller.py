@@ -31,9 +31,10 @@ from litegripd.control.authority import (
     held_refusal,
 )
 from litegripd.control.calibration import CalibrationInUse, content_of, save_task
+from litegripd.control.detectors import PressWatch
 from litegripd.control.events import JobBook, RegisterReads, Start
 from litegripd.control.holds import Grip, Hold, Idle, Slack
-from litegripd.control.limiter import CATCHING_GAINS, Gains, Output, bounds_of
+from litegripd.control.limiter import CATCHING_GAINS, Easing, Gains, Output, bounds_of
 from litegripd.control.motions.base import Action
 from litegripd.model.calibration import (
     Calibration,
@@ -120,6 +121,10 @@ class Controller:
     lease: Carried[Lease]
     stop_latch: Carried[StopLatch]
     output: Carried[Output]
+    pressing: Carried[PressWatch]
+    _easing: Carried[Easing]
+    _moved_by: Carried[JobKind] = "enable"
+    """The motion that has led the jaws last."""
     recordings: Carried[int] = 0
     NOT_CARRIED = (
         "action",
@@ -159,6 +164,8 @@ class Controller:
         """True if the present or latest action has had any effect on what the motor gets."""
         self.idle: Idle = Slack()
         self.output = Output(self.gripper_id.motor_type)
+        self.pressing = PressWatch(self.gripper_id.motor_type)
+        self._easing = Easing()
         self.register_reads = RegisterReads()
         self.capture: Recording | None = None
         self.events: list[Event] = []
@@ -299,12 +306,16 @@ class Controller:
         job = self._new_job(kind, owner, detached)
         self.jobs.begin(job, self.now_s)
         self.action, self.has_stepped = action, False
+        if action.needs_power:
+            self._moved_by = kind
         self.events.append(events.job_started(job))
         return job
 
     def settle(self, kind: JobKind, idle: Idle, owner: Owner, result: Result) -> Job:
         """Change at once what idle jaws do; the job has ended when this returns."""
         self._end_replaced()
+        if isinstance(idle, Grip) and kind == "set_force":
+            self._moved_by = kind
         self.idle = idle
         job = self._new_job(kind, owner, detached=True)
         self.jobs.begin(job, self.now_s)
@@ -351,6 +362,8 @@ class Controller:
             return
         self.jobs.end(job, outcome, self.now_s)
         self.idle, self.action = self._left(by_defect=by_defect), None
+        if action is not None and action.needs_power and self.has_stepped:
+            self._ease_at_once()
         broken_off = job.kind == "enable" and isinstance(outcome, Refusal)
         if broken_off and self.motor.phase is not MotorPhase.ENABLED:
             self.must_disable = True  # it may still take effect
@@ -393,6 +406,19 @@ class Controller:
             return self.idle
         idle = None if by_defect else action.idle_after()
         return idle or Hold(feedback.position_rad, self.calibrated.gains)
+
+    def _ease_at_once(self) -> None:
+        """Lower what a motion that has ended leaves pressing; a hold that presses nothing resists.
+
+        A torque that the caller has set stays.
+        """
+        pressing_nm, idle = self.pressing.torque_nm, self.idle
+        self._easing.reset()
+        if pressing_nm is not None and isinstance(idle, Hold):
+            self._easing.begin(pressing_nm, self._press_nm(idle))
+
+    def _press_nm(self, hold: Hold) -> float:
+        return self.config.stop_nm if hold.press_nm is None else hold.press_nm
 
     def _new_job(self, kind: JobKind, owner: Owner, detached: bool) -> Job:
         """Return the queued job whose turn it is, or a new one, under the present lease."""
@@ -622,6 +648,7 @@ class Controller:
         is_motion = command is not None
         command = command or self._idle_command(now_s, feedback)
         self._note_moved_object(feedback)
+        self._note_pressing(now_s, feedback)
         return MotorInput(self._send(now_s, command, feedback), request, is_motion, register)
 
     def _act(self, now_s: float) -> tuple[MitCommand | None, MotorRequest | None]:
@@ -648,6 +675,8 @@ class Controller:
         idle, geometry = self.idle, self.geometry
         if isinstance(idle, Hold) and geometry is not None:
             self.idle = idle = idle.eased(feedback.position_rad, geometry)
+        if isinstance(idle, Hold):
+            idle = self._within_press(now_s, feedback, idle)
         command = idle.command(now_s, feedback)
         if isinstance(idle, Grip) and idle.is_lost:
             if idle.watched:
@@ -656,6 +685,35 @@ class Controller:
             self.idle = Hold(caught_rad, CATCHING_GAINS)
             return self.idle.command(now_s, feedback)
         return command
+
+    def _within_press(self, now_s: float, feedback: Feedback, hold: Hold) -> Hold:
+        """Return the hold with which the jaws press no harder than may last."""
+        most_nm = self._easing.step(
+            now_s,
+            hold.asked_nm(feedback.position_rad),
+            self._press_nm(hold),
+            feedback.torque_nm,
+            stands=True,  # a hand that moves them to and fro presses, too
+        )
+        return hold.within(most_nm, feedback.position_rad)
+
+    def _note_pressing(self, now_s: float, feedback: Feedback) -> None:
+        """Take note of jaws that press, and report what was not asked for as a grasp."""
+        grip, running, geometry = self.grip, self.jobs.running, self.geometry
+        is_held = grip is not None and grip.is_holding
+        self.pressing.see(feedback, is_held=is_held)
+        if is_held or geometry is None or self._rests_at_stop(feedback, geometry):
+            return
+        lasting = self.pressing.take_lasting(now_s, self._moved_by)
+        if lasting is not None:
+            self.events.append(events.pressing(lasting, geometry, self._moved_by, running))
+
+    def _rests_at_stop(self, feedback: Feedback, geometry: Geometry) -> bool:
+        """Return True if the jaws are at a stop, which is elastic and pushes back a little."""
+        position_rad, config = feedback.position_rad, self.config
+        stops_rad = (geometry.closed_rad, geometry.open_rad)
+        is_there = min(abs(position_rad - stop_rad) for stop_rad in stops_rad) <= config.stop_tol
+        return is_there and abs(feedback.torque_nm) <= config.stop_nm
 
     def _note_moved_object(self, feedback: Feedback) -> None:
         grip, geometry = self.grip, self.geometry
@@ -694,6 +752,7 @@ class Controller:
             self.events.append(events.heat_foretold(grip.force_n, bears_s, heat))
 
     def _send_nothing(self, now_s: float) -> None:
+        self.pressing.reset()
         change = self.output.unpowered(now_s, self.motor.feedback)
         if change is not None:
             self.events.append(events.heat_changed(change))
@@ -769,7 +828,7 @@ class Controller:
         if was_silent and isinstance(self.idle, Grip):
             self.idle.resume()
         elif not (was_silent and isinstance(self.idle, Slack)):
-            self.idle = Hold(motor.feedback.position_rad, self.gains)
+            self.idle, self._moved_by = Hold(motor.feedback.position_rad, self.gains), "enable"
 
 
 def _defect(job: Job, error: Exception) -> Refusal:

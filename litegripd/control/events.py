@@ -11,11 +11,12 @@ from dataclasses import dataclass, fields
 from typing import TypeAlias
 
 from litegripd.control.authority import Grant, Loss, LossCause
-from litegripd.control.detectors import MadeTorque
+from litegripd.control.detectors import Pressing
 from litegripd.control.heat import HeatChange, HeatGuard
+from litegripd.control.made_torque import MadeTorque
 from litegripd.model.calibration import Calibration, scale_warning
 from litegripd.model.errors import Refusal
-from litegripd.model.gripper import GripperId
+from litegripd.model.gripper import Geometry, GripperId
 from litegripd.model.motor import (
     BusCondition,
     MotorIdentity,
@@ -225,6 +226,21 @@ def object_moved(moved_mm: float, width_mm: float) -> Event:
     """Report that the jaws followed the object, and hold it again."""
     text = f"the object gave way by {moved_mm:.1f} mm and is held again, at {width_mm:.1f} mm"
     return Event("object_moved", text, {"moved_mm": moved_mm, "width_mm": width_mm})
+
+
+def pressing(lasting: Pressing, geometry: Geometry, kind: JobKind, running: Job | None) -> Event:
+    """Report that the jaws press on something and go on, with the motion that led them there."""
+    pressing_n = abs(geometry.force_n(lasting.torque_nm))
+    most_n = abs(geometry.force_n(lasting.most_nm))
+    lowered = f" ({most_n:.1f} N before)" if most_n > pressing_n * 1.05 else ""
+    state = "has left them there" if running is None else "goes on"
+    text = (
+        f"the jaws press with {pressing_n:.1f} N{lowered} on what is in their way: {kind} {state};"
+        " open them, or let them go with zero_gravity"
+    )
+    number = None if running is None else running.number
+    data = {"pressing_n": round(pressing_n, 1), "most_n": round(most_n, 1), "kind": kind}
+    return Event("pressing", text, {**data, "job": number})
 
 
 def heat_changed(change: HeatChange) -> Event:

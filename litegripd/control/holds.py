@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 from litegripd.control.detectors import STILL_RAD_S, GripWatch, Lasting, WatchLimits
-from litegripd.control.limiter import CALM_KD_NM_S_RAD, Gains
+from litegripd.control.limiter import CALM_KD_NM_S_RAD, Gains, clamp_lead
 from litegripd.model.gripper import DM4310, Geometry, MotorType
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand
@@ -493,21 +493,41 @@ FAINT_NM = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Hold:
-    """Holds a position."""
+    """Holds a position, with its whole stiffness against a push that does not last.
+
+    What displaces the jaws for longer than a push is an object: an elastic one that a motion has
+    pressed, or a finger that somebody has put between the jaws. Nobody has asked for a force on it,
+    and a position alone cannot tell the two apart. So whatever left this hold, and whoever pushes,
+    the torque is lowered to `press_nm` after a while (`Easing`). The position stays,
+    so that the jaws neither let go of what they hold nor stay where a hand has left them.
+    """
 
     position_rad: float
     gains: Gains
+    press_nm: float | None = None
+    """The torque that may last: the caller's, or None for that of a press (`stop_nm`)."""
 
     def command(self, _now_s: float, _feedback: Feedback) -> MitCommand:
         """Return the command of this tick."""
         return self.gains.at(self.position_rad)
+
+    def asked_nm(self, position_rad: float) -> float:
+        """Return the torque that it asks for where the jaws are, without damping."""
+        return self.gains.kp_nm_rad * (self.position_rad - position_rad)
+
+    def within(self, most_nm: float, position_rad: float) -> "Hold":
+        """Return the hold that asks for at most `most_nm` where the jaws are."""
+        if abs(self.asked_nm(position_rad)) <= most_nm:
+            return self
+        lead_rad = most_nm / self.gains.kp_nm_rad
+        return replace(self, position_rad=clamp_lead(self.position_rad, position_rad, lead_rad))
 
     def presses(self, feedback: Feedback) -> bool:
         """Return True if standing jaws are where this hold leaves them: its torque acts already.
 
         A command that leads jaws which have not arrived would move them further.
         """
-        asked_nm = self.gains.kp_nm_rad * (self.position_rad - feedback.position_rad)
+        asked_nm = self.asked_nm(feedback.position_rad)
         sign = 1.0 if asked_nm > 0.0 else -1.0
         stands = abs(feedback.velocity_rad_s) <= STANDING_RAD_S
         return stands and sign * feedback.torque_nm >= PRESSING_SHARE * abs(asked_nm) - FAINT_NM

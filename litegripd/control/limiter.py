@@ -3,14 +3,21 @@
 `Gains` are stiffness, damping and lead of position commands, which a torque bounds.
 `CommandLimiter` bounds each command before it is packed, whatever the action asked for. It names
 the limits that changed a command: they appear as `limited` in the state.
+
+`Easing` lowers what presses without an end to a gentle press. A finite motion may press hard on its
+way, since it ends by itself. What has no end and no set force may not: a hold that a blocked motion
+leaves behind, one that something has pushed away, a follower whose leader stays closed. A short
+push is to be resisted, so it gets some time. Then its torque is lowered gradually, and an elastic
+object pushes the jaws back. They are not let go: what they hold must not drop.
 """
 
 import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from litegripd.control.detectors import MadeTorque
+from litegripd.control.detectors import Lasting
 from litegripd.control.heat import HeatChange, HeatGuard
+from litegripd.control.made_torque import MadeTorque
 from litegripd.model.calibration import Calibration
 from litegripd.model.gripper import DM4310, Geometry, MotorType
 from litegripd.model.motion_config import (
@@ -48,12 +55,24 @@ class Gains:
         kp = max(self.kp_nm_rad, REACHING_KP_NM_RAD)
         return Gains(kp, max(self.kd_nm_s_rad, LEAST_DAMPING_S * kp))
 
+    def calm(self) -> "Gains":
+        """Return these gains within those of a motion that is calm on every motor that was tried.
+
+        Whoever asks for more gets the usual gains, `MOVING_KP_NM_RAD` and `MOVING_KD_NM_S_RAD`.
+        With 500 N·m/rad free jaws swung at 890 mm/s with 9.7 N·m at the end of a fast `move`, on a
+        usual motor; with 200, on one of half the inertia. The motor closes that loop between two
+        commands: no bound of a command holds it.
+        """
+        return Gains(
+            min(self.kp_nm_rad, MOVING_KP_NM_RAD), min(self.kd_nm_s_rad, MOVING_KD_NM_S_RAD)
+        )
+
     def following(self) -> "Gains":
         """Return these gains within what reaches a target and is calm on every motor.
 
-        For a file's, where a caller names none: stiffer ones swing some grippers.
+        For a file's, where a caller names none.
         """
-        return Gains(min(self.kp_nm_rad, MOVING_KP_NM_RAD), self.kd_nm_s_rad).reaching()
+        return self.calm().reaching()
 
 
 DEFAULT_GAINS = Gains(MOVING_KP_NM_RAD, MOVING_KD_NM_S_RAD)
@@ -127,12 +146,81 @@ def budgeted(
     return Gains(left_nm / lead_rad, kd), lead_rad
 
 
+LASTING_S = 0.5
+"""A push of this length is resisted; what presses on for longer is an object, or a finger."""
+EASE_NM_S = 8.0
+"""How fast the torque is lowered: 5.4 N·m in 0.6 s. An object of 20 N·m/rad opens the jaws by 21
+mm/s then. At once, it would throw them open by up to 470 mm/s."""
+BACK_S = 0.5
+"""How long a press must be gentle by itself until a push is resisted again."""
+ANOTHER_S = 0.1
+"""After so long without a step it is another hold, or another press."""
+
+
+class Easing:
+    """Bounds the torque of one hold or follower; `most_nm` is infinite while nothing is bounded."""
+
+    most_nm: Carried[float] = math.inf
+    _sign: Carried[float] = 0.0
+    _over: Carried[Lasting]
+    _gentle: Carried[Lasting]
+    _stepped_s: Carried[float | None] = None
+
+    def __init__(self) -> None:
+        self._over = Lasting(LASTING_S)
+        self._gentle = Lasting(BACK_S)
+
+    @property
+    def is_active(self) -> bool:
+        """True while the torque is bounded."""
+        return self.most_nm < math.inf
+
+    def reset(self) -> None:
+        """Bound nothing, and begin to count again."""
+        self.most_nm, self._stepped_s = math.inf, None
+        self._over.reset()
+        self._gentle.reset()
+
+    def begin(self, torque_nm: float, press_nm: float) -> None:
+        """Lower the present torque to `press_nm` from now on: it has lasted already."""
+        self.reset()
+        self.most_nm, self._sign = max(abs(torque_nm), press_nm), math.copysign(1.0, torque_nm)
+
+    def step(
+        self, now_s: float, asked_nm: float, press_nm: float, torque_nm: float, *, stands: bool
+    ) -> float:
+        """Return the bound for a lead that asks for `asked_nm`; `torque_nm` is the present torque.
+
+        Only a lead that asks for more than `press_nm` for `LASTING_S` is bounded, while the jaws
+        stand. One that turns round is another one.
+        """
+        before_s = self._stepped_s
+        is_over = abs(asked_nm) > press_nm
+        has_turned = is_over and asked_nm * self._sign < 0.0
+        if has_turned or (before_s is not None and now_s - before_s > ANOTHER_S):
+            self.reset()
+        self._stepped_s = now_s
+        if not self.is_active:
+            self._sign = math.copysign(1.0, asked_nm)
+            if not self._over.step(is_over and stands, now_s):
+                return math.inf
+            self.most_nm = max(min(abs(asked_nm), abs(torque_nm)), press_nm)
+        elif self._gentle.step(not is_over, now_s):
+            self.reset()
+            return math.inf
+        elapsed_s = 0.0 if before_s is None else max(now_s - before_s, 0.0)
+        self.most_nm = max(self.most_nm - EASE_NM_S * elapsed_s, press_nm)
+        return self.most_nm
+
+
 VENDOR_KD_NM_S_RAD = 2.0
 """The damping of the vendor's SDK, for every command."""
 UNSEEN_RAD_S = 1.0
 """The largest difference of the true speed from the measured one: free jaws gain it from 20 N in
 1 ms, and the motor's own filter hides 1 to 2 ms."""
 
+_MOST_AHEAD_S = 0.02
+"""The longest time that is foretold: an age and a period at 100 Hz. No speed lasts for longer."""
 _KP_MAX = 500.0
 _KD_MAX = 5.0
 _BRAKE_KD_NM_S_RAD = 1.0
@@ -223,7 +311,8 @@ class CommandLimiter:
         within, self._damping = _within_torque(
             inside, feedback, min(budget_nm, allowance_nm), self._most_damping(elapsed_s)
         )
-        within = _within_peak(within, feedback, motor.peak_nm)
+        ahead_s = min(max(now_s - feedback.at_s, 0.0) + elapsed_s, _MOST_AHEAD_S)
+        within = _within_peak(within, feedback, motor.peak_nm, ahead_s)
         if within is not inside and within != inside:
             limited.append("heat" if allowance_nm < budget_nm else "torque")
         within = _within_ranges(within, ranges)  # scaling may round to just outside a range
@@ -348,19 +437,32 @@ def _share(budget_nm: float, asked_nm: float) -> float:
     return 1.0 if asked_nm <= budget_nm else budget_nm / asked_nm
 
 
-def _within_peak(command: MitCommand, feedback: Feedback, peak_nm: float) -> MitCommand:
-    """Lower hard damping until it makes at most the peak torque at the true speed, too.
+def _within_peak(
+    command: MitCommand, feedback: Feedback, peak_nm: float, ahead_s: float
+) -> MitCommand:
+    """Keep what the motor makes by itself until the next command within the peak torque.
 
-    The measured speed is filtered by the motor, and up to two ticks old. The vendor's own damping
-    stays: a stiff command with less of it would swing.
+    The motor closes its loop thousands of times in that time, at a speed and a position that are
+    not known yet: the jaws may go on at their speed for `ahead_s`, or something may stop them at
+    once. Then damping no longer opposes the commanded velocity. So the velocity is lowered, not the
+    damping: stiff commands with less of it would swing.
     """
-    lead_rad = abs(command.position_rad - feedback.position_rad)
-    slip_rad_s = abs(command.velocity_rad_s - feedback.velocity_rad_s) + UNSEEN_RAD_S
-    left_nm = peak_nm - command.kp_nm_rad * lead_rad - abs(command.torque_nm)
-    most_nm_s_rad = max(left_nm / slip_rad_s, VENDOR_KD_NM_S_RAD)
-    if command.kd_nm_s_rad <= most_nm_s_rad:
+    lead_rad = command.position_rad - feedback.position_rad
+    moved_rad = feedback.velocity_rad_s * ahead_s
+    leads_nm = [command.kp_nm_rad * lead_rad, command.kp_nm_rad * (lead_rad - moved_rad)]
+    most_nm, least_nm = max(leads_nm) + command.torque_nm, min(leads_nm) + command.torque_nm
+    velocity_rad_s, kd = command.velocity_rad_s, command.kd_nm_s_rad
+    fed_nm = kd * velocity_rad_s
+    if fed_nm > 0.0 and most_nm + fed_nm > peak_nm:
+        velocity_rad_s = max(peak_nm - most_nm, 0.0) / kd
+    elif fed_nm < 0.0 and least_nm + fed_nm < -peak_nm:
+        velocity_rad_s = min(-peak_nm - least_nm, 0.0) / kd
+    slip_rad_s = abs(velocity_rad_s - feedback.velocity_rad_s) + UNSEEN_RAD_S
+    left_nm = peak_nm - abs(leads_nm[0]) - abs(command.torque_nm)
+    kd = min(kd, max(left_nm / slip_rad_s, VENDOR_KD_NM_S_RAD))
+    if (velocity_rad_s, kd) == (command.velocity_rad_s, command.kd_nm_s_rad):
         return command
-    return replace(command, kd_nm_s_rad=most_nm_s_rad)
+    return replace(command, velocity_rad_s=velocity_rad_s, kd_nm_s_rad=kd)
 
 
 def _within_ranges(command: MitCommand, ranges: Ranges) -> MitCommand:

@@ -405,6 +405,7 @@ EventKind: TypeAlias = Literal[
     "object_lost",
     "object_moved",
     "weak",
+    "pressing",
     "heat",
     "calibration",
     "lease",

@@ -179,7 +179,9 @@ EVENT_SCHEMA: Mapping[str, Any] = {
     },
 }
 _INFO, _WARNING = 2, 3
-_WARNINGS = frozenset({"stop", "object_lost", "heat", "refused", "recorder", "lease_lost", "weak"})
+_WARNINGS = frozenset(
+    {"stop", "object_lost", "pressing", "heat", "refused", "recorder", "lease_lost", "weak"}
+)
 # Looking up a name in an enumeration is slow, and a dump has tens of thousands of them.
 _PHASE_NAMES = {
     **{phase.value: phase.name.lower() for phase in Phase},

@@ -6,6 +6,10 @@ they return. The command's lead over the measured position is capped as in every
 the frames say. Damping relative to a velocity is also a torque: it would push blocked jaws with kd
 times the leader's whole speed.
 
+Jaws that stand and press with more than a press, while the leader stays closed, press with no more
+than that after a while: a hand at a leader does not feel a finger between the jaws. A force limit
+that the caller sets is what may last instead.
+
 A guard releases what the jaws press too hard for too long. Its times and thresholds are those of
 the vendor's SDK, but in seconds instead of cycles: they are the same at every rate.
 """
@@ -14,8 +18,9 @@ from collections import deque
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
+from litegripd.control.detectors import STILL_RAD_S, Lasting, SpeedWindow
 from litegripd.control.holds import Hold, Idle, Slack
-from litegripd.control.limiter import Gains, budgeted, clamp_lead, is_in_press_zone
+from litegripd.control.limiter import Easing, Gains, budgeted, clamp_lead, is_in_press_zone
 from litegripd.control.motions.base import Step, progress_of
 from litegripd.model.gripper import FASTEST_RAD_S, Geometry
 from litegripd.model.motion_config import MOVING_KP_NM_RAD, REACHING_KP_NM_RAD, MotionConfig
@@ -39,6 +44,12 @@ _SAMPLES = 3
 tick; the slowest of this many values does not."""
 
 _SLOWEST_RAD_S = 1e-3
+
+_STANDS_S = 0.05
+_FREE_RAD_S = 0.15
+_FREE_S = 0.05
+"""Eased jaws that are this fast, 8 mm/s, meet nothing any more: what yields by itself is slower.
+Free jaws come to 0.25 rad/s against the largest friction considered."""
 
 
 class FollowerCommand:
@@ -67,6 +78,9 @@ class FollowerCommand:
         limit_nm = None if force_limit_n is None else geometry.torque_nm(force_limit_n)
         self._limit_nm = None if limit_nm is None else min(limit_nm, MOST_NM)
         self._measured: deque[float] = deque(maxlen=_SAMPLES)
+        self._window = SpeedWindow(_STANDS_S)
+        self._free = Lasting(_FREE_S)
+        self._easing = Easing()
 
     @property
     def commanded_rad(self) -> float | None:
@@ -78,6 +92,7 @@ class FollowerCommand:
         self.hold = Hold(here_rad, self._gains)
         self.velocity_rad_s = 0.0
         self.is_limited = False
+        self._easing.reset()
 
     def within_reach(self, wanted_rad: float, here_rad: float) -> float:
         """Return how far towards `wanted_rad` the command can lead jaws at rest at `here_rad`."""
@@ -95,6 +110,7 @@ class FollowerCommand:
         here_rad, before_rad = feedback.position_rad, self.commanded_rad
         self._measured.append(feedback.velocity_rad_s)
         gains, lead_rad = self._bounds(wanted_rad, velocity_rad_s, here_rad)
+        lead_rad = self._eased(feedback, wanted_rad, gains, lead_rad)
         self.is_limited = clamp_lead(wanted_rad, here_rad, lead_rad) != wanted_rad
         most_rad = min(lead_rad, FASTEST_RAD_S * self._period_s)
         step_to_rad = (
@@ -105,8 +121,25 @@ class FollowerCommand:
             ahead_rad = commanded_rad - here_rad
             velocity_rad_s = self._fed(velocity_rad_s, gains, lead_rad, ahead_rad)
         self.velocity_rad_s = velocity_rad_s
-        self.hold = Hold(commanded_rad, gains)
+        self.hold = Hold(commanded_rad, gains, self._limit_nm)
         return gains.at(commanded_rad, velocity_rad_s)
+
+    def _eased(self, feedback: Feedback, wanted_rad: float, gains: Gains, lead_rad: float) -> float:
+        """Return the largest lead: smaller for jaws that have pressed on something for long."""
+        here_rad, at_s = feedback.position_rad, feedback.at_s
+        speed_rad_s = self._window.add(at_s, here_rad)
+        if self._limit_nm is not None:
+            return lead_rad
+        ahead_rad = clamp_lead(wanted_rad, here_rad, lead_rad) - here_rad
+        runs = speed_rad_s is not None and speed_rad_s * ahead_rad > _FREE_RAD_S * abs(ahead_rad)
+        if self._free.step(runs, at_s):
+            self._easing.reset()
+        stands = speed_rad_s is not None and abs(speed_rad_s) < STILL_RAD_S
+        asked_nm = gains.kp_nm_rad * ahead_rad
+        most_nm = self._easing.step(
+            at_s, asked_nm, self._config.stop_nm, feedback.torque_nm, stands=stands
+        )
+        return lead_rad if abs(asked_nm) <= most_nm else most_nm / gains.kp_nm_rad
 
     def _bounds(
         self, wanted_rad: float, velocity_rad_s: float, here_rad: float

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
-from litegripd.control.detectors import LEAST_NM, SHORT_S, STANDS_S, WEAK_S, MadeTorque
+from litegripd.control.made_torque import LEAST_NM, SHORT_S, STANDS_S, WEAK_S, MadeTorque
 from litegripd.model.motor import CanFrame, Feedback, MitCommand, Status
 from litegripd.sim.plant import SimulatorParameters
 from tests.control.held import Held

@@ -8,7 +8,12 @@ from litegripd.control.limiter import LEAD_PERIODS, torque_bound_nm
 from litegripd.control.motions.move import SPEED_UP_S
 from litegripd.model.calibration import NOMINAL
 from litegripd.model.gripper import DM4310
-from litegripd.model.motion_config import MOVING_KP_NM_RAD, MotionConfig, fastest_mm_s
+from litegripd.model.motion_config import (
+    MOVING_KD_NM_S_RAD,
+    MOVING_KP_NM_RAD,
+    MotionConfig,
+    fastest_mm_s,
+)
 from litegripd.model.motor import MitCommand
 from litegripd.motor import codec
 from litegripd.sim.plant import SimulatorParameters, limits_of_mount
@@ -109,16 +114,22 @@ def test_a_least_time_that_is_too_short_becomes_the_shortest(
     assert took_s == pytest.approx(arrives_s, rel=0.1)
 
 
-@pytest.mark.parametrize(("kp", "kd"), [(150.0, 2.0), (60.0, 1.0), (500.0, 1.5)])
+@pytest.mark.parametrize(
+    ("kp", "kd"), [(150.0, 2.0), (60.0, 1.0), (100.0, 0.5), (500.0, 1.5), (500.0, 5.0)]
+)
 def test_it_moves_with_the_stiffness_and_damping_that_it_is_given(kp: float, kd: float) -> None:
-    """On the way a stiff command is softer, and its velocity pushes no more than its lead may."""
+    """On the way a stiff command is softer, and its velocity pushes no more than its lead may.
+
+    More than the usual gains would swing some grippers, and counts as those.
+    """
     world, client = at_opening(60.0)
     number = client.send("motion.move", opening_mm=80.0, kp=kp, kd=kd)
     world.run_until(lambda: client.has_answer(number))
     assert client.answers[number]["result"]["outcome"] == "reached"
     moved = [command for command in commands(world) if abs(command.velocity_rad_s) > 0.3]
     assert len(moved) > 50
-    push_nm = CONFIG.travel_nm * min(kp / MOVING_KP_NM_RAD, 1.0)
+    kp, kd = min(kp, MOVING_KP_NM_RAD), min(kd, MOVING_KD_NM_S_RAD)
+    push_nm = CONFIG.travel_nm * kp / MOVING_KP_NM_RAD
     for command in moved:
         lead_rad = LEAD_PERIODS * abs(command.velocity_rad_s) * PERIOD_S
         assert command.kp_nm_rad == pytest.approx(min(kp, push_nm / lead_rad), rel=0.03)

@@ -26,7 +26,7 @@ def dq(follower: Follower) -> float:
 
 
 def test_without_frames_it_holds_its_last_target_under_its_gains() -> None:
-    follower = following()
+    follower = following(force_limit_n=20.0)
     follower.world.gripper.put_object(width_mm=OBJECT_MM)
     follower.lead(sweep(0.5, 0.4, 0.4), 0.5)
     pressing_nm = follower.status()["torque_nm"]

@@ -144,7 +144,9 @@ _APART_SHARE = 0.022
 """Two labels are at least this share of the shown time apart."""
 
 _LONGEST = 30
-_ALARMS = frozenset({"stop", "object_lost", "heat", "client_lost", "lease_lost", "weak"})
+_ALARMS = frozenset(
+    {"stop", "object_lost", "pressing", "heat", "client_lost", "lease_lost", "weak"}
+)
 _ROUTINE = ("owner", "refused", "lease", "recorder", "job_ended", "calibration")
 """Not named while something else happens close by; the last ones rather than the first."""
 
