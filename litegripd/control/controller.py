@@ -7,6 +7,7 @@ only through `step`.
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Protocol, TypeVar
 
 from litegripd.control import events
@@ -102,6 +103,18 @@ class Recording(Protocol):
         """Take a tick's measurement, and the present grip."""
 
 
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """What a motion, and the hold or grip that it leaves, counts on until the next motion.
+
+    Another calibration or configuration must not move jaws that nobody has asked to move: a
+    pressed stop would spring back by 1 mm when other limits are loaded under a latched stop.
+    """
+
+    geometry: Geometry | None
+    config: MotionConfig
+
+
 class Controller:
     """Runs one gripper: at most one job, else idle jaws: a hold, a grip, or slack.
 
@@ -115,6 +128,7 @@ class Controller:
     ticks: Carried[int] = 0
     bus: Carried[BusCondition] = NOT_OPENED
     calibrated: Carried[CalibrationInUse]
+    in_force: Carried[Terms]
     second_master: Carried[SecondMaster]
     jobs: Carried[JobBook]
     lease: Carried[Lease]
@@ -150,6 +164,7 @@ class Controller:
         self.gripper_id = gripper_id or GripperId()
         self.motor = MotorView(MotorPhase.UNKNOWN)
         self.calibrated = CalibrationInUse()
+        self.in_force = Terms(None, config)
         self.second_master = SecondMaster()
         self.jobs = JobBook()
         self.lease = Lease()
@@ -221,7 +236,7 @@ class Controller:
         file: str | None = None,
         by: int | None = None,
     ) -> None:
-        """Use a calibration and its file, or the reason why there is none.
+        """Use a calibration and its file, or the reason why there is none, from the next motion on.
 
         `by` is the client that has loaded it, None for the daemon itself.
         """
@@ -296,6 +311,8 @@ class Controller:
     def begin(self, kind: JobKind, action: Action, owner: Owner, detached: bool) -> Job:
         """Begin a job; the caller has checked that it may begin."""
         self._end_replaced()
+        if kind not in _SAFE_JOBS:
+            self._put_in_force()
         job = self._new_job(kind, owner, detached)
         self.jobs.begin(job, self.now_s)
         self.action, self.has_stepped = action, False
@@ -305,6 +322,7 @@ class Controller:
     def settle(self, kind: JobKind, idle: Idle, owner: Owner, result: Result) -> Job:
         """Change at once what idle jaws do; the job has ended when this returns."""
         self._end_replaced()
+        self._put_in_force()
         self.idle = idle
         job = self._new_job(kind, owner, detached=True)
         self.jobs.begin(job, self.now_s)
@@ -385,6 +403,10 @@ class Controller:
         reason, self._replaced = self._replaced, None
         if reason is not None:
             self.end(reason)
+
+    def _put_in_force(self) -> None:
+        """Let the present calibration and configuration count for what the jaws do from now on."""
+        self.in_force = Terms(self.geometry, self.config)
 
     def _left(self, *, by_defect: bool = False) -> Idle:
         """Return what the jaws would do if the running action ended now."""
@@ -639,12 +661,13 @@ class Controller:
             running = self.jobs.running
             by = None if running is None else running.owner.client
             self.use_calibration(step.adopted.calibration, file=step.adopted.file, by=by)
+            self._put_in_force()
         if step.outcome is not None:
             self.end(step.outcome)
         return step.command, step.request
 
     def _idle_command(self, now_s: float, feedback: Feedback) -> MitCommand:
-        idle, geometry = self.idle, self.geometry
+        idle, geometry = self.idle, self.in_force.geometry
         if isinstance(idle, Hold) and geometry is not None:
             self.idle = idle = idle.eased(feedback.position_rad, geometry)
         command = idle.command(now_s, feedback)
@@ -668,7 +691,7 @@ class Controller:
         identity, action = self.motor.identity, self.action
         ranges = self.gripper_id.motor_type.ranges if identity is None else identity.ranges
         own_bounds = None if action is None else action.bounds
-        bounds = own_bounds or bounds_of(self.geometry, self.config)
+        bounds = own_bounds or bounds_of(self.in_force.geometry, self.in_force.config)
         grip = self.grip
         change = self.output.send(now_s, command, feedback, bounds, ranges, grips=grip is not None)
         if change is not None:
@@ -700,6 +723,7 @@ class Controller:
     def _note_zero(self, zero: ZeroView) -> None:
         useless = self.calibrated.note_zero(zero)
         if useless is not None:
+            self._put_in_force()
             content = content_of(useless, self.gripper_id, self.gains, self.motor)
             self.tasks.append(save_task(self.gripper_id, content, self._saved))
             self.events.append(events.calibrated(useless, self.calibrated.file, self.gripper_id))
@@ -719,6 +743,7 @@ class Controller:
         if why is not None:
             file = self.calibrated.file
             self.use_calibration(None)
+            self._put_in_force()
             self.calibrated.problem = refusal = self._unfitting(why, file)
             self.events.append(Event("calibration", refusal.message, {"error": refusal.reason}))
             if self.action is not None and self.action.needs_power:
@@ -742,7 +767,8 @@ class Controller:
 
         Jaws that were slack before a silence stay slack: a hand may be in them. A hold by force
         continues, or it would drop its object: a motor that reports that it is still enabled has
-        kept squeezing.
+        kept squeezing. So does a hold with which the jaws are where it leaves them; its gains stay
+        in any case.
         """
         self.events += events.motor_changed(self.motor, motor)
         before, self.motor = self.motor.phase, motor
@@ -750,11 +776,14 @@ class Controller:
             return
         if motor.phase is not MotorPhase.ENABLED or motor.feedback is None:
             return
-        was_silent = before is MotorPhase.SILENT
-        if was_silent and isinstance(self.idle, Grip):
-            self.idle.resume()
-        elif not (was_silent and isinstance(self.idle, Slack)):
-            self.idle = Hold(motor.feedback.position_rad, self.gains)
+        idle, here_rad = self.idle, motor.feedback.position_rad
+        if before is not MotorPhase.SILENT:
+            self._put_in_force()
+            self.idle = Hold(here_rad, self.gains)
+        elif isinstance(idle, Grip):
+            idle.resume()
+        elif isinstance(idle, Hold) and not idle.presses(motor.feedback):
+            self.idle = replace(idle, position_rad=here_rad)
 
 
 def _defect(job: Job, error: Exception) -> Refusal:
