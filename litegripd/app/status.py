@@ -47,7 +47,9 @@ _FIELDS = {
 }
 """The members of an event's data by which the journal can be searched."""
 
-_WARNINGS = frozenset({"stop", "refused", "object_lost", "heat", "second_master", "implausible"})
+_WARNINGS = frozenset(
+    {"stop", "refused", "object_lost", "swing", "heat", "second_master", "implausible"}
+)
 
 
 def make_log_handler(channel: str, post: Callable[[str], bool]) -> LogHandler:
@@ -255,6 +257,12 @@ class DaemonFacts:
         allowed_nm = controller.output.heat.allowance_nm
         if math.isfinite(allowed_nm):
             found.append(f"the coil is hot: holds are limited to {allowed_nm:.2f} N·m")
+        share = controller.swing.share
+        if share < 1.0:
+            found.append(
+                f"the jaws swung in a hold: until the motor is enabled anew, holds and followers"
+                f" have {share:.0%} of their stiffness and damping"
+            )
         return found
 
     def _teleop_complaints(self, parts: Parts) -> list[str]:

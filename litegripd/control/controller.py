@@ -36,6 +36,7 @@ from litegripd.control.events import JobBook, RegisterReads, Start
 from litegripd.control.holds import Grip, Hold, Idle, Slack
 from litegripd.control.limiter import CATCHING_GAINS, Gains, Output, bounds_of
 from litegripd.control.motions.base import Action
+from litegripd.control.swing import SwingGuard
 from litegripd.model.calibration import (
     Calibration,
     ScaleDoubt,
@@ -134,6 +135,7 @@ class Controller:
     lease: Carried[Lease]
     stop_latch: Carried[StopLatch]
     output: Carried[Output]
+    swing: Carried[SwingGuard]
     recordings: Carried[int] = 0
     NOT_CARRIED = (
         "action",
@@ -174,6 +176,7 @@ class Controller:
         """True if the present or latest action has had any effect on what the motor gets."""
         self.idle: Idle = Slack()
         self.output = Output(self.gripper_id.motor_type)
+        self.swing = SwingGuard(self.gripper_id.motor_type)
         self.register_reads = RegisterReads()
         self.capture: Recording | None = None
         self.events: list[Event] = []
@@ -642,6 +645,7 @@ class Controller:
             return MotorInput(request=request, register=register)
         is_motion = command is not None
         command = command or self._idle_command(now_s, feedback)
+        command = self._calmed(command, feedback, is_motion=is_motion)
         self._note_moved_object(feedback)
         return MotorInput(self._send(now_s, command, feedback), request, is_motion, register)
 
@@ -677,6 +681,22 @@ class Controller:
             caught_rad = idle.caught_rad(feedback.position_rad, self.period_s)
             self.idle = Hold(caught_rad, CATCHING_GAINS)
             return self.idle.command(now_s, feedback)
+        return command
+
+    def _calmed(
+        self, command: MitCommand, feedback: Feedback, *, is_motion: bool
+    ) -> MitCommand:
+        """Return a command that does not swing: of a hold by stiffness, or of a follower."""
+        running = self.jobs.running
+        is_led = running is not None and running.kind == "teleop"
+        if command.kp_nm_rad == 0.0 or (is_motion and not is_led):
+            self.swing.rest()
+            return command
+        if not is_motion and isinstance(self.idle, Hold):
+            command = self.swing.bound(command)
+        command, is_lowered = self.swing.calm(command, feedback)
+        if is_lowered:
+            self.events.append(events.swings(self.swing.share))
         return command
 
     def _note_moved_object(self, feedback: Feedback) -> None:
@@ -779,6 +799,7 @@ class Controller:
         idle, here_rad = self.idle, motor.feedback.position_rad
         if before is not MotorPhase.SILENT:
             self._put_in_force()
+            self.swing.renew()
             self.idle = Hold(here_rad, self.gains)
         elif isinstance(idle, Grip):
             idle.resume()

@@ -226,6 +226,15 @@ def object_moved(moved_mm: float, width_mm: float) -> Event:
     return Event("object_moved", text, {"moved_mm": moved_mm, "width_mm": width_mm})
 
 
+def swings(share: float) -> Event:
+    """Report that the jaws swung in a hold, and with what share of its gains they are held now."""
+    text = (
+        f"the jaws swing by themselves: they are held with {share:.0%} of stiffness and damping"
+        " until the motor is enabled anew"
+    )
+    return Event("swing", text, {"share": share})
+
+
 def heat_changed(change: HeatChange) -> Event:
     """Report that the coil's heat changes the limit of the torque."""
     data = {"from_nm": _finite(change.from_nm), "to_nm": _finite(change.to_nm)}

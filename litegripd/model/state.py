@@ -403,6 +403,7 @@ EventKind: TypeAlias = Literal[
     "client_lost",
     "object_lost",
     "object_moved",
+    "swing",
     "heat",
     "calibration",
     "lease",
