@@ -683,9 +683,7 @@ class Controller:
             return self.idle.command(now_s, feedback)
         return command
 
-    def _calmed(
-        self, command: MitCommand, feedback: Feedback, *, is_motion: bool
-    ) -> MitCommand:
+    def _calmed(self, command: MitCommand, feedback: Feedback, *, is_motion: bool) -> MitCommand:
         """Return a command that does not swing: of a hold by stiffness, or of a follower."""
         running = self.jobs.running
         is_led = running is not None and running.kind == "teleop"

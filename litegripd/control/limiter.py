@@ -39,6 +39,11 @@ class Gains:
         """Return the command for a position, without a torque of its own."""
         return MitCommand(position_rad, velocity_rad_s, self.kp_nm_rad, self.kd_nm_s_rad, 0.0)
 
+    def usual(self) -> "Gains":
+        """Return these gains within the usual ones: a caller's stiffer ones swing some grippers."""
+        kp, kd = min(self.kp_nm_rad, MOVING_KP_NM_RAD), min(self.kd_nm_s_rad, MOVING_KD_NM_S_RAD)
+        return Gains(kp, kd)
+
     def reaching(self) -> "Gains":
         """Return these gains, stiff enough to reach a target against friction, and damped for it.
 
@@ -50,9 +55,9 @@ class Gains:
     def following(self) -> "Gains":
         """Return these gains within what reaches a target and is calm on every motor.
 
-        For a file's, where a caller names none: stiffer ones swing some grippers.
+        For a file's, where a caller names none.
         """
-        return Gains(min(self.kp_nm_rad, MOVING_KP_NM_RAD), self.kd_nm_s_rad).reaching()
+        return self.usual().reaching()
 
 
 DEFAULT_GAINS = Gains(MOVING_KP_NM_RAD, MOVING_KD_NM_S_RAD)

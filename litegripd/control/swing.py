@@ -16,7 +16,7 @@ from litegripd.model.motor import Feedback, MitCommand
 from litegripd.model.plain import Carried
 
 HOLDING_KP_NM_RAD = MOVING_KP_NM_RAD
-HOLDING_KD_NM_S_RAD = 0.8
+HOLDING_KD_NM_S_RAD = 0.6
 """The most of a hold, on a DM4310. Of the 1000 random plants of `tests/plants`, the 18 with the
 least inertia for their lags swung after a push or a pull in 0 of 108 holds with 0.8 and up to 100
 N·m/rad; with 1 in 1, with 2 in 26 (`python -m tests.plants.holds`, docs/gains.md)."""

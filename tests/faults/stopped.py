@@ -6,13 +6,13 @@ position, press on a stop or hold an object. `run_stopped` measures it at the gr
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from litegripd.app.build import METHODS
 from litegripd.model.gripper import DM4310
 from litegripd.model.motion_config import MotionConfig, ranges_of
 from litegripd.rpc.method import Method, Param
-from litegripd.rpc.sessions import ROLES
+from litegripd.rpc.sessions import ROLES, Role
 from tests.trajectories import lgt, pieces
 from tests.world import Client, World
 
@@ -28,8 +28,8 @@ RELEASING: Mapping[str, str] = {
 
 LOOKED_AT_S, AFTER_S = 0.05, 0.5
 """How long the jaws are looked at after each call, and once more after the last one."""
-STILL_RAD = 0.0005
-"""What rounds to 0.000 rad: 0.03 mm."""
+STILL_RAD, STILL_NM = 0.0005, 0.02
+"""What rounds to 0.000 rad, 0.03 mm; and two steps of the motor's own torque measurement."""
 
 _LIMITS: Values = {"zero_position_rad": 0.0, "max_position_rad": -1.651026, "rad_to_mm": 52.69}
 _TAUGHT = pieces(lgt([(0.0, 0.3), (0.3, 0.5), (0.6, 0.2)]))[0]
@@ -133,13 +133,6 @@ def _values_of(param: Param) -> Iterator[Any]:
         yield from (int(end) if whole else end for end in (low, high))
 
 
-class Gripper(Protocol):
-    """What a situation needs of a gripper, whichever plant it is."""
-
-    def put_object(self, width_mm: float) -> None:
-        """Put something between the jaws."""
-
-
 @dataclass(frozen=True, slots=True)
 class Rest:
     """What enabled jaws do when the stop comes."""
@@ -177,10 +170,13 @@ RESTS = (Rest("holding", _holds), Rest("pressing", _presses), Rest("gripping", _
 
 @dataclass(slots=True)
 class Stopped:
-    """A gripper under a latched stop, and a client of each role."""
+    """A gripper under a latched stop, and what its jaws have done since."""
 
     world: World
-    position_rad: Callable[[], float]
+    place: Callable[[], tuple[float, float]]
+    """The true position of the jaws (rad), and the motor's true torque (N·m)."""
+    moved_rad: float = 0.0
+    changed_nm: float = 0.0
 
     def begin(self, rest: Callable[[World, Client], None]) -> None:
         """Bring the jaws to rest, and stop."""
@@ -190,28 +186,35 @@ class Stopped:
         self.world.run(0.3)
         client.result("stop", why="a hand")
         client.leave()
-        self.world.run(0.3)
+        self.world.run(0.5)
 
-    def try_out(self, methods: Sequence[Method]) -> tuple[float, set[str]]:
-        """Call methods by every role; return how far the jaws went (rad), and the answers."""
-        from_rad, most_rad, answers = self.position_rad(), 0.0, set[str]()
-        clients = [self.world.client(role=role) for role in ROLES]
-        last = (clients[0], "state.get", {})
-        calls = [(c, m.name, p) for m in methods for c in clients for p in calls_of(m)]
-        for client, name, params in (*calls, last):
-            number = client.send(name, **params)
-            for _ in range(round((AFTER_S if name == "state.get" else LOOKED_AT_S) / 0.005)):
-                self.world.tick()
-                most_rad = max(most_rad, abs(self.position_rad() - from_rad))
-            if client is clients[-1] and client.has_answer(number):
-                answers.add(_worded(client.answers[number]))
-            if self.world.controller.stop_latch.latched is None:  # `stop.clear`
-                clients[0].send("stop")
-            self._end_lease(clients)
-        return most_rad, answers
+    def try_out(self, methods: Sequence[Method], roles: Sequence[Role] = ROLES) -> set[str]:
+        """Let every role call methods; return what the last one is answered."""
+        answers = set[str]()
+        from_rad, from_nm = self.place()
+        clients = [self.world.client(role=role) for role in roles]
+        for method in methods:
+            for client in clients:
+                for params in calls_of(method):
+                    number = client.send(method.name, **params)
+                    self._look(LOOKED_AT_S, from_rad, from_nm)
+                    if client is clients[-1] and client.has_answer(number):
+                        answers.add(_worded(client.answers[number]))
+                    self._stay_stopped(clients)
+        self._look(AFTER_S, from_rad, from_nm)
+        return answers
 
-    def _end_lease(self, clients: Sequence[Client]) -> None:
-        """Let no lease be in the way of the next call, nor be lost."""
+    def _look(self, duration_s: float, from_rad: float, from_nm: float) -> None:
+        for _ in range(round(duration_s / self.world.period_s)):
+            self.world.tick()
+            here_rad, here_nm = self.place()
+            self.moved_rad = max(self.moved_rad, abs(here_rad - from_rad))
+            self.changed_nm = max(self.changed_nm, abs(here_nm - from_nm))
+
+    def _stay_stopped(self, clients: Sequence[Client]) -> None:
+        """Latch a stop that was cleared; let no lease be in the way of the next call, nor lost."""
+        if self.world.controller.stop_latch.latched is None:
+            clients[0].send("stop")
         for client in clients:
             client.send("lease.release")
 
@@ -223,15 +226,26 @@ def _worded(answer: Mapping[str, Any]) -> str:
 CALLED = tuple(method for method in METHODS if method.name not in RELEASING)
 
 
+def stopped(rest: Rest) -> Stopped:
+    """Return a simulated gripper that is at rest, under a stop."""
+    world = World()
+    scale = world.gripper.parameters.rad_to_mm
+    under = Stopped(
+        world, lambda: (world.gripper.opening_mm / scale, world.gripper.motor_torque_nm)
+    )
+    under.begin(rest.begin)
+    return under
+
+
 def run_stopped(method: Method) -> str:
     """Run the calls of a method in every situation; return its row of the page."""
     cells, answers = [], set[str]()
     for rest in RESTS:
-        world = World()
-        scale = world.gripper.parameters.rad_to_mm
-        stopped = Stopped(world, lambda world=world: world.gripper.opening_mm / scale)
-        stopped.begin(rest.begin)
-        most_rad, said = stopped.try_out([method])
-        answers |= said - {"accepted"} if method.name != "state.get" else said
-        cells.append(f"{most_rad:.3f}")
-    return f"| `{method.name}` | {method.role} | {', '.join(sorted(answers))} | {' | '.join(cells)} |"
+        under = stopped(rest)
+        answers |= under.try_out([method])
+        assert under.changed_nm < STILL_NM, (
+            f"{method.name}: {under.changed_nm:.3f} N·m while {rest}"
+        )
+        cells.append(f"{under.moved_rad:.3f}")
+    said = ", ".join(sorted(answers)) or "later"
+    return f"| `{method.name}` | {method.role} | {said} | {' | '.join(cells)} |"
