@@ -78,10 +78,12 @@ def test_a_press_outlives_a_short_silence() -> None:
     world = World()
     client = world.enabled()
     assert client.result("motion.close")["ok"]
-    before_mm = world.gripper.opening_mm
+    world.run(0.3)
+    before_nm = world.gripper.motor_torque_nm
+    assert before_nm > 0.4
     silent(world, 0.05)
     world.run(0.5)
-    assert world.gripper.opening_mm == pytest.approx(before_mm, abs=0.05)
+    assert world.gripper.motor_torque_nm == pytest.approx(before_nm, abs=0.02)
 
 
 def test_a_strong_grip_keeps_its_force_when_the_calibration_is_given_up() -> None:
