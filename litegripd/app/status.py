@@ -260,7 +260,7 @@ class DaemonFacts:
         share = controller.swing.share
         if share < 1.0:
             found.append(
-                f"the jaws swung in a hold: until the motor is enabled anew, holds and followers"
+                f"the jaws swung in a hold: until the motor is enabled again, holds and followers"
                 f" have {share:.0%} of their stiffness and damping"
             )
         return found

@@ -34,9 +34,8 @@ from litegripd.control.authority import (
 from litegripd.control.calibration import CalibrationInUse, content_of, save_task
 from litegripd.control.events import JobBook, RegisterReads, Start
 from litegripd.control.holds import Grip, Hold, Idle, Slack
-from litegripd.control.limiter import CATCHING_GAINS, Gains, Output, bounds_of
+from litegripd.control.limiter import CATCHING_GAINS, Gains, Output, SwingGuard, bounds_of
 from litegripd.control.motions.base import Action
-from litegripd.control.swing import SwingGuard
 from litegripd.model.calibration import (
     Calibration,
     ScaleDoubt,

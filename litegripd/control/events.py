@@ -230,7 +230,7 @@ def swings(share: float) -> Event:
     """Report that the jaws swung in a hold, and with what share of its gains they are held now."""
     text = (
         f"the jaws swing by themselves: they are held with {share:.0%} of stiffness and damping"
-        " until the motor is enabled anew"
+        " until the motor is enabled again"
     )
     return Event("swing", text, {"share": share})
 

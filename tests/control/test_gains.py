@@ -24,8 +24,8 @@ def shaken_mm_s(gains: Gains) -> float:
     assert geometry is not None
     kp, kd = gains.kp_nm_rad, gains.kd_nm_s_rad
     world.controller.use_calibration(Calibration(geometry, kp_nm_rad=kp, kd_nm_s_rad=kd))
-    world.enabled()
     unguard(world.controller)
+    world.enabled()
     world.mechanics.rotor_rad_s += 3.0
     world.run(1.0)
     return max(abs(look.rotor_mm_s) for look in world.looks_since(world.now_s - 0.2))

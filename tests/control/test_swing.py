@@ -10,11 +10,11 @@ import pytest
 
 from litegripd.control.controller import Controller
 from litegripd.control.holds import Hold
-from litegripd.control.limiter import Gains
-from litegripd.control.swing import (
+from litegripd.control.limiter import (
     HOLDING_KD_NM_S_RAD,
     HOLDING_KP_NM_RAD,
     HOLDING_LEAST_KD_NM_S_RAD,
+    Gains,
     SwingGuard,
 )
 from litegripd.model.gripper import DM4310, DM4340

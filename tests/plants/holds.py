@@ -12,8 +12,7 @@ from pathlib import Path
 
 from litegripd.control.controller import Controller
 from litegripd.control.holds import Hold
-from litegripd.control.limiter import Gains
-from litegripd.control.swing import SwingGuard
+from litegripd.control.limiter import Gains, SwingGuard
 from litegripd.model.motor import Feedback, MitCommand
 from tests.plants.parameters import PlantParameters, random_plant
 from tests.plants.watch import is_shaking
