@@ -49,7 +49,7 @@ _FIELDS = {
 """The members of an event's data by which the journal can be searched."""
 
 _WARNINGS = frozenset(
-    {"stop", "refused", "object_lost", "pressing", "heat", "second_master", "implausible"}
+    {"stop", "refused", "object_lost", "pressing", "swing", "heat", "second_master", "implausible"}
 )
 
 
@@ -260,6 +260,12 @@ class DaemonFacts:
         allowed_nm = controller.output.heat.allowance_nm
         if math.isfinite(allowed_nm):
             found.append(f"the coil is hot: holds are limited to {allowed_nm:.2f} N·m")
+        share = controller.swing.share
+        if share < 1.0:
+            found.append(
+                f"the jaws swung in a hold: until the motor is enabled again, holds and followers"
+                f" have {share:.0%} of their stiffness and damping"
+            )
         return found
 
     def _teleop_complaints(self, parts: Parts) -> list[str]:

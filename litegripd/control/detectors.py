@@ -2,7 +2,7 @@
 
 `Lasting` detects that a condition has held for some time. `SpeedWindow` returns the speed over a
 short window: the motor filters its own speed by more than that, and may report a noisy one;
-positions are exact to 0.4 mrad.
+positions are exact to 0.4 mrad. `SwingDetector` detects jaws that shake by themselves.
 
 `StallDetector` is the vendor's windowed test. The DM4310 has no stall protection. A test of single
 samples would misfire on the stick-slip of the closing side, so the net movement over a whole window
@@ -92,6 +92,71 @@ class SpeedWindow:
     def clear(self) -> None:
         """Forget all measurements: the next one does not continue them."""
         self._samples.clear()
+
+
+TURN_RAD_S = 0.5
+"""Jaws that turn round swing if they are faster than this, 26 mm/s, both ways. A noisy measurement
+of the speed is wrong by up to 0.3 rad/s."""
+BETWEEN_RAD_S = 1.0
+"""Jaws whose speed differs so much from how far they have come swing between the measurements: at
+100 Hz a swing of 100 Hz seems to stand still."""
+TURN_WITHIN_S = 0.04
+"""The longest half-wave of a swing. A hand shakes jaws at no more than 8 Hz, 0.06 s."""
+SWINGS_S = 0.35
+"""How long a swing must last: the jaws ring down after a bump within 0.1 s."""
+
+
+class SwingDetector:
+    """Detects jaws that turn round again and again, each time within `TURN_WITHIN_S`."""
+
+    _seen_s: Carried[float] = 0.0
+    _speeds: Carried[deque[tuple[float, float]]]
+    _side: Carried[int] = 0
+    _turned_s: Carried[float | None] = None
+    _moved: Carried[SpeedWindow]
+    _lasts: Carried[Lasting]
+
+    def __init__(self) -> None:
+        self._speeds = deque()
+        self._moved = SpeedWindow()
+        self._lasts = Lasting(SWINGS_S)
+
+    def see(self, feedback: Feedback) -> bool:
+        """Take a measurement, each once; return True if the jaws have swung for long enough."""
+        at_s, speed_rad_s = feedback.at_s, feedback.velocity_rad_s
+        if at_s == self._seen_s:
+            return False
+        self._seen_s = at_s
+        moved_rad_s = self._moved.add(at_s, feedback.position_rad)
+        self._keep(at_s, speed_rad_s)
+        if moved_rad_s is not None and self._is_unseen(moved_rad_s):
+            self._turned_s = at_s
+        if abs(speed_rad_s) >= TURN_RAD_S:
+            side = 1 if speed_rad_s > 0.0 else -1
+            if side == -self._side:
+                self._turned_s = at_s
+            self._side = side
+        turned_s = self._turned_s
+        return self._lasts.step(turned_s is not None and at_s - turned_s <= TURN_WITHIN_S, at_s)
+
+    def _keep(self, at_s: float, speed_rad_s: float) -> None:
+        """Keep the speeds that the motor reports for as long as `_moved` keeps positions."""
+        self._speeds.append((at_s, speed_rad_s))
+        while at_s - self._speeds[0][0] > 1.5 * WINDOW_S:
+            self._speeds.popleft()
+
+    def _is_unseen(self, moved_rad_s: float) -> bool:
+        """Return True if the jaws came another way than any of the reported speeds says."""
+        speeds_rad_s = [speed_rad_s for _, speed_rad_s in self._speeds]
+        low_rad_s, high_rad_s = min(speeds_rad_s), max(speeds_rad_s)
+        return not low_rad_s - BETWEEN_RAD_S <= moved_rad_s <= high_rad_s + BETWEEN_RAD_S
+
+    def reset(self) -> None:
+        """Begin again: what was seen before does not count."""
+        self._side, self._turned_s = 0, None
+        self._moved.clear()
+        self._speeds.clear()
+        self._lasts.reset()
 
 
 class StallDetector:

@@ -243,6 +243,15 @@ def pressing(lasting: Pressing, geometry: Geometry, kind: JobKind, running: Job 
     return Event("pressing", text, {**data, "job": number})
 
 
+def swings(share: float) -> Event:
+    """Report that the jaws swung in a hold, and with what share of its gains they are held now."""
+    text = (
+        f"the jaws swing by themselves: they are held with {share:.0%} of stiffness and damping"
+        " until the motor is enabled again"
+    )
+    return Event("swing", text, {"share": share})
+
+
 def heat_changed(change: HeatChange) -> Event:
     """Report that the coil's heat changes the limit of the torque."""
     data = {"from_nm": _finite(change.from_nm), "to_nm": _finite(change.to_nm)}

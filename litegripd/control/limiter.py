@@ -2,7 +2,8 @@
 
 `Gains` are stiffness, damping and lead of position commands, which a torque bounds.
 `CommandLimiter` bounds each command before it is packed, whatever the action asked for. It names
-the limits that changed a command: they appear as `limited` in the state.
+the limits that changed a command: they appear as `limited` in the state. `SwingGuard` bounds the
+gains of holds, and calms what swings.
 
 `Easing` lowers what presses without an end to a gentle press. A finite motion may press hard on its
 way, since it ends by itself. What has no end and no set force may not: a hold that a blocked motion
@@ -15,7 +16,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from litegripd.control.detectors import Lasting
+from litegripd.control.detectors import Lasting, SwingDetector
 from litegripd.control.heat import HeatChange, HeatGuard
 from litegripd.control.made_torque import MadeTorque
 from litegripd.model.calibration import Calibration
@@ -47,6 +48,16 @@ class Gains:
         """Return the command for a position, without a torque of its own."""
         return MitCommand(position_rad, velocity_rad_s, self.kp_nm_rad, self.kd_nm_s_rad, 0.0)
 
+    def usual(self) -> "Gains":
+        """Return these gains within the usual ones: a caller's stiffer ones swing some grippers.
+
+        With 500 N·m/rad free jaws swung at 890 mm/s with 9.7 N·m at the end of a fast `move`, on a
+        usual motor; with 200, on one of half the inertia. The motor closes that loop between two
+        commands: no bound of a command holds it.
+        """
+        kp, kd = min(self.kp_nm_rad, MOVING_KP_NM_RAD), min(self.kd_nm_s_rad, MOVING_KD_NM_S_RAD)
+        return Gains(kp, kd)
+
     def reaching(self) -> "Gains":
         """Return these gains, stiff enough to reach a target against friction, and damped for it.
 
@@ -55,24 +66,12 @@ class Gains:
         kp = max(self.kp_nm_rad, REACHING_KP_NM_RAD)
         return Gains(kp, max(self.kd_nm_s_rad, LEAST_DAMPING_S * kp))
 
-    def calm(self) -> "Gains":
-        """Return these gains within those of a motion that is calm on every motor that was tried.
-
-        Whoever asks for more gets the usual gains, `MOVING_KP_NM_RAD` and `MOVING_KD_NM_S_RAD`.
-        With 500 N·m/rad free jaws swung at 890 mm/s with 9.7 N·m at the end of a fast `move`, on a
-        usual motor; with 200, on one of half the inertia. The motor closes that loop between two
-        commands: no bound of a command holds it.
-        """
-        return Gains(
-            min(self.kp_nm_rad, MOVING_KP_NM_RAD), min(self.kd_nm_s_rad, MOVING_KD_NM_S_RAD)
-        )
-
     def following(self) -> "Gains":
         """Return these gains within what reaches a target and is calm on every motor.
 
         For a file's, where a caller names none.
         """
-        return self.calm().reaching()
+        return self.usual().reaching()
 
 
 DEFAULT_GAINS = Gains(MOVING_KP_NM_RAD, MOVING_KD_NM_S_RAD)
@@ -489,6 +488,68 @@ def _within_ranges(command: MitCommand, ranges: Ranges) -> MitCommand:
 
 def _clamp(value: float, limit: float) -> float:
     return min(max(value, -limit), limit)
+
+
+# Holds that swing. The motor filters the speed that it damps with, and its current follows its
+# command late. With much damping a light motor swings for ever after a push, at 30 to 130 Hz, from
+# one end of its torque to the other; with little damping so does a stiff hold. Friction hides it
+# until something moves the jaws. The motor itself closes this loop, thousands of times a second.
+
+HOLDING_KP_NM_RAD = MOVING_KP_NM_RAD
+HOLDING_KD_NM_S_RAD = 0.6
+"""The most of a hold, on a DM4310: with 0.8 a plant of 1000 swung after a pull, with 2 more of
+them (`python -m tests.plants.holds`, docs/gains.md)."""
+HOLDING_LEAST_KD_NM_S_RAD = 0.4
+CALMER = 0.5
+LEAST_SHARE = CALMER**3
+"""Each time half of both gains, three times at most: less stiffness and less damping, in the same
+ratio, calm any motor."""
+
+
+class SwingGuard:
+    """Bounds the gains of holds, and calms what swings: a hold, or a follower at rest.
+
+    `share` is what is left of the gains, 1 unless something has swung since the motor was enabled.
+    """
+
+    share: Carried[float] = 1.0
+    _detector: Carried[SwingDetector]
+    NOT_CARRIED = ("_most_kd",)
+
+    def __init__(self, motor_type: MotorType = DM4310) -> None:
+        # A rotor that is heavier by a factor bears as much more damping.
+        self._most_kd = HOLDING_KD_NM_S_RAD * motor_type.inertia_kg_m2 / DM4310.inertia_kg_m2
+        self._detector = SwingDetector()
+
+    def bound(self, gains: Gains) -> Gains:
+        """Return the gains of a hold within those that are calm on every motor that was tried."""
+        kp = min(gains.kp_nm_rad, HOLDING_KP_NM_RAD)
+        return Gains(kp, min(max(gains.kd_nm_s_rad, HOLDING_LEAST_KD_NM_S_RAD), self._most_kd))
+
+    def calm(self, command: MitCommand, feedback: Feedback) -> tuple[MitCommand, bool]:
+        """Return a command with the gains that are left, and True if they have just been lowered.
+
+        Only what stands still in its command can be judged; another command starts anew (`rest`).
+        """
+        swings = self._detector.see(feedback)
+        if swings:
+            self._detector.reset()
+        is_lowered = swings and self.share > LEAST_SHARE
+        if is_lowered:
+            self.share *= CALMER
+        if self.share == 1.0:
+            return command, is_lowered
+        kp, kd = self.share * command.kp_nm_rad, self.share * command.kd_nm_s_rad
+        return replace(command, kp_nm_rad=kp, kd_nm_s_rad=kd), is_lowered
+
+    def rest(self) -> None:
+        """Take note that nothing is held by stiffness now."""
+        self._detector.reset()
+
+    def renew(self) -> None:
+        """Begin with the whole gains again: the motor has been enabled anew."""
+        self.share = 1.0
+        self._detector.reset()
 
 
 class Output:

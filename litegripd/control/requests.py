@@ -265,7 +265,9 @@ class MotionRequests:
         controller, grip = self._controller, self._controller.grip
         running, motor_type = controller.jobs.running, controller.gripper_id.motor_type
         geometry = controller.geometry if grip is None else grip.geometry
-        refusal = None if geometry is None else force_refusal(force_n, geometry, motor_type)
+        refusal = controller.stop_latch.refusal()
+        if refusal is None and geometry is not None:
+            refusal = force_refusal(force_n, geometry, motor_type)
         if refusal is not None:
             return refusal
         if grip is not None and running is not None and running.owner.client == owner.client:

@@ -406,6 +406,7 @@ EventKind: TypeAlias = Literal[
     "object_moved",
     "weak",
     "pressing",
+    "swing",
     "heat",
     "calibration",
     "lease",

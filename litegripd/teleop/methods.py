@@ -128,7 +128,7 @@ class Teleoperation:
             )
         else:
             course = Course(
-                geometry, config, gains.calm(), settings, controller.period_s, self._sender
+                geometry, config, gains.usual(), settings, controller.period_s, self._sender
             )
             action = TeleopFollower(link, options, self._report, course)
         action.is_warned = warning is not None
