@@ -19,7 +19,15 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from litegripd.control.detectors import Lasting, SpeedWindow, StallDetector
-from litegripd.control.holds import FrictionGauge, Grip, GripSettings, Hold, HoldBy, Idle
+from litegripd.control.holds import (
+    CREEPING,
+    FrictionGauge,
+    Grip,
+    GripSettings,
+    Hold,
+    HoldBy,
+    Idle,
+)
 from litegripd.control.limiter import (
     CALM_KD_NM_S_RAD,
     CATCHING_GAINS,
@@ -75,6 +83,11 @@ CONTACT_TORQUE_SHARE = 0.5
 STANDS_RAD_S = 0.07
 """Jaws that have not run freely yet must be slower than this (3.7 mm/s) to be held up: with much
 friction, or a weight on them, they creep."""
+RAN_RAD = 0.006
+"""Jaws that were fast enough for this distance (0.3 mm) have run freely."""
+FIRMER_NM_S = 8.0
+"""Jaws that stand where they may stick are pressed harder at this rate, up to the larger torque of
+`FIRM_NM`: within `CONTACT_S`, and so slowly that a soft object still counts as a contact."""
 SAGS_RAD = 0.004
 """A weight that opens the jaws by this much while they press is no object between them."""
 STANDS_S = 0.02
@@ -125,6 +138,7 @@ class Approach:
         self._ramp_s = 0.0
         self._arrived_s: float | None = None
         self._ran = False
+        self._firm_nm = FIRM_NM[0]
         self._slow = Lasting(CONTACT_S)
         self._contact = Lasting(CONTACT_S)
         self._window = SpeedWindow(STANDS_S)
@@ -163,18 +177,17 @@ class Approach:
         load_nm = self.friction.load_nm
         return None if load_nm is None else max(load_nm, 0.0)
 
-    def _budget_nm(self, position_rad: float) -> float:
-        """Return the largest torque on jaws that stand here."""
+    def _budget_nm(self, position_rad: float, firm_nm: float) -> float:
+        """Return the largest torque on jaws that stand here; `firm_nm` is for where they stick."""
         friction_nm = self._friction_nm()
-        firm_nm, firmest_nm = FIRM_NM
         if friction_nm is None or self._sticks(position_rad):
             known_nm = self._usual_nm if friction_nm is None else friction_nm
-            return known_nm + min(max(self._touch_nm, firm_nm), firmest_nm)
+            return known_nm + firm_nm
         # Torques are reported at the end of a period, when the lead is shortest. The motor's filter
         # leaves a tenth (200 Hz) to a sixth (100 Hz) of this saw-tooth below its mean.
         ripple_nm = 0.25 * MOVING_KP_NM_RAD * self.speed_rad_s * self._period_s
         least_nm = (BREAKAWAY - 1.0) * friction_nm + SPARE_NM + ripple_nm
-        return friction_nm + min(max(self._touch_nm, least_nm), firm_nm)
+        return friction_nm + min(max(self._touch_nm, least_nm), FIRM_NM[0])
 
     def _command(self, now_s: float, position_rad: float) -> tuple[MitCommand, bool]:
         """Return the command, and True if the jaws hold it back.
@@ -182,7 +195,8 @@ class Approach:
         The ramp has arrived once the jaws have, too. Jaws that stick short of the end would stay
         there for a ramp that stands, with nothing between them.
         """
-        speed_rad_s, budget_nm = self._speed_at(position_rad), self._budget_nm(position_rad)
+        speed_rad_s = self._speed_at(position_rad)
+        budget_nm = self._budget_nm(position_rad, self._firm_nm)
         velocity_rad_s = self._sign * speed_rad_s
         wanted_rad = self._was_rad + velocity_rad_s * (now_s - self._was_s)
         is_near = self._short_rad(position_rad) <= self._config.reach_tol
@@ -202,8 +216,11 @@ class Approach:
                 wanted_rad = position_rad + ahead_rad
             self._kp = gains.kp_nm_rad
         command_rad = clamp_lead(wanted_rad, position_rad, lead_rad)
-        held_back = (wanted_rad - command_rad) * self._sign > 0.0
-        self._was_s, self._was_rad = now_s, command_rad if held_back else wanted_rad
+        is_clamped = (wanted_rad - command_rad) * self._sign > 0.0
+        self._was_s, self._was_rad = now_s, command_rad if is_clamped else wanted_rad
+        lead_nm = gains.kp_nm_rad * (command_rad - position_rad)
+        asked_nm = self._sign * (lead_nm + gains.kd_nm_s_rad * velocity_rad_s)
+        held_back = asked_nm >= 0.999 * self._budget_nm(position_rad, FIRM_NM[0])
         return gains.at(command_rad, velocity_rad_s), held_back
 
     def _judge(self, now_s: float, feedback: Feedback, held_back: bool) -> Verdict | None:
@@ -236,10 +253,12 @@ class Approach:
         position_rad, torque_nm = feedback.position_rad, self._sign * feedback.torque_nm
         mean_rad_s = self._window.add(now_s, position_rad)
         speed_rad_s = self._speed_at(position_rad)
-        if mean_rad_s is not None and self._moved_rad(position_rad) > self._slack_rad:
+        moved_rad = self._moved_rad(position_rad)
+        if mean_rad_s is not None:
             share = self._sign * mean_rad_s / speed_rad_s
-            self._ran = self._ran or share >= CONTACT_SPEED_SHARE
-            self.friction.add(now_s, share, torque_nm)
+            self._ran = self._ran or (share >= CONTACT_SPEED_SHARE and moved_rad > RAN_RAD)
+            if moved_rad > self._slack_rad:
+                self.friction.add(now_s, share, torque_nm)
         slow_rad_s = min(CONTACT_SPEED_SHARE * speed_rad_s, CONTACT_RAD_S)
         if not self._ran:
             slow_rad_s = min(slow_rad_s, STANDS_RAD_S)
@@ -247,8 +266,14 @@ class Approach:
         slow = abs(feedback.velocity_rad_s) < slow_rad_s
         slow = slow or (mean_rad_s is not None and abs(mean_rad_s) < slow_rad_s)
         self._slow.step(slow and held_back, now_s)
+        creep_rad_s = STANDS_RAD_S
+        if not self._ran:  # with a load, jaws may creep from the start
+            creep_rad_s = max(STANDS_RAD_S, CREEPING * speed_rad_s)
+        if held_back and mean_rad_s is not None and abs(mean_rad_s) < creep_rad_s:
+            most_nm = min(max(self._touch_nm, FIRM_NM[0]), FIRM_NM[1])
+            self._firm_nm = min(self._firm_nm + FIRMER_NM_S * self._period_s, most_nm)
         friction_nm = self._friction_nm() or 0.0
-        beyond_nm = self._budget_nm(position_rad) - friction_nm
+        beyond_nm = self._budget_nm(position_rad, FIRM_NM[0]) - friction_nm
         presses = torque_nm >= friction_nm + CONTACT_TORQUE_SHARE * beyond_nm
         return self._contact.step(slow and held_back and presses, now_s)
 
@@ -323,6 +348,8 @@ class Grasp(PlainAction):
         self._feedback: Feedback | None = None
         self._feels_n: float | None = None
         self._felt = Lasting(FELT_S)
+        speed_mm_s = self._approach.speed_rad_s * geometry.rad_to_mm
+        self._speed_mm_s = None if held is not None else speed_mm_s
         if held is not None:
             self._verdict = "contact"
             self._grip = held.again(self._settings(None), request.force_n)
@@ -449,4 +476,5 @@ class Grasp(PlainAction):
             cycles=self._cycles(),
             width_mm=self._width_mm,
             held_s=self._held_s(),
+            speed_mm_s=self._speed_mm_s,
         )
