@@ -138,6 +138,7 @@ class Approach:
         self._ramp_s = 0.0
         self._arrived_s: float | None = None
         self._ran = False
+        self._load_nm: float | None = None
         self._firm_nm = FIRM_NM[0]
         self._slow = Lasting(CONTACT_S)
         self._contact = Lasting(CONTACT_S)
@@ -172,14 +173,9 @@ class Approach:
     def _speed_at(self, position_rad: float) -> float:
         return self._stick_rad_s if self._sticks(position_rad) else self.speed_rad_s
 
-    def _friction_nm(self) -> float | None:
-        """Return what the way has taken, loads included; None until that is measured."""
-        load_nm = self.friction.load_nm
-        return None if load_nm is None else max(load_nm, 0.0)
-
     def _budget_nm(self, position_rad: float, firm_nm: float) -> float:
         """Return the largest torque on jaws that stand here; `firm_nm` is for where they stick."""
-        friction_nm = self._friction_nm()
+        friction_nm = self._load_nm
         if friction_nm is None or self._sticks(position_rad):
             known_nm = self._usual_nm if friction_nm is None else friction_nm
             return known_nm + firm_nm
@@ -259,6 +255,8 @@ class Approach:
             self._ran = self._ran or (share >= CONTACT_SPEED_SHARE and moved_rad > RAN_RAD)
             if moved_rad > self._slack_rad:
                 self.friction.add(now_s, share, torque_nm)
+                load_nm = self.friction.load_nm
+                self._load_nm = None if load_nm is None else max(load_nm, 0.0)
         slow_rad_s = min(CONTACT_SPEED_SHARE * speed_rad_s, CONTACT_RAD_S)
         if not self._ran:
             slow_rad_s = min(slow_rad_s, STANDS_RAD_S)
@@ -272,7 +270,7 @@ class Approach:
         if held_back and mean_rad_s is not None and abs(mean_rad_s) < creep_rad_s:
             most_nm = min(max(self._touch_nm, FIRM_NM[0]), FIRM_NM[1])
             self._firm_nm = min(self._firm_nm + FIRMER_NM_S * self._period_s, most_nm)
-        friction_nm = self._friction_nm() or 0.0
+        friction_nm = self._load_nm or 0.0
         beyond_nm = self._budget_nm(position_rad, FIRM_NM[0]) - friction_nm
         presses = torque_nm >= friction_nm + CONTACT_TORQUE_SHARE * beyond_nm
         return self._contact.step(slow and held_back and presses, now_s)
@@ -284,7 +282,7 @@ class Approach:
         for the whole window of a stall. They do not go back to come again: that would let go of
         what may be between them.
         """
-        if self._ran or self.friction.load_nm is not None:
+        if self._ran or self._load_nm is not None:
             return True
         return stalls and self._moved_rad(position_rad) > -SAGS_RAD
 
