@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from litegrip_client.protocol.trajectory import TaughtGrip, pack_grips
 from litegripd.control.holds import Slack
 from litegripd.control.limiter import DEFAULT_GAINS, torque_bound_nm
+from litegripd.control.holds import LARGEST
 from litegripd.control.motions.grasp import FIRM_NM, TOUCH_SHARE
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import DM4310, FASTEST_MM_S, Geometry
@@ -205,7 +206,8 @@ def test_whatever_the_grips_no_command_is_stronger_than_its_phase_allows(
     jaws.position_rad = GEOMETRY.position_rad(0.9)
     began_s = jaws.now_s
     held_nm = max(grip.force_n for grip in grips) / 10.0
-    touch_nm = DM4310.coulomb_nm + min(max(TOUCH_SHARE * held_nm, FIRM_NM[0]), FIRM_NM[1])
+    load_nm = LARGEST * DM4310.coulomb_nm  # what these jaws may have shown on their way
+    touch_nm = load_nm + min(max(TOUCH_SHARE * held_nm, FIRM_NM[0]), FIRM_NM[1])
     for _ in range(round(repeat * (20.0 + 8.0 * len(grips)) / PERIOD_S)):
         if gone_s is not None and jaws.now_s - began_s > gone_s:
             jaws.obstacle_rad = math.inf

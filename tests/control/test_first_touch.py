@@ -1,6 +1,7 @@
 """The first touch of a grasp, and grasps of nothing under load, on the simulated gripper."""
 
 import math
+from typing import Any
 
 import pytest
 
@@ -11,7 +12,7 @@ MOUNTS = ("normal", "reverse")
 WIDTH_MM = 45.0
 
 
-def gripper(mount: str, **figures: float) -> tuple[World, Client]:
+def gripper(mount: str, **figures: Any) -> tuple[World, Client]:
     closed_rad, open_rad = limits_of_mount(mount)
     parameters = SimulatorParameters(closed_rad=closed_rad, open_rad=open_rad, **figures)
     world = World(mount, parameters=parameters)
