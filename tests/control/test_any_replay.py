@@ -10,9 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from litegrip_client.protocol.trajectory import TaughtGrip, pack_grips
-from litegripd.control.holds import Slack
+from litegripd.control.holds import LARGEST, Slack
 from litegripd.control.limiter import DEFAULT_GAINS, torque_bound_nm
-from litegripd.control.holds import LARGEST
 from litegripd.control.motions.grasp import FIRM_NM, TOUCH_SHARE
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import DM4310, FASTEST_MM_S, Geometry
