@@ -228,6 +228,8 @@ class GraspResult(ShortRepr):
     is commanded: what is held is held by less), no_object, object_lost or timed_out; `width_mm`
     the opening between the fingers at the object, None without one. `cycles` counts the whole
     slices of `hold_interval` for which the force was held, `held_s` the seconds.
+    `speed_mm_s` is how fast the jaws closed, slower than requested for a small force; None if they
+    held the object already, and of an older daemon.
     """
 
     ok: bool
@@ -240,6 +242,7 @@ class GraspResult(ShortRepr):
     outcome: str
     width_mm: float | None
     held_s: float
+    speed_mm_s: float | None = None
 
     def __bool__(self) -> bool:
         return self.ok
@@ -248,7 +251,8 @@ class GraspResult(ShortRepr):
     def from_wire(cls, data: Mapping[str, Any]) -> GraspResult:
         """Read the wire's form; raises `ProtocolError`."""
         figures = ("target_rad", "force_n", "cycles", "outcome", "width_mm", "held_s")
-        return cls(**_with_state(data, ("ok", "reached", "stalled", *figures), "grasp result"))
+        values = _with_state(data, ("ok", "reached", "stalled", *figures), "grasp result")
+        return cls(**values, speed_mm_s=data.get("speed_mm_s"))
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -26,6 +26,9 @@ from litegripd.model.plain import Carried
 
 STEADY = (0.7, 1.3)
 """Jaws travel steadily between these shares of the commanded speed."""
+CREEPING, EVEN_NM = 0.3, 0.05
+"""With much friction, or a weight on them, they are slower, but their torque stays the same: the
+softest object adds 0.08 N·m within `AVERAGE_S`, as it is pressed."""
 AVERAGE_S = 0.03
 LARGEST = 4.0
 """Times the motor's usual friction. With more, the jaws have pressed on something from the
@@ -46,8 +49,9 @@ class FrictionGauge:
     def __init__(self, motor_type: MotorType = DM4310) -> None:
         self._largest_nm = LARGEST * motor_type.coulomb_nm
         self._began_s: float | None = None
-        self._sum_nm = 0.0
+        self._sum_nm = self._first_nm = 0.0
         self._count = 0
+        self._creeps = False
         self._least_nm: float | None = None
 
     @property
@@ -56,20 +60,28 @@ class FrictionGauge:
         least_nm = self._least_nm
         return None if least_nm is None or least_nm > self._largest_nm else max(least_nm, 0.0)
 
+    @property
+    def load_nm(self) -> float | None:
+        """What the travel has taken, whatever it is made of; None as long as that is not known."""
+        return self._least_nm
+
     def add(self, now_s: float, speed_share: float, torque_nm: float) -> None:
         """Take the torque at a share of the commanded speed."""
-        if not STEADY[0] <= speed_share <= STEADY[1]:
+        if not CREEPING <= speed_share <= STEADY[1]:
             self._began_s = None
             return
         if self._began_s is None:
             self._began_s, self._sum_nm, self._count = now_s, 0.0, 0
+            self._first_nm, self._creeps = torque_nm, False
+        self._creeps = self._creeps or speed_share < STEADY[0]
         self._sum_nm += torque_nm
         self._count += 1
         if now_s - self._began_s < AVERAGE_S * 0.999:
             return
-        mean_nm = self._sum_nm / self._count
+        mean_nm, self._began_s = self._sum_nm / self._count, None
+        if self._creeps and abs(torque_nm - self._first_nm) > EVEN_NM:
+            return
         self._least_nm = mean_nm if self._least_nm is None else min(self._least_nm, mean_nm)
-        self._began_s = None
 
 
 HoldBy: TypeAlias = Literal["torque", "gains"]
@@ -97,6 +109,10 @@ FAR_MM = (1.15, 4.0)
 """Too far for an object that gave way: the distance that a search travels in this time, less the
 time in which free jaws accelerate; within these bounds."""
 MOVED_MM = 0.3
+MEETS_SHARE = 1.1
+"""Of the friction: standing jaws are held by a little more than travelling ones."""
+HIDES_SHARE = 0.2
+"""Friction that is a larger part of the set force than this hides too much of it."""
 BELOW_WITHIN_S = 0.1
 """The longest time for the jaws to stand again when a force is lowered."""
 RETURN_NM_S = 10.0
@@ -234,6 +250,8 @@ class Grip:
     _below_nm: Carried[float | None] = None
     """The value to which a lowered force goes first, so that friction releases it."""
     _below_s: Carried[float] = 0.0
+    _above_nm: Carried[float | None] = None
+    """The value to which a new grip goes first, so that the object feels its force."""
     _lowered_nm: Carried[float] = 0.0
     """By how much the force was lowered; 0 once the object has followed."""
     _eased: Carried[Lasting]
@@ -376,6 +394,25 @@ class Grip:
         grip._return_nm = max(self._return_nm, self._applied_nm)
         return grip
 
+    def meets(self) -> None:
+        """Take note that the jaws have closed onto the object: they press with less than they make.
+
+        Once the torque is past the set force by the friction, in the direction in which the force
+        on the object must change, it is the set force that the object feels.
+        """
+        wanted_nm = self.geometry.torque_nm(self.force_n)
+        if self._settings.by != "torque" or wanted_nm >= self._applied_nm:
+            return
+        friction_nm = self._settings.likely_friction_nm(self._motor_type)
+        beyond_nm = MEETS_SHARE * friction_nm
+        if friction_nm < HIDES_SHARE * wanted_nm:
+            return
+        if self._applied_nm - friction_nm > wanted_nm:
+            self._below_nm = max(wanted_nm - beyond_nm, 0.0)
+        else:
+            self._above_nm, self._below_nm = wanted_nm + beyond_nm, None
+            self._lowered_nm = 0.0
+
     def stay(self) -> None:
         """Hold the present object; jaws that are closing, or begin to, have met nothing."""
         if not self.watched and not self._stays:
@@ -462,6 +499,7 @@ class Grip:
         self._lowered_nm = max(self._applied_nm - wanted_nm, 0.0) if lowers else 0.0
         self._below_s = 0.0
         self._below_nm = below_nm if lowers else None
+        self._above_nm = None
         self._watch.limits = self._settings.watch_limits(force_n, self._motor_type)
 
     def _ramp(self, elapsed_s: float) -> None:
@@ -471,13 +509,17 @@ class Grip:
         if self._watch.is_searching and self._settings.by == "torque":
             search_nm, _, _ = self._settings.search(self.force_n, self._motor_type)
             self._applied_nm = min(self._applied_nm, search_nm)  # at once: the jaws run
-            wanted_nm = search_nm
+            wanted_nm, self._above_nm = search_nm, None
         elif self._below_nm is not None:
             wanted_nm = self._below_nm
+        elif self._above_nm is not None:
+            wanted_nm = self._above_nm
         elif self._applied_nm < min(self._return_nm, wanted_nm):
             wanted_nm, rate_nm_s = min(self._return_nm, wanted_nm), max(rate_nm_s, RETURN_NM_S)
         step_nm = rate_nm_s * elapsed_s
         self._applied_nm += min(max(wanted_nm - self._applied_nm, -step_nm), step_nm)
+        if self._above_nm is not None and self._applied_nm >= self._above_nm:
+            self._above_nm = None
         if self._below_nm is not None and self._applied_nm <= self._below_nm:
             self._below_s += elapsed_s
             if self._watch.stands or self._below_s >= BELOW_WITHIN_S:

@@ -100,7 +100,8 @@ class GraspResult:
     """How a grasp ended; at its verdict, how it began.
 
     `force_n` is the set force; `cycles` counts the full `hold_interval`s of the hold; `width_mm` is
-    the opening at the verdict, None if nothing was met.
+    the opening at the verdict, None if nothing was met. `speed_mm_s` is how fast the jaws closed:
+    as requested, or slower for a small force; None if they held the object already.
     """
 
     ok: bool
@@ -112,6 +113,7 @@ class GraspResult:
     cycles: int
     width_mm: float | None
     held_s: float
+    speed_mm_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

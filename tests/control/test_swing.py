@@ -21,7 +21,7 @@ from litegripd.model.gripper import DM4310, DM4340
 from tests.plants.parameters import PlantParameters
 from tests.plants.watch import is_shaking
 from tests.plants.world import PlantWorld
-from tests.plants.worst import WORST
+from tests.plants.worst import SWINGING
 from tests.world import Client
 
 SWINGS = ("damping, fast filter", "damping, little friction", "a hold at the vendor's gains")
@@ -61,11 +61,11 @@ def told(client: Client) -> list[dict[str, Any]]:
 
 @pytest.mark.parametrize("rate_hz", [100, 200, 1000])
 @pytest.mark.parametrize(("kp", "kd"), [(500.0, 1.0), (500.0, 5.0), (100.0, 2.0), (5.0, 2.0)])
-@pytest.mark.parametrize("name", WORST)
+@pytest.mark.parametrize("name", SWINGING)
 def test_a_hold_does_not_swing_whatever_a_file_has(
     name: str, kp: float, kd: float, rate_hz: int
 ) -> None:
-    held = Held(WORST[name], Gains(kp, kd), rate_hz).pushed()
+    held = Held(SWINGING[name], Gains(kp, kd), rate_hz).pushed()
     held.world.run(0.9)
     assert not held.shakes()
     assert held.told() == []
@@ -75,7 +75,7 @@ def test_a_hold_does_not_swing_whatever_a_file_has(
 def test_a_hold_that_swings_all_the_same_is_calmed_and_told_of(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    held = Held(WORST[name], Gains(100.0, 5.0))
+    held = Held(SWINGING[name], Gains(100.0, 5.0))
     monkeypatch.setattr(held.controller.swing, "bound", lambda command: command)
     held.pushed()
     held.world.run(0.3)
@@ -93,7 +93,7 @@ def test_a_hold_that_swings_all_the_same_is_calmed_and_told_of(
 
 @pytest.mark.parametrize("name", SWINGS)
 def test_a_follower_that_swings_at_rest_is_calmed_and_told_of(name: str) -> None:
-    world = PlantWorld(WORST[name], "normal", 200, opening_mm=45.0)
+    world = PlantWorld(SWINGING[name], "normal", 200, opening_mm=45.0)
     client = world.enabled()
     client.result("events.subscribe")
     client.result("teleop.start", mode="slave", link="udp", kp=100, kd=5)
@@ -143,7 +143,7 @@ def leaves(world: PlantWorld) -> None:
 def test_hands_bumps_and_noise_are_no_swing(
     disturb: Callable[[PlantWorld], None], gains: Gains, rate_hz: int
 ) -> None:
-    for plant in (PlantParameters(), WORST["damping, fast filter"]):
+    for plant in (PlantParameters(), SWINGING["damping, fast filter"]):
         held = Held(replace(plant, speed_noise_rad_s=0.3), gains, rate_hz)
         disturb(held.world)
         held.world.run(0.5)

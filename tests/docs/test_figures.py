@@ -3,7 +3,7 @@
 import random
 from pathlib import Path
 
-from bench import grasps, holding, presses
+from bench import grasps, holding, presses, touch
 from bench.grasps import line
 from bench.rig import Rig
 from bench.teleop_follow import WAYS
@@ -38,3 +38,9 @@ def test_the_figures_of_grasping_are_those_of_its_benches() -> None:
     assert grasps.row(kind, "ours", seen) in page("grasping")
     gave_way = [holding.kept(holding.seen(n, holding.step(2.0))) for n in holding.FORCES_N]
     assert line(["2 mm", *gave_way]) in page("grasping")
+
+
+def test_the_figures_of_a_first_touch_are_those_of_its_bench() -> None:
+    assert line(touch.touch_row(1.0)) in page("grasping")
+    assert line(touch.touch_row(20.0)) in page("grasping")
+    assert line(touch.impact_row(150.0)) in page("grasping")

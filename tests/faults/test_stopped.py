@@ -10,7 +10,7 @@ from litegripd.control.limiter import DEFAULT_GAINS
 from tests.faults.stopped import CALLED, OBJECT_MM, STILL_RAD, Stopped, grips
 from tests.plants.parameters import MM_RAD, Item, PlantParameters
 from tests.plants.world import PlantWorld
-from tests.plants.worst import WORST
+from tests.plants.worst import SWINGING
 from tests.world import Client, World
 
 LIMITS: dict[str, Any] = {
@@ -39,7 +39,7 @@ def _grips(world: World, client: Client) -> None:
 def test_all_methods_in_a_row_move_no_other_gripper_either(
     name: str, rest: Callable[[World, Client], None]
 ) -> None:
-    plant = {"usual": PlantParameters(), **WORST}[name]
+    plant = {"usual": PlantParameters(), **SWINGING}[name]
     world = PlantWorld(plant, "normal", 200, opening_mm=60.0)
     mechanics = world.mechanics
     under = Stopped(world, lambda: (mechanics.opening_mm / MM_RAD, mechanics.torque_nm))

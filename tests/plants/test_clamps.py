@@ -9,7 +9,7 @@ import pytest
 
 from tests.plants.clamps import RIGS, Sample, clamp_trial, plain_trial, samples
 from tests.plants.parameters import PlantParameters
-from tests.plants.worst import WORST
+from tests.plants.worst import CLAMPED
 
 SEEDS = range(1, 31)
 LEAST_SHARES = {0.05: 0.98, 0.2: 0.9}
@@ -40,9 +40,9 @@ def test_a_hand_that_closes_the_jaws_feigns_no_exact_force(rig: str) -> None:
 
 @any_rig
 @pytest.mark.parametrize("torque_factor", [0.95, 1.05])
-@pytest.mark.parametrize("name", WORST)
+@pytest.mark.parametrize("name", CLAMPED)
 def test_the_worst_plants_are_told_truly(rig: str, name: str, torque_factor: float) -> None:
-    plant = replace(WORST[name], torque_factor=torque_factor)
+    plant = replace(CLAMPED[name], torque_factor=torque_factor)
     assert all(sample.is_inside for sample in samples(rig, plain_trial(plant, 30.0)))
 
 

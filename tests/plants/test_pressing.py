@@ -14,7 +14,7 @@ from litegripd.app.build import METHODS
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import MotorPhase
 from tests.plants.parameters import Item, PlantParameters, random_plant
-from tests.plants.worst import WORST
+from tests.plants.worst import PRESSING
 from tests.pressing import (
     FROM_MM,
     LASTS_S,
@@ -52,7 +52,7 @@ PLANTS: dict[str, PlantParameters | None] = {
     "simulator": SIMULATOR,
     "usual": PlantParameters(),
     "random": random_plant(3),
-    **{name: plant for name, plant in WORST.items() if "press" in name},
+    **{name: plant for name, plant in PRESSING.items() if "press" in name},
 }
 
 
@@ -238,7 +238,7 @@ def test_no_mode_makes_more_than_the_peak_torque(name: str, rate_hz: int) -> Non
             assert max(abs(look.torque_nm) for look in rig.looks) <= PEAK_NM + CODES_NM
 
 
-@pytest.mark.parametrize("plant", [*WORST.values(), random_plant(6)])
+@pytest.mark.parametrize("plant", [*PRESSING.values(), random_plant(6)])
 @pytest.mark.parametrize("name", [n for n in QUICK if n != "follow a jump"])
 def test_but_for_a_bounce_on_the_worst_plants(name: str, plant: PlantParameters) -> None:
     for item in (None, SUDDEN):
