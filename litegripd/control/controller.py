@@ -392,7 +392,12 @@ class Controller:
         if action is None or feedback is None or not (action.needs_power and self.has_stepped):
             return self.idle
         idle = None if by_defect else action.idle_after()
-        return idle or Hold(feedback.position_rad, self.calibrated.gains)
+        return idle or self.hold_here(feedback)
+
+    def hold_here(self, feedback: Feedback) -> Hold:
+        """Return a hold for the jaws where they are; running ones are held where they can stop."""
+        motor_type = self.gripper_id.motor_type
+        return Hold.here(feedback, self.gains, self.period_s, motor_type)
 
     def _new_job(self, kind: JobKind, owner: Owner, detached: bool) -> Job:
         """Return the queued job whose turn it is, or a new one, under the present lease."""
@@ -754,7 +759,7 @@ class Controller:
         if was_silent and isinstance(self.idle, Grip):
             self.idle.resume()
         elif not (was_silent and isinstance(self.idle, Slack)):
-            self.idle = Hold(motor.feedback.position_rad, self.gains)
+            self.idle = self.hold_here(motor.feedback)
 
 
 def _defect(job: Job, error: Exception) -> Refusal:

@@ -464,12 +464,35 @@ FAINT_NM = 0.1
 """The part of a way to a target that friction leaves does not count."""
 
 
+RUNNING_RAD_S = 0.33
+"""Slower jaws, and the noise of a standing motor's speed, need no catching."""
+CATCH_LAG_S = 0.004
+"""How long it takes until the motor brakes: frames, its filter of the speed and its current. With
+2.5 ms, jaws at 150 mm/s and 100 Hz come back at 186 mm/s; with this, at less than they had."""
+
+
 @dataclass(frozen=True, slots=True)
 class Hold:
     """Holds a position."""
 
     position_rad: float
     gains: Gains
+
+    @classmethod
+    def here(
+        cls, feedback: Feedback, gains: Gains, period_s: float, motor_type: MotorType
+    ) -> "Hold":
+        """Return the hold of jaws where they are, or where running ones come to a stop.
+
+        Running jaws are beyond their last measurement already. A stiff hold where they were would
+        throw them back: at 150 mm/s, and faster than they came.
+        """
+        position_rad, velocity_rad_s = feedback.position_rad, feedback.velocity_rad_s
+        if abs(velocity_rad_s) < RUNNING_RAD_S:
+            return cls(position_rad, gains)
+        calm = gains.catching()
+        stops_s = period_s + CATCH_LAG_S + motor_type.inertia_kg_m2 / CALM_KD_NM_S_RAD
+        return cls(position_rad + velocity_rad_s * stops_s, calm)
 
     def command(self, _now_s: float, _feedback: Feedback) -> MitCommand:
         """Return the command of this tick."""

@@ -31,9 +31,6 @@ from litegripd.model.teleop import (
 from litegripd.teleop.intake import MOST_ROUND_TRIP_S, Intake
 from litegripd.teleop.link import Link, ReportEvent, TeleopAction
 
-MOST_NM = 5.5
-"""The jaws are pushed with at most this, whatever `max_lead_mm` is."""
-
 _SAMPLES = 3
 """A measured velocity is a tick or two old. Used at once, it would make the jaws shake from tick to
 tick; the slowest of this many values does not."""
@@ -65,7 +62,7 @@ class FollowerCommand:
         self._gains = gains
         self._period_s = period_s
         limit_nm = None if force_limit_n is None else geometry.torque_nm(force_limit_n)
-        self._limit_nm = None if limit_nm is None else min(limit_nm, MOST_NM)
+        self._limit_nm = None if limit_nm is None else min(limit_nm, config.travel_nm)
         self._measured: deque[float] = deque(maxlen=_SAMPLES)
 
     @property
@@ -117,7 +114,7 @@ class FollowerCommand:
         limit_rad = geometry.closed_rad if closing else geometry.open_rad
         config = self._config
         presses = is_in_press_zone(abs(limit_rad - here_rad), geometry, config)
-        push_nm = min(config.stop_nm if presses else config.travel_nm, MOST_NM)
+        push_nm = config.stop_nm if presses else config.travel_nm
         usual_kp = min(max(gains.kp_nm_rad, REACHING_KP_NM_RAD), MOVING_KP_NM_RAD)  # kp may be 0
         cap_rad = push_nm / usual_kp
         if self._limit_nm is None:
