@@ -100,7 +100,7 @@ class StallDetector:
     def add(self, now_s: float, position_rad: float) -> bool:
         """Take the position of this tick; return True if the latest full window is a stall.
 
-        Jaws that came free at its end, and run, have not stalled. The expected distance follows from the window's own duration, so that samples of late ticks
+        The expected distance follows from the window's own duration, so that samples of late ticks
         neither hide a stall nor feign one.
         """
         samples = self._samples
@@ -109,12 +109,10 @@ class StallDetector:
         samples.append((now_s, position_rad))
         if len(samples) <= self._config.stall_cycles:
             return False
-        return self._stands(samples[0], samples[-1]) and self._stands(samples[-2], samples[-1])
-
-    def _stands(self, before: tuple[float, float], now: tuple[float, float]) -> bool:
-        expected_rad = self._speed_rad_s * (now[0] - before[0])
+        (began_s, first_rad), (ended_s, last_rad) = samples[0], samples[-1]
+        expected_rad = self._speed_rad_s * (ended_s - began_s)
         threshold_rad = max(self._config.stall_delta, self._config.stall_ratio * expected_rad)
-        return abs(now[1] - before[1]) < threshold_rad
+        return abs(last_rad - first_rad) < threshold_rad
 
 
 SLOW_SHARE = 0.5

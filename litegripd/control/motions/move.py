@@ -10,9 +10,9 @@ way, enough to break static friction, and by `stop_lead_mm` within `press_zone_m
 that the jaws press gently. The lead of a `MoveTo` has the same limits. They mean torques
 (`motion_config.py`): a calibration's gains and scale change nothing.
 
-A ramp waits for jaws that are held up: when its lead is used up, it begins again from there. Jaws
-that come free, or that a late tick has left behind, go on as at the beginning of the move, and do
-not catch up.
+A ramp waits for jaws that are held up: when its lead is used up, it begins again from there, and
+the command has the damping that catches running jaws on every motor. Jaws that come free, or that
+a late tick has left behind, go on as at the beginning of the move, and do not catch up.
 
 Damping turns the velocity of the command into torque as soon as something stops the jaws. So the
 torque of lead and velocity together is bounded: kp times the lead, and at most `_FED_SHARE` more
@@ -46,7 +46,7 @@ from litegripd.model.state import MoveOutcome, MoveResult, Progress, StreamResul
 
 SPEED_UP_S = 0.04
 """A velocity that is fed forward at once throws light jaws beyond it, by a third: the motor's own
-measurement of the speed comes late."""
+measurement of the speed comes late. With 20 ms they exceed 150 mm/s by 17, with 40 ms by 11."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,13 +148,13 @@ class MoveTo(PlainAction):
         self._feedback = feedback
         ramp_rad, velocity_rad_s = self._ramp.at(now_s)
         push_nm = self._push_nm(position_rad, self._ramp)
-        gains, lead_rad = self._lead(push_nm, velocity_rad_s)
+        gains, lead_rad = lead_within(push_nm, self._gains, abs(velocity_rad_s), self._period_s)
         self._command_rad = clamp_lead(ramp_rad, position_rad, lead_rad)
         is_behind = self._is_behind(abs(ramp_rad - position_rad))
         outcome = self._judge(now_s, position_rad, self._ramp, is_behind=is_behind)
         if self._command_rad != ramp_rad:
             velocity_rad_s = 0.0  # kd·dq would add to the torque that is bounded
-            gains, lead_rad = self._lead(push_nm, velocity_rad_s)
+            gains, lead_rad = lead_within(push_nm, self._gains.catching(), 0.0, self._period_s)
             self._command_rad = clamp_lead(ramp_rad, position_rad, lead_rad)
             if not self._is_there(position_rad):  # where friction holds them, the ramp ends
                 self._ramp = self._ramp.again(now_s, self._command_rad)
@@ -180,9 +180,6 @@ class MoveTo(PlainAction):
         short_rad = abs(self._limit_rad(ramp) - position_rad)
         presses = is_in_press_zone(short_rad, self._geometry, self._config)
         return self._config.stop_nm if presses else self._travel_nm
-
-    def _lead(self, push_nm: float, velocity_rad_s: float) -> tuple[Gains, float]:
-        return lead_within(push_nm, self._gains, abs(velocity_rad_s), self._period_s)
 
     def _limit_rad(self, ramp: Ramp) -> float:
         """Return the calibrated stop that lies ahead."""
@@ -348,6 +345,8 @@ class MoveToStop(PlainAction):
         """Return the command for a velocity (rad/s), with gains that keep it within its torque."""
         gains, lead_rad = self._lead(velocity_rad_s, position_rad)
         kp, kd = gains.kp_nm_rad, gains.kd_nm_s_rad
+        if velocity_rad_s == 0.0 and not self._is_near_stop:
+            gains = gains.catching()
         if self._phase in ("press", "settle") or velocity_rad_s == 0.0:
             return gains.at(self._command_rad)
         if self._is_near_stop:
