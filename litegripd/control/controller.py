@@ -759,7 +759,7 @@ class Controller:
         if was_silent and isinstance(self.idle, Grip):
             self.idle.resume()
         elif not (was_silent and isinstance(self.idle, Slack)):
-            self.idle = self.hold_here(motor.feedback)
+            self.idle = Hold(motor.feedback.position_rad, self.gains)
 
 
 def _defect(job: Job, error: Exception) -> Refusal:

@@ -8,7 +8,7 @@ from litegripd.control.limiter import LEAD_PERIODS, torque_bound_nm
 from litegripd.control.motions.move import SPEED_UP_S
 from litegripd.model.calibration import NOMINAL
 from litegripd.model.gripper import DM4310
-from litegripd.model.motion_config import MOVING_KP_NM_RAD, MotionConfig, fastest_mm_s
+from litegripd.model.motion_config import MotionConfig, fastest_mm_s
 from litegripd.model.motor import MitCommand
 from litegripd.motor import codec
 from litegripd.sim.plant import SimulatorParameters, limits_of_mount
