@@ -7,14 +7,14 @@ the worst of both mounts. The time is simulated, so the tables are the same on e
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
-from bench.grasps import line
 from bench.held import SETTINGS, HeldRig
 from bench.rig import TRAVEL_MM
+from bench.tables import table
 from bench.teleop_follow import SETTLE_S, ScriptedLeader
 from litegripd.app.build import build_service
 from litegripd.control.motions.move import Direction
@@ -48,7 +48,14 @@ LATE_S = (0.05, 0.08)
 class Bench(World):
     """A daemon and its gripper, looked at ten times in each period from `reset` on."""
 
-    def __init__(self, mount: str, opening_mm: float, leader: "Leader | None" = None) -> None:
+    def __init__(
+        self,
+        mount: str,
+        opening_mm: float,
+        leader: "Leader | None" = None,
+        *,
+        period_s: float = PERIOD_S,
+    ) -> None:
         closed_rad, open_rad = limits_of_mount(mount)
         usual = SimulatorParameters()
         parameters = SimulatorParameters(
@@ -61,17 +68,17 @@ class Bench(World):
         )
         self.fast_mm_s = math.inf
         self.reset()
-        super().__init__(mount, parameters=parameters)
+        super().__init__(mount, parameters=parameters, period_s=period_s)
         if leader is not None:
             self.service = build_service(
-                self.controller, FixedFacts(), PERIOD_S, dumps=self.dumps, links=leader
+                self.controller, FixedFacts(), period_s, dumps=self.dumps, links=leader
             )
         self.client_of_bench = self.enabled()
         self.reset()
 
     def reset(self) -> None:
         """Begin to look."""
-        self.peak_nm = self.peak_mm_s = 0.0
+        self.peak_nm = self.peak_mm_s = self.peak_clamp_nm = 0.0
         self.above_rating_s = self.above_peak_s = self.fast_s = 0.0
 
     def advance(self) -> None:
@@ -83,6 +90,7 @@ class Bench(World):
             speed_mm_s = abs(gripper.velocity_rad_s) * gripper.parameters.rad_to_mm
             self.peak_nm = max(self.peak_nm, torque_nm)
             self.peak_mm_s = max(self.peak_mm_s, speed_mm_s)
+            self.peak_clamp_nm = max(self.peak_clamp_nm, gripper.clamp_nm)
             look_s = self.period_s / LOOKS
             self.above_rating_s += look_s * (torque_nm > ABOVE * DM4310.rated_nm)
             self.above_peak_s += look_s * (torque_nm > ABOVE * DM4310.peak_nm)
@@ -98,8 +106,8 @@ class Bench(World):
             self.gripper.free()
         self.reset()
 
-    def put_object(self) -> None:
-        self.gripper.put_object(width_mm=OBJECT_MM, stiffness_nm_rad=RIGID_NM_RAD)
+    def put_object(self, stiffness_nm_rad: float = RIGID_NM_RAD) -> None:
+        self.gripper.put_object(width_mm=OBJECT_MM, stiffness_nm_rad=stiffness_nm_rad)
 
     def seen(self, outcome: str, later_s: float) -> "Pressed":
         """Return what was seen so far, and what stays after so long."""
@@ -334,16 +342,6 @@ def borne_row(force_n: float) -> list[str]:
         borne_s = [event["data"]["bears_s"] for event in told if event["kind"] == "heat"]
         cells.append(f"{borne_s[0]:.0f} s" if borne_s else "an hour or more")
     return cells
-
-
-def table(title: str, head: Iterable[str], rows: Iterable[list[str]]) -> None:
-    names = list(head)
-    print(f"### {title}\n")
-    for cells in (names, ["---"] * len(names)):
-        print(line(cells))
-    for row in rows:
-        print(line(row), flush=True)
-    print()
 
 
 def speeds(what: str) -> Iterator[str]:

@@ -24,7 +24,7 @@ from litegripd.control.limiter import (
     is_in_press_zone,
 )
 from litegripd.control.motions.base import Step, progress_of
-from litegripd.control.motions.move import SPEED_UP_S
+from litegripd.control.motions.move import SPEED_UP_RAD_S2, SPEED_UP_S
 from litegripd.model.gripper import FASTEST_RAD_S, Geometry
 from litegripd.model.motion_config import MOVING_KP_NM_RAD, REACHING_KP_NM_RAD, MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorView
@@ -96,7 +96,13 @@ class FollowerCommand:
         of every motion, unless the jaws themselves are elsewhere: frames that arrive late and
         together do not turn the command round.
         """
-        velocity_rad_s = min(max(velocity_rad_s, -FASTEST_RAD_S), FASTEST_RAD_S)
+        # What is fed grows as slowly as in a move, and falls at once: frames that leap to and fro
+        # would shake the jaws.
+        most_rad_s = max(
+            math.copysign(self.velocity_rad_s, velocity_rad_s * self.velocity_rad_s), 0.0
+        )
+        most_rad_s = min(most_rad_s + SPEED_UP_RAD_S2 * self._period_s, FASTEST_RAD_S)
+        velocity_rad_s = min(max(velocity_rad_s, -most_rad_s), most_rad_s)
         here_rad, before_rad = feedback.position_rad, self.commanded_rad
         self._measured.append(feedback.velocity_rad_s)
         gains, lead_rad = self._bounds(wanted_rad, velocity_rad_s, here_rad)
