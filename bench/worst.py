@@ -342,14 +342,14 @@ def configured(config: dict[str, Any]) -> Iterator[Worst]:
     if config.get("max_lead_mm", math.inf) < MotionConfig().stop_lead_mm:
         together["stop_lead_mm"] = config["max_lead_mm"]
     speed = {} if any("speed" in name for name in config) else FAST
-    motions = (
+    motions = [
         onto("motion.move", opening_mm=TO_MM, config=together, **speed),
         onto("motion.close", config=together, **speed),
         onto("motion.grasp", force_n=MOST_N, until="verdict", config=together, **speed),
         onto("motion.set_force", force_n=MOST_N, config=together),
-    )
+    ]
     if any(name.startswith("calib") for name in config):
-        motions = (*motions, onto("calibration.zero", config=together))
+        motions.append(onto("calibration.zero", config=together))
     for motion in motions:
         for mount, stiffness_nm_rad in zip(MOUNTS, (SOFT_NM_RAD[-1], RIGID_NM_RAD), strict=True):
             yield motion(mount, stiffness_nm_rad)
@@ -458,9 +458,8 @@ def vanishes(force_n: float) -> Iterator[Worst]:
         yield seen(bench)
 
 
-def gives_way(press: Scene | None = None) -> Iterator[Worst]:
+def gives_way() -> Iterator[Worst]:
     """Take an object away that a motion presses on: nobody has set a force."""
-    del press
     for mount, stiffness_nm_rad, method in product(
         MOUNTS, OBJECTS_NM_RAD, ("motion.move", "motion.close")
     ):

@@ -153,7 +153,7 @@ def test_frames_that_come_late_tell_no_velocity() -> None:
 def test_the_velocity_is_bounded(dq_max: float, most: float) -> None:
     follower = following(dq_max=dq_max, kp=50.0, kd=0.1)
     seen: list[float] = []
-    for tick in range(12):
+    for tick in range(16):
         follower.put(packed(0.5 + 0.01 * tick, 5000.0 + 0.001 * tick))
         follower.world.tick()
         seen.append(abs(dq(follower)))

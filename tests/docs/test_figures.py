@@ -3,11 +3,17 @@
 import random
 from pathlib import Path
 
-from bench import grasps, holding, presses
-from bench.grasps import line
+from bench import damaged, grasps, holding, presses, worst
 from bench.rig import Rig
+from bench.presses import kinetic_mj
+from bench.tables import line
 from bench.teleop_follow import WAYS
 from bench.teleop_lossy import NETWORKS, after_cut, tracking
+from litegripd.model.motion_config import MotionConfig
+
+
+WORST_CELLS = 6
+RATE = "frame_interval"
 
 
 def page(name: str) -> list[str]:
@@ -29,6 +35,32 @@ def test_the_figures_of_safety_are_those_of_its_bench() -> None:
         assert line(presses.pressed_row(name, by_name[name])) in page("safety")
     assert line(presses.free_row(150.0)) in page("safety")
     assert line(presses.lost_row(40.0)) in page("safety")
+    assert line(damaged.field_row("a hold")) in page("safety")
+
+
+def test_each_method_that_moves_has_its_worst_on_the_page() -> None:
+    assert set(worst.CALLS) == worst.MOVING
+    rows = {cells[0]: cells for row in page("safety") if len(cells := cells_of(row)) == WORST_CELLS}
+    assert {f"`{method}`" for method in worst.MOVING} <= set(rows)
+    limits = " ".join(rows)
+    assert all(f"`{name}`" in limits for name in MotionConfig().as_fields(0.005) if name != RATE)
+    for name in ("`motion.move`", "`stop.clear`"):
+        scenes = worst.everywhere(worst.CALLS[name.strip("`")])
+        assert line([name, *worst.worst(scenes).cells()]) in page("safety")
+
+
+def test_only_physics_throws_the_jaws() -> None:
+    """On the page; the bench that writes it measures."""
+    rows = [cells for row in page("safety") if len(cells := cells_of(row)) == WORST_CELLS]
+    most_mj = kinetic_mj(worst.MOST_MM_S)
+    for name, mm_s, energy_mj, *_ in rows[1:]:
+        if not worst.is_forced(name) and name != "---":
+            assert float(mm_s) <= worst.MOST_MM_S, name
+            assert float(energy_mj) <= most_mj, name
+
+
+def cells_of(row: str) -> list[str]:
+    return [cell.strip() for cell in row.split("|")[1:-1]]
 
 
 def test_the_figures_of_grasping_are_those_of_its_benches() -> None:
