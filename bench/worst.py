@@ -31,7 +31,6 @@ SOFT_NM_RAD = (10.0, 30.0)
 OBJECTS_NM_RAD = (*SOFT_NM_RAD, RIGID_NM_RAD)
 MOST_N = 40.0
 MOST_MM_S = 1.3 * FASTEST_MM_S
-MOST_MJ = 10.0
 LATER_S = 3.0
 WITHIN_S = 12.0
 RUNS_S = 0.2
@@ -547,10 +546,12 @@ def is_forced(name: str) -> bool:
     return any(begins in name for begins in FORCED)
 
 
+HEAD = ["what", "mm/s", "mJ", "N", "N·m", "after 3 s"]
+
+
 def main() -> None:
     """Print the table."""
-    head = ["what", "mm/s", "mJ", "N", "N·m", "after 3 s"]
-    table("The worst", head, ([name, *worst_of_row.cells()] for name, worst_of_row in rows()))
+    table("The worst", HEAD, ([name, *worst_of_row.cells()] for name, worst_of_row in rows()))
 
 
 if __name__ == "__main__":

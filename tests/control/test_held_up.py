@@ -129,3 +129,34 @@ def test_running_jaws_that_are_stopped_are_not_thrown_back(
     seen.run(0.3)
     assert seen.peak_mm_s < 1.15 * 150.0
     assert seen.back_mm_s < 75.0
+
+
+@pytest.mark.parametrize("jump_rad", [0.3, -0.8])
+def test_an_encoder_that_slips_while_disabled_presses_little_and_its_missing_stop_is_told(
+    jump_rad: float,
+) -> None:
+    """Jaws that a hand has moved look the same, until a stop is met early or not at all."""
+    texts: list[str] = []
+    for method in MOTIONS:
+        seen = Seen("simulator", opening_mm=45.0)
+        world, client = seen.world, seen.client
+        client.result("events.subscribe")
+        client.result("motor.disable")
+        world.gripper.jump(jump_rad)
+        world.run(0.3)
+        client.result("motor.enable")
+        number = client.send(method if method != "motion.move" else "motion.open")
+        strongest_nm = 0.0
+        while not client.has_answer(number):
+            world.tick()
+            strongest_nm = max(strongest_nm, abs(world.gripper.motor_torque_nm))
+        assert strongest_nm < 3.0
+        assert client.answers[number]["result"]["outcome"] in ("protected", "no_stop")
+        world.run(0.02)
+        client.read()
+        texts += [
+            note["params"]["message"]
+            for note in client.notifications
+            if note["method"] == "event" and note["params"]["kind"] == "job_ended"
+        ]
+    assert any("the motor's zero has shifted" in text for text in texts)

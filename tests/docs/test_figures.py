@@ -4,16 +4,13 @@ import random
 from pathlib import Path
 
 from bench import damaged, grasps, holding, presses, worst
-from bench.rig import Rig
 from bench.presses import kinetic_mj
+from bench.rig import Rig
 from bench.tables import line
 from bench.teleop_follow import WAYS
 from bench.teleop_lossy import NETWORKS, after_cut, tracking
-from litegripd.model.motion_config import MotionConfig
-
-
-WORST_CELLS = 6
-RATE = "frame_interval"
+from litegripd.model.gripper import DM4310
+from litegripd.model.motion_config import ranges_of
 
 
 def page(name: str) -> list[str]:
@@ -40,27 +37,30 @@ def test_the_figures_of_safety_are_those_of_its_bench() -> None:
 
 def test_each_method_that_moves_has_its_worst_on_the_page() -> None:
     assert set(worst.CALLS) == worst.MOVING
-    rows = {cells[0]: cells for row in page("safety") if len(cells := cells_of(row)) == WORST_CELLS}
-    assert {f"`{method}`" for method in worst.MOVING} <= set(rows)
-    limits = " ".join(rows)
-    assert all(f"`{name}`" in limits for name in MotionConfig().as_fields(0.005) if name != RATE)
-    for name in ("`motion.move`", "`stop.clear`"):
-        scenes = worst.everywhere(worst.CALLS[name.strip("`")])
-        assert line([name, *worst.worst(scenes).cells()]) in page("safety")
+    names = [cells[0] for cells in worst_rows()]
+    assert {f"`{method}`" for method in worst.MOVING} <= set(names)
+    limits = " ".join(names)
+    assert all(f"`{name}`" in limits for name in ranges_of(DM4310))
+    for name in ("motion.move", "stop.clear"):
+        scenes = worst.everywhere(worst.CALLS[name])
+        assert [f"`{name}`", *worst.worst(scenes).cells()] in worst_rows()
 
 
 def test_only_physics_throws_the_jaws() -> None:
     """On the page; the bench that writes it measures."""
-    rows = [cells for row in page("safety") if len(cells := cells_of(row)) == WORST_CELLS]
     most_mj = kinetic_mj(worst.MOST_MM_S)
-    for name, mm_s, energy_mj, *_ in rows[1:]:
-        if not worst.is_forced(name) and name != "---":
+    for name, mm_s, energy_mj, *_ in worst_rows():
+        if not worst.is_forced(name):
             assert float(mm_s) <= worst.MOST_MM_S, name
             assert float(energy_mj) <= most_mj, name
 
 
-def cells_of(row: str) -> list[str]:
-    return [cell.strip() for cell in row.split("|")[1:-1]]
+def worst_rows() -> list[list[str]]:
+    """Return the cells of each row of the table of the worst."""
+    lines = page("safety")
+    began = lines.index(line(worst.HEAD)) + 2
+    rows = lines[began : lines.index("", began)]
+    return [[cell.strip() for cell in row.split("|")[1:-1]] for row in rows]
 
 
 def test_the_figures_of_grasping_are_those_of_its_benches() -> None:
