@@ -11,12 +11,12 @@ import io
 from collections.abc import Callable
 from pathlib import Path
 
-from bench import grasps, holding, presses, teleop_lossy, trajectories
+from bench import damaged, grasps, holding, presses, teleop_lossy, trajectories, worst
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGES: dict[str, tuple[Callable[[], None], ...]] = {
     "grasping": (grasps.main, holding.main),
-    "safety": (presses.main,),
+    "safety": (presses.main, worst.main, damaged.main),
     "teleoperation": (teleop_lossy.main,),
     "trajectories": (trajectories.following,),
 }

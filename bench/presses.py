@@ -8,14 +8,14 @@ the tables are the same on every machine.
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
-from bench.grasps import line
 from bench.held import SETTINGS, HeldRig
 from bench.rig import TRAVEL_MM
+from bench.tables import table
 from bench.teleop_follow import SETTLE_S, ScriptedLeader
 from litegripd.app.build import build_service
 from litegripd.control.motions.move import Direction
@@ -55,6 +55,8 @@ class Bench(World):
         opening_mm: float,
         leader: "Leader | None" = None,
         object_nm_rad: float = RIGID_NM_RAD,
+        *,
+        period_s: float = PERIOD_S,
     ) -> None:
         self._object_nm_rad = object_nm_rad
         closed_rad, open_rad = limits_of_mount(mount)
@@ -69,10 +71,10 @@ class Bench(World):
         )
         self.fast_mm_s = math.inf
         self.reset()
-        super().__init__(mount, parameters=parameters)
+        super().__init__(mount, parameters=parameters, period_s=period_s)
         if leader is not None:
             self.service = build_service(
-                self.controller, FixedFacts(), PERIOD_S, dumps=self.dumps, links=leader
+                self.controller, FixedFacts(), period_s, dumps=self.dumps, links=leader
             )
         self.client_of_bench = self.enabled()
         self.reset()
@@ -107,8 +109,9 @@ class Bench(World):
             self.gripper.free()
         self.reset()
 
-    def put_object(self) -> None:
-        self.gripper.put_object(width_mm=OBJECT_MM, stiffness_nm_rad=self._object_nm_rad)
+    def put_object(self, stiffness_nm_rad: float | None = None) -> None:
+        stiffness = self._object_nm_rad if stiffness_nm_rad is None else stiffness_nm_rad
+        self.gripper.put_object(width_mm=OBJECT_MM, stiffness_nm_rad=stiffness)
 
     def seen(self, outcome: str, later_s: float) -> "Pressed":
         """Return what was seen so far, and what stays after so long."""
@@ -352,16 +355,6 @@ def borne_row(force_n: float) -> list[str]:
         borne_s = [event["data"]["bears_s"] for event in told if event["kind"] == "heat"]
         cells.append(f"{borne_s[0]:.0f} s" if borne_s else "an hour or more")
     return cells
-
-
-def table(title: str, head: Iterable[str], rows: Iterable[list[str]]) -> None:
-    names = list(head)
-    print(f"### {title}\n")
-    for cells in (names, ["---"] * len(names)):
-        print(line(cells))
-    for row in rows:
-        print(line(row), flush=True)
-    print()
 
 
 def speeds(what: str) -> Iterator[str]:

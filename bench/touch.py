@@ -13,8 +13,8 @@ from collections.abc import Iterable
 from dataclasses import replace
 from itertools import product
 
-from bench.grasps import line
 from bench.rig import Rig, ours
+from bench.tables import line
 from litegripd.control.motions.grasp import GraspRequest
 from litegripd.model.gripper import FASTEST_MM_S
 from litegripd.model.state import GraspResult

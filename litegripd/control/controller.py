@@ -436,7 +436,12 @@ class Controller:
         if action is None or feedback is None or not (action.needs_power and self.has_stepped):
             return self.idle
         idle = None if by_defect else action.idle_after()
-        return idle or Hold(feedback.position_rad, self.calibrated.gains)
+        return idle or self.hold_here(feedback)
+
+    def hold_here(self, feedback: Feedback) -> Hold:
+        """Return a hold for the jaws where they are; running ones are held where they can stop."""
+        motor_type = self.gripper_id.motor_type
+        return Hold.here(feedback, self.gains, self.period_s, motor_type)
 
     def _ease_at_once(self) -> None:
         """Lower what a motion that has ended leaves pressing; a hold that presses nothing resists.

@@ -33,6 +33,7 @@ from litegripd.model.state import (
     Job,
     JobKind,
     JobState,
+    MoveResult,
     OnLost,
     Owner,
     ReplayResult,
@@ -205,10 +206,18 @@ def job_started(job: Job) -> Event:
     return Event("job_started", text, {**data, "detached": job.detached})
 
 
+NO_STOP = (
+    ": no stop is where the calibration has one: its limits are too wide, or the motor's zero has"
+    " shifted while it was disabled; measure again (litegripctl zero)"
+)
+
+
 def job_ended(job: Job, outcome: Result | Refusal) -> list[Event]:
     """Report how a job ended, and the loss of a gripped object."""
     how = outcome.message if isinstance(outcome, Refusal) else _worded(outcome)
     text = f"job {job.number}: {job.kind} {job.state.value}: {how}"
+    if isinstance(outcome, MoveResult) and outcome.outcome == "no_stop":
+        text += NO_STOP
     reason = outcome.reason if isinstance(outcome, Refusal) else None
     data = {"job": job.number, "state": job.state.value, "reason": reason}
     ended = Event("job_ended", text, data)

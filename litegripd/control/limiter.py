@@ -73,6 +73,11 @@ class Gains:
         """
         return self.usual().reaching()
 
+    def catching(self) -> "Gains":
+        """Return these gains within what stops running jaws, and does not throw them back."""
+        kp = min(self.kp_nm_rad, MOVING_KP_NM_RAD)
+        return Gains(kp, min(self.kd_nm_s_rad, CALM_KD_NM_S_RAD))
+
 
 DEFAULT_GAINS = Gains(MOVING_KP_NM_RAD, MOVING_KD_NM_S_RAD)
 """Those of motions whose caller names none, and of holds without a calibration's."""
@@ -92,19 +97,6 @@ def gains_of(calibration: Calibration, before: Gains) -> Gains:
 def is_in_press_zone(short_rad: float, geometry: Geometry, config: MotionConfig) -> bool:
     """Return True if jaws `short_rad` short of the stop must press gently from now on."""
     return short_rad <= geometry.to_rad(config.press_zone_mm)
-
-
-LEAST_TRAVEL_NM = 2.0
-"""Friction takes up to 1.4 N·m: what is on the way must get more."""
-
-
-def travel_push_nm(config: MotionConfig, kp_nm_rad: float) -> float:
-    """Return the largest torque of a lead on the way, for a caller or a file with this stiffness.
-
-    Who asks for less than the usual stiffness is pressed with less, as far as friction allows.
-    """
-    share = min(kp_nm_rad / MOVING_KP_NM_RAD, 1.0)
-    return max(share * config.travel_nm, min(LEAST_TRAVEL_NM, config.travel_nm))
 
 
 def lead_within(

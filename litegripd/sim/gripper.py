@@ -6,6 +6,7 @@ leave. It knows no bus and no clock; all times come from the caller.
 
 from __future__ import annotations
 
+import copy
 import math
 import threading
 from dataclasses import replace
@@ -36,6 +37,13 @@ class SimulatedGripper:
         self._plant = Plant(self._parameters)
         self._motor = SimulatedMotor(self._plant, self._parameters, seed=seed)
         self._lock = threading.RLock()
+
+    def fork(self) -> SimulatedGripper:
+        """Return a gripper in the same state, which goes its own way from now on."""
+        other = SimulatedGripper(self._parameters)
+        with self._lock:
+            other._plant, other._motor = copy.deepcopy((self._plant, self._motor))
+        return other
 
     @property
     def parameters(self) -> SimulatorParameters:
