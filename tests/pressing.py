@@ -209,7 +209,7 @@ def calls(method: str, **params: Any) -> Act:
 
 
 def ended_by(
-    method: str, then: Callable[[Rig, int], None], felt_nm: float = 1.5, **params: Any
+    method: str, then: Callable[[Rig, int], None], felt_nm: float = 1.1, **params: Any
 ) -> Act:
     """Return a motion that something else ends while it presses, with 0 N·m while it moves."""
 

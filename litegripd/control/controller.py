@@ -859,8 +859,7 @@ class Controller:
             made.reset()  # it may obey other commands
         elif made.see(motor.feedback, self.output.command):
             self.events.append(events.weak(made))
-        if made.is_short:
-            self.motor = self.motor._replace(is_short=True)
+        self.motor = self.motor._replace(is_short=made.is_short)
         if self.grip is not None:
             self.grip.note_made(made.made_nm if made.is_judging or made.is_weak else None)
 

@@ -49,6 +49,11 @@ class Lasting:
             self._since_s = at_s
         return self.has_lasted(at_s)
 
+    @property
+    def is_under_way(self) -> bool:
+        """True if the condition held when it was asked last, for however long."""
+        return self._since_s is not None
+
     def has_lasted(self, at_s: float) -> bool:
         """Return True if the condition has held for long enough at `at_s`."""
         return self._since_s is not None and at_s - self._since_s >= self._duration_s

@@ -54,9 +54,11 @@ class MadeTorque:
         self._whole = Lasting(WEAK_S)
 
     @property
-    def is_short(self) -> bool:
-        """True if standing jaws have got too little for `SHORT_S`, and still do."""
-        return self._seen_s is not None and self._short.has_lasted(self._seen_s)
+    def is_short(self) -> bool | None:
+        """True if standing jaws have got too little for `SHORT_S`, and still do; None for less."""
+        if self._seen_s is None or not self._short.is_under_way:
+            return False
+        return self._short.has_lasted(self._seen_s) or None
 
     def see(self, feedback: Feedback, sent: MitCommand | None) -> bool:
         """Take a tick's measurement and the latest command; return True if `is_weak` changed."""

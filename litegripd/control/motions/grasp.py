@@ -140,6 +140,9 @@ class Approach:
         self._ran = False
         self._load_nm: float | None = None
         self._firm_nm = FIRM_NM[0]
+        self._asked_nm = 0.0
+        self.is_fed = True
+        """True unless the motor reports less than half of what it is asked for."""
         self._slow = Lasting(CONTACT_S)
         self._contact = Lasting(CONTACT_S)
         self._window = SpeedWindow(STANDS_S)
@@ -215,8 +218,8 @@ class Approach:
         is_clamped = (wanted_rad - command_rad) * self._sign > 0.0
         self._was_s, self._was_rad = now_s, command_rad if is_clamped else wanted_rad
         lead_nm = gains.kp_nm_rad * (command_rad - position_rad)
-        asked_nm = self._sign * (lead_nm + gains.kd_nm_s_rad * velocity_rad_s)
-        held_back = asked_nm >= 0.999 * self._budget_nm(position_rad, FIRM_NM[0])
+        self._asked_nm = self._sign * (lead_nm + gains.kd_nm_s_rad * velocity_rad_s)
+        held_back = self._asked_nm >= 0.999 * self._budget_nm(position_rad, FIRM_NM[0])
         return gains.at(command_rad, velocity_rad_s), held_back
 
     def _judge(self, now_s: float, feedback: Feedback, held_back: bool) -> Verdict | None:
@@ -247,6 +250,7 @@ class Approach:
         may show it.
         """
         position_rad, torque_nm = feedback.position_rad, self._sign * feedback.torque_nm
+        self.is_fed = torque_nm >= CONTACT_TORQUE_SHARE * self._asked_nm
         mean_rad_s = self._window.add(now_s, position_rad)
         speed_rad_s = self._speed_at(position_rad)
         moved_rad = self._moved_rad(position_rad)
@@ -358,15 +362,17 @@ class Grasp(PlainAction):
         feedback = motor.feedback
         if feedback is None:
             return Step()
-        self._now_s, self._feedback, self._is_short = now_s, feedback, motor.is_short
+        self._now_s, self._feedback, self._is_short = now_s, feedback, motor.is_short is True
         self._steps += 1
         if self._grip is None:
             command, self._verdict = self._approach.step(now_s, feedback)
             self._command_rad = command.position_rad
             if self._verdict in ("empty", "timed_out"):
                 return Step(command, outcome=self._result(self._missed()))
-            if self._verdict is None:
+            if self._verdict is None or motor.is_short is None:  # soon it is certain
                 return Step(command)
+            # Jaws that creep by little torque are not judged where they stand.
+            self._is_short = self._is_short or not self._approach.is_fed
             self._grip = self._take(now_s, feedback)
             if self._request.until == "verdict" or self._is_short:
                 return Step(command, outcome=self._result(self._held()))
