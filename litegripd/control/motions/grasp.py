@@ -186,7 +186,8 @@ class Approach:
         # leaves a tenth (200 Hz) to a sixth (100 Hz) of this saw-tooth below its mean.
         ripple_nm = 0.25 * MOVING_KP_NM_RAD * self.speed_rad_s * self._period_s
         least_nm = (BREAKAWAY - 1.0) * friction_nm + SPARE_NM + ripple_nm
-        return friction_nm + min(max(self._touch_nm, least_nm), FIRM_NM[0])
+        load_nm = min(friction_nm, LARGEST * self._usual_nm)  # jaws with more may stand
+        return load_nm + min(max(self._touch_nm, least_nm), FIRM_NM[0])
 
     def _command(self, now_s: float, position_rad: float) -> tuple[MitCommand, bool]:
         """Return the command, and True if the jaws hold it back.
