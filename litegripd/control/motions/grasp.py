@@ -21,6 +21,7 @@ from typing import Literal, TypeAlias
 from litegripd.control.detectors import Lasting, SpeedWindow, StallDetector
 from litegripd.control.holds import (
     CREEPING,
+    LARGEST,
     FrictionGauge,
     Grip,
     GripSettings,
