@@ -385,7 +385,7 @@ PRESSES: dict[str, Press] = {
     "stop": Press(_move(stopped), ("motion.move",)),
     "lost client": Press(_move(left), ("motion.move",)),
     "take": Press(_move(taken), ("lease.take",)),
-    "cancelled close": Press(ended_by("motion.close", cancelled), ("motion.close",)),
+    "cancelled close": Press(ended_by("motion.close", cancelled, 0.8), ("motion.close",)),
     "follow": Press(follows(), ("teleop.start",)),
     "follow with a limit": Press(follows(force_limit_n=20.0), ("teleop.start",)),
     "silent leader": Press(follows(unheard), ("teleop.start",)),

@@ -179,16 +179,14 @@ class Approach:
 
     def _budget_nm(self, position_rad: float, firm_nm: float) -> float:
         """Return the largest torque on jaws that stand here; `firm_nm` is for where they stick."""
-        friction_nm = self._load_nm
-        if friction_nm is None or self._sticks(position_rad):
-            known_nm = self._usual_nm if friction_nm is None else friction_nm
-            return known_nm + firm_nm
+        load_nm, most_nm = self._load_nm, LARGEST * self._usual_nm  # jaws with more may stand
+        if load_nm is None or self._sticks(position_rad):
+            return (self._usual_nm if load_nm is None else min(load_nm, most_nm)) + firm_nm
         # Torques are reported at the end of a period, when the lead is shortest. The motor's filter
         # leaves a tenth (200 Hz) to a sixth (100 Hz) of this saw-tooth below its mean.
         ripple_nm = 0.25 * MOVING_KP_NM_RAD * self.speed_rad_s * self._period_s
-        least_nm = (BREAKAWAY - 1.0) * friction_nm + SPARE_NM + ripple_nm
-        load_nm = min(friction_nm, LARGEST * self._usual_nm)  # jaws with more may stand
-        return load_nm + min(max(self._touch_nm, least_nm), FIRM_NM[0])
+        least_nm = (BREAKAWAY - 1.0) * load_nm + SPARE_NM + ripple_nm
+        return min(load_nm, most_nm) + min(max(self._touch_nm, least_nm), FIRM_NM[0])
 
     def _command(self, now_s: float, position_rad: float) -> tuple[MitCommand, bool]:
         """Return the command, and True if the jaws hold it back.
