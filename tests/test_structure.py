@@ -17,7 +17,7 @@ def test_a_circle_would_be_found() -> None:
 MOST_FILES = {
     "state.get": 9,
     "a grasp request": 20,
-    "a tick of a grasp": 19,
+    "a tick of a grasp": 20,
     "LiteGrip.grasp()": 10,
 }
 """What a reader opens to follow each walk; of the tick's, four are the simulator's."""

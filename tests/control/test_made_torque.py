@@ -33,7 +33,7 @@ def feedback(at_s: float, position_rad: float, torque_nm: float) -> Feedback:
 def test_it_is_short_before_it_is_weak(sign: float) -> None:
     short, weak = (round((STANDS_S + lasts_s) / PERIOD_S) + 1 for lasts_s in (SHORT_S, WEAK_S))
     made = watch(lambda _: (0.0, sign * 0.3), short - 1, sign * COMMANDED_NM)
-    assert (made.is_short, made.is_weak) == (False, False)
+    assert (made.is_short, made.is_weak) == (None, False)
     made = watch(lambda _: (0.0, sign * 0.3), short, sign * COMMANDED_NM)
     assert (made.is_short, made.is_weak) == (True, False)
     made = watch(lambda _: (0.0, sign * 0.3), weak, sign * COMMANDED_NM)
