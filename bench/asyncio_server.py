@@ -14,7 +14,8 @@ import time
 from litegripd.app.machine import Machine
 from litegripd.control.snapshot import snapshot
 from litegripd.io.can.bus import BusSettings, DirectBus
-from litegripd.io.loop import LatenessMeter, PeriodicTimer
+from litegripd.io.loop import PeriodicTimer
+from litegripd.io.meters import LatenessMeter
 from litegripd.io.realtime import acquire
 from litegripd.model.gripper import GripperId
 from litegripd.model.motion_config import MotionConfig

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from bench.rig import DEFAULTS, Rig, VendorGrasp, ours
+from bench.tables import line
 from litegripd.control.motions.grasp import GraspRequest
 from litegripd.model.state import GraspResult
 
@@ -125,10 +126,6 @@ def row(kind: Kind, way: str, seen: list[Figures]) -> str:
         values = [value for s in seen if (value := getattr(s, name)) is not None]
         cells.append(format(summary(values), form) if values else "")
     return line(cells)
-
-
-def line(cells: list[str]) -> str:
-    return "|" + "".join(f" {cell} |" if cell else " |" for cell in cells)
 
 
 def main(count: int = 10, seed: int = 1) -> None:

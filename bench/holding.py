@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 from bench.damping import HOLD_FORCE_N, MOTORS, swing_of_gain, swing_of_hold
-from bench.grasps import line
 from bench.held import RATES_HZ, SETTINGS, After, HeldRig, Setting
+from bench.tables import table
 from litegripd.sim.plant import MOUNTS, SimulatorParameters
 
 FORCES_N = (5.0, 10.0, 20.0, 30.0, 40.0)
@@ -75,17 +75,6 @@ def told(afters: list[After]) -> str:
     if any(after.times_told > 1 for after in afters):
         when += ", repeated"
     return f"{peak_mm_s:.0f} mm/s, {when}, {max(after.far_mm for after in afters):.1f} mm"
-
-
-def table(title: str, head: Iterable[str], rows: Iterable[list[str]]) -> None:
-    """Print a table row by row."""
-    names = list(head)
-    print(f"### {title}\n")
-    for cells in (names, ["---"] * len(names)):
-        print(line(cells))
-    for row in rows:
-        print(line(row), flush=True)
-    print()
 
 
 def newtons(forces_n: Iterable[float]) -> list[str]:

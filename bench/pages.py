@@ -2,7 +2,8 @@
 
 python -m bench.pages
 
-A table stands in the place of the one with the same head. The sentences around it are a person's:
+A table stands in the place of the one with the same head, the second of two such in that of the
+second. The sentences around it are a person's:
 read them again. The tables are the same on every machine.
 """
 
@@ -11,12 +12,12 @@ import io
 from collections.abc import Callable
 from pathlib import Path
 
-from bench import grasps, holding, presses, teleop_lossy, trajectories
+from bench import damaged, grasps, holding, presses, teleop_lossy, trajectories, worst
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGES: dict[str, tuple[Callable[[], None], ...]] = {
     "grasping": (grasps.main, holding.main),
-    "safety": (presses.main,),
+    "safety": (presses.main, worst.main, damaged.main),
     "teleoperation": (teleop_lossy.main,),
     "trajectories": (trajectories.following,),
 }
@@ -29,14 +30,16 @@ def printed(bench: Callable[[], None]) -> str:
     return text.getvalue()
 
 
-def tables(lines: list[str]) -> dict[str, tuple[int, int]]:
-    """Return where each table begins and ends, by its head."""
-    found, head = {}, None
+def tables(lines: list[str]) -> dict[tuple[str, int], tuple[int, int]]:
+    """Return where each table begins and ends, by its head and how many had the same before it."""
+    found: dict[tuple[str, int], tuple[int, int]] = {}
+    head = None
     for number, line in enumerate([*lines, ""]):
         if line.startswith("|"):
             head = (line, number) if head is None else head
         elif head is not None:
-            found[head[0]], head = (head[1], number), None
+            count = sum(text == head[0] for text, _ in found)
+            found[head[0], count], head = (head[1], number), None
     return found
 
 

@@ -2,23 +2,24 @@
 
 python -m bench.presses
 
-Whatever the jaws meet is rigid: an object of `OBJECT_MM`, or a stop, of `RIGID_NM_RAD`. A figure is
-the worst of both mounts. The time is simulated, so the tables are the same on every machine.
+What the jaws meet is an object of `OBJECT_MM`, rigid (`RIGID_NM_RAD`) or as soft as a finger
+(`SOFT_NM_RAD`), or a rigid stop. A figure is the worst of both mounts. The time is simulated, so
+the tables are the same on every machine.
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
-from bench.grasps import line
 from bench.held import SETTINGS, HeldRig
 from bench.rig import TRAVEL_MM
+from bench.tables import table
 from bench.teleop_follow import SETTLE_S, ScriptedLeader
 from litegripd.app.build import build_service
 from litegripd.control.motions.move import Direction
-from litegripd.model.gripper import DM4310
+from litegripd.model.gripper import DM4310, FORCE_PER_TORQUE_N_NM
 from litegripd.model.teleop import LinkOptions
 from litegripd.sim.plant import MOUNTS, SimulatorParameters, limits_of_mount
 from litegripd.teleop.link import Link
@@ -26,11 +27,11 @@ from tests.trajectories import uploaded
 from tests.world import PERIOD_S, FixedFacts, World
 
 SPEEDS_MM_S = (50.0, 150.0)
-RIGID_NM_RAD = 1500.0
+RIGID_NM_RAD, SOFT_NM_RAD = 1500.0, 20.0
 OBJECT_MM = 40.0
 FROM_MM, TO_MM = 70.0, 20.0
-LATER_S = 2.0
-PRESSED_S = 3.0
+LATER_S = 4.0
+PRESSED_S = 4.0
 """How long what does not end by itself is watched."""
 LOOKS = 10
 ABOVE = 1.02
@@ -48,7 +49,16 @@ LATE_S = (0.05, 0.08)
 class Bench(World):
     """A daemon and its gripper, looked at ten times in each period from `reset` on."""
 
-    def __init__(self, mount: str, opening_mm: float, leader: "Leader | None" = None) -> None:
+    def __init__(
+        self,
+        mount: str,
+        opening_mm: float,
+        leader: "Leader | None" = None,
+        object_nm_rad: float = RIGID_NM_RAD,
+        *,
+        period_s: float = PERIOD_S,
+    ) -> None:
+        self._object_nm_rad = object_nm_rad
         closed_rad, open_rad = limits_of_mount(mount)
         usual = SimulatorParameters()
         parameters = SimulatorParameters(
@@ -61,17 +71,17 @@ class Bench(World):
         )
         self.fast_mm_s = math.inf
         self.reset()
-        super().__init__(mount, parameters=parameters)
+        super().__init__(mount, parameters=parameters, period_s=period_s)
         if leader is not None:
             self.service = build_service(
-                self.controller, FixedFacts(), PERIOD_S, dumps=self.dumps, links=leader
+                self.controller, FixedFacts(), period_s, dumps=self.dumps, links=leader
             )
         self.client_of_bench = self.enabled()
         self.reset()
 
     def reset(self) -> None:
         """Begin to look."""
-        self.peak_nm = self.peak_mm_s = 0.0
+        self.peak_nm = self.peak_mm_s = self.felt_nm = 0.0
         self.above_rating_s = self.above_peak_s = self.fast_s = 0.0
 
     def advance(self) -> None:
@@ -82,6 +92,7 @@ class Bench(World):
             torque_nm = abs(gripper.motor_torque_nm)
             speed_mm_s = abs(gripper.velocity_rad_s) * gripper.parameters.rad_to_mm
             self.peak_nm = max(self.peak_nm, torque_nm)
+            self.felt_nm = max(self.felt_nm, gripper.clamp_nm)
             self.peak_mm_s = max(self.peak_mm_s, speed_mm_s)
             look_s = self.period_s / LOOKS
             self.above_rating_s += look_s * (torque_nm > ABOVE * DM4310.rated_nm)
@@ -98,28 +109,34 @@ class Bench(World):
             self.gripper.free()
         self.reset()
 
-    def put_object(self) -> None:
-        self.gripper.put_object(width_mm=OBJECT_MM, stiffness_nm_rad=RIGID_NM_RAD)
+    def put_object(self, stiffness_nm_rad: float | None = None) -> None:
+        stiffness = self._object_nm_rad if stiffness_nm_rad is None else stiffness_nm_rad
+        self.gripper.put_object(width_mm=OBJECT_MM, stiffness_nm_rad=stiffness)
 
     def seen(self, outcome: str, later_s: float) -> "Pressed":
         """Return what was seen so far, and what stays after so long."""
-        so_far = (outcome, self.peak_nm, self.above_rating_s, self.above_peak_s)
+        felt_n = self.felt_nm * FORCE_PER_TORQUE_N_NM
+        so_far = (outcome, self.peak_nm, self.above_rating_s, self.above_peak_s, felt_n)
         self.run(later_s)
-        return Pressed(*so_far, abs(self.gripper.motor_torque_nm))
+        left_n = self.gripper.clamp_nm * FORCE_PER_TORQUE_N_NM
+        return Pressed(*so_far, abs(self.gripper.motor_torque_nm), left_n)
 
 
 @dataclass(frozen=True, slots=True)
 class Pressed:
     """What was seen of one motion; `left_nm` is the torque `LATER_S` after its end.
 
-    It made more than the motor's rated and peak torque for some seconds.
+    It made more than the motor's rated and peak torque for some seconds. `felt_n` and `left_n` are
+    what the object felt, 0 without one.
     """
 
     outcome: str
     peak_nm: float
     above_rating_s: float
     above_peak_s: float
+    felt_n: float
     left_nm: float
+    left_n: float
 
 
 class Leader:
@@ -140,7 +157,8 @@ class Leader:
         return max(FROM_MM - closed_mm, TO_MM) / TRAVEL_MM
 
 
-Motion = Callable[[str, float], Pressed]
+Motion = Callable[[str, float, float], Pressed]
+"""By mount, speed (mm/s) and stiffness of the object (N·m/rad)."""
 
 
 def ended(bench: Bench, number: int) -> Pressed:
@@ -153,8 +171,8 @@ def ended(bench: Bench, number: int) -> Pressed:
 def meeting(method: str, speed_is: str = "speed_mm_s", **params: Any) -> Motion:
     """Return a motion that closes onto the object."""
 
-    def run(mount: str, speed_mm_s: float) -> Pressed:
-        bench = Bench(mount, FROM_MM)
+    def run(mount: str, speed_mm_s: float, object_nm_rad: float) -> Pressed:
+        bench = Bench(mount, FROM_MM, object_nm_rad=object_nm_rad)
         bench.put_object()
         number = bench.client_of_bench.send(method, **{speed_is: speed_mm_s}, **params)
         return ended(bench, number)
@@ -165,7 +183,7 @@ def meeting(method: str, speed_is: str = "speed_mm_s", **params: Any) -> Motion:
 def to_stop(direction: Direction) -> Motion:
     """Return a motion to a stop."""
 
-    def run(mount: str, speed_mm_s: float) -> Pressed:
+    def run(mount: str, speed_mm_s: float, _object_nm_rad: float) -> Pressed:
         bench = Bench(mount, OBJECT_MM)
         return ended(
             bench, bench.client_of_bench.send(f"motion.{direction}", speed_mm_s=speed_mm_s)
@@ -177,8 +195,8 @@ def to_stop(direction: Direction) -> Motion:
 def stream(torque_nm: float) -> Motion:
     """Return a stream of set-points beyond the object; what is left is what it presses with."""
 
-    def run(mount: str, speed_mm_s: float) -> Pressed:
-        bench = Bench(mount, FROM_MM)
+    def run(mount: str, speed_mm_s: float, object_nm_rad: float) -> Pressed:
+        bench = Bench(mount, FROM_MM, object_nm_rad=object_nm_rad)
         bench.put_object()
         for _ in range(round(PRESSED_S / PERIOD_S)):
             bench.client_of_bench.send(
@@ -193,8 +211,8 @@ def stream(torque_nm: float) -> Motion:
 def play(torque_nm: float) -> Motion:
     """Return a replay of a path through the object."""
 
-    def run(mount: str, speed_mm_s: float) -> Pressed:
-        bench = Bench(mount, FROM_MM)
+    def run(mount: str, speed_mm_s: float, object_nm_rad: float) -> Pressed:
+        bench = Bench(mount, FROM_MM, object_nm_rad=object_nm_rad)
         bench.put_object()
         count = round((FROM_MM - TO_MM) / (0.99 * speed_mm_s) / 0.01)
         way_mm = (FROM_MM - TO_MM) / count
@@ -206,10 +224,10 @@ def play(torque_nm: float) -> Motion:
     return run
 
 
-def follow(mount: str, speed_mm_s: float) -> Pressed:
+def follow(mount: str, speed_mm_s: float, object_nm_rad: float) -> Pressed:
     """Follow a leader that closes beyond the object, and stays there."""
     leader = Leader(speed_mm_s)
-    bench = Bench(mount, FROM_MM, leader)
+    bench = Bench(mount, FROM_MM, leader, object_nm_rad)
     bench.put_object()
     leader.now_s = bench.now_s
     bench.client_of_bench.send("teleop.start", mode="slave", host="leader")
@@ -219,7 +237,7 @@ def follow(mount: str, speed_mm_s: float) -> Pressed:
     return bench.seen("pressing", 0.0)
 
 
-def zero(mount: str, speed_mm_s: float) -> Pressed:
+def zero(mount: str, speed_mm_s: float, _object_nm_rad: float) -> Pressed:
     """Measure the travel between rigid stops, with nothing in the way."""
     bench = Bench(mount, OBJECT_MM)
     config = {"speed_mm_s": speed_mm_s}
@@ -233,7 +251,6 @@ ROWS: tuple[tuple[str, Motion], ...] = (
     ("`close`, at the stop", to_stop("close")),
     ("`open`, at the stop", to_stop("open")),
     ("`move`, `goto`", meeting("motion.move", opening_mm=TO_MM)),
-    ("the same with `kp` 500", meeting("motion.move", opening_mm=TO_MM, kp=500.0, kd=2.0)),
     ("`stream`", stream(1.0)),
     ("`stream` by 3 N·m", stream(3.0)),
     ("`play`", play(2.0)),
@@ -243,21 +260,25 @@ ROWS: tuple[tuple[str, Motion], ...] = (
 )
 
 
-def pressed_row(name: str, motion: Motion) -> list[str]:
-    """Return the torques of a motion at each speed, and what stays after the faster ones."""
+WITHOUT_OBJECT = ("`close`, at the stop", "`open`, at the stop", "`zero`")
+
+
+def pressed_row(name: str, motion: Motion, object_nm_rad: float = RIGID_NM_RAD) -> list[str]:
+    """Return what a motion does at each speed, and what stays after the faster ones."""
     cells, after = [name], ""
     for speed_mm_s in SPEEDS_MM_S:
-        seen = [motion(mount, speed_mm_s) for mount in MOUNTS]
-        cell = f"{max(one.peak_nm for one in seen):.2f}"
+        seen = [motion(mount, speed_mm_s, object_nm_rad) for mount in MOUNTS]
+        cell = f"{max(one.peak_nm for one in seen):.2f} N·m"
         for most_nm, above_s in (
             (DM4310.rated_nm, max(one.above_rating_s for one in seen)),
             (DM4310.peak_nm, max(one.above_peak_s for one in seen)),
         ):
             cell += f", {1e3 * above_s:.0f} ms above {most_nm:g}" if above_s else ""
-        cells.append(cell)
+        felt_n, left_n = max(one.felt_n for one in seen), max(one.left_n for one in seen)
+        cells.append(f"{cell}; {felt_n:.0f} N" if felt_n else cell)
         outcomes = ", ".join(sorted({one.outcome for one in seen}))
-        left_nm = max(one.left_nm for one in seen)
-        after = f"`{outcomes}`, {left_nm:.2f} N·m"
+        after = f"`{outcomes}`, {max(one.left_nm for one in seen):.2f} N·m"
+        after += f"; {left_n:.0f} N" if felt_n else ""
     return [*cells, after]
 
 
@@ -336,24 +357,16 @@ def borne_row(force_n: float) -> list[str]:
     return cells
 
 
-def table(title: str, head: Iterable[str], rows: Iterable[list[str]]) -> None:
-    names = list(head)
-    print(f"### {title}\n")
-    for cells in (names, ["---"] * len(names)):
-        print(line(cells))
-    for row in rows:
-        print(line(row), flush=True)
-    print()
-
-
 def speeds(what: str) -> Iterator[str]:
     return (f"{what} {speed:g} mm/s" for speed in SPEEDS_MM_S)
 
 
 def main() -> None:
     """Print all tables."""
-    head = ["motion", *speeds("most N·m at"), "then"]
+    head = ["motion", *speeds("most at"), "then"]
     table("Something rigid is met", head, (pressed_row(*row) for row in ROWS))
+    soft = (pressed_row(*row, SOFT_NM_RAD) for row in ROWS if row[0] not in WITHOUT_OBJECT)
+    table("Something soft is met", head, soft)
     head = ["held with", *speeds("grasped at")]
     table("The held object vanishes", head, map(lost_row, LOSS_FORCES_N))
     head = ["held with", *(f"from {coil_c:g} °C" for coil_c in COILS_C)]

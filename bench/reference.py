@@ -8,7 +8,8 @@ import json
 import sys
 import time
 
-from litegripd.io.loop import LatenessMeter, PeriodicTimer
+from litegripd.io.loop import PeriodicTimer
+from litegripd.io.meters import LatenessMeter
 from litegripd.io.realtime import acquire
 
 PERIOD_S = 0.005

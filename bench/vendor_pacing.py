@@ -11,7 +11,7 @@ import time
 import can
 
 from litegripd.io.can.bus import to_message
-from litegripd.io.loop import LatenessMeter
+from litegripd.io.meters import LatenessMeter
 from litegripd.model.motor import CanFrame
 
 PERIOD_S = 0.005

@@ -39,8 +39,10 @@ PARAMS: Mapping[str, str] = {
     ),
     "event": (
         "`subscription`, `seq`, `monotonic_s`, `kind`, `message`, `data` (an object, "
-        "other for each kind; `object_moved` has `moved_mm` and `width_mm`). `seq` counts"
-        " all events since the daemon's start, those of other kinds included. No event is"
+        "other for each kind; `object_moved` has `moved_mm` and `width_mm`, `weak` has `weak`,"
+        " `made_nm` and `commanded_nm`, `pressing` has `pressing_n`, `most_n` (the most so far),"
+        " `kind` (the motion that led the jaws there) and `job` (its number while it runs)). `seq`"
+        " counts all events since the daemon's start, those of other kinds included. No event is"
         " dropped."
     ),
     "job.progress": ("See [below](#progress)."),

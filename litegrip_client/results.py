@@ -20,7 +20,7 @@ USABLE_BUS = ("up", "motor_silent")
 
 NEWER_FIELDS = (
     *("clamp_n", "loss_detection", "loss_detection_from_n"),
-    *("work_stroke_mm", "scale_doubt"),
+    *("work_stroke_mm", "scale_doubt", "pressing_n"),
 )
 """Fields that an older daemon does not send."""
 
@@ -55,10 +55,15 @@ class GripperState(StateNames):
     when the motor is off; `is_grasped` is true if an object is held, and
     None if one was when the motor fell silent, which may have let go by itself.
 
-    While one is, `clamp_n` is the least and the most force (N) that it may feel, for friction hides
-    the difference; the least is 0 while the jaws search for an object that gave way.
+    While one is, `clamp_n` is the least and the most force (N) that it may feel: friction hides the
+    difference, and a tenth of it is the motor's. The least is 0 while the jaws search for an object
+    that gave way. What else pushes the jaws is not in it: a hand, a weight.
     `loss_detection` is true if its loss would be noticed, `loss_detection_from_n` with which set
     force it would. All three are None without an object, and of a daemon that does not know them.
+
+    `pressing_n` is about the force with which the jaws press in any mode, by the motor's torque:
+    they stand, and it makes more than friction explains, or they hold by force. None while they do
+    not press.
 
     `work_stroke_mm` is the opening to which `open` goes, None for the open stop. `scale_doubt` says
     why the calibration's millimetres are probably wrong: "superseded" if they are those of earlier
@@ -94,6 +99,7 @@ class GripperState(StateNames):
     clamp_n: tuple[float, float] | None
     loss_detection: bool | None
     loss_detection_from_n: float | None
+    pressing_n: float | None
     limited: tuple[str, ...]
     calibrated: bool
     mount: str | None
@@ -219,9 +225,12 @@ class GraspResult(ShortRepr):
     """How a grasp ended; true if an object is held, and of the width that was asked for.
 
     On an object `stalled` is true and `reached` is not: the jaws stop short of where they would
-    stand empty. `outcome` is object_held, wrong_width, no_object, object_lost or timed_out;
-    `width_mm` the opening between the fingers at the object, None without one. `cycles` counts
-    the whole slices of `hold_interval` for which the force was held, `held_s` the seconds.
+    stand empty. `outcome` is object_held, wrong_width, motor_weak (the motor makes less torque than
+    is commanded: what is held is held by less), no_object, object_lost or timed_out; `width_mm`
+    the opening between the fingers at the object, None without one. `cycles` counts the whole
+    slices of `hold_interval` for which the force was held, `held_s` the seconds.
+    `speed_mm_s` is how fast the jaws closed, slower than requested for a small force; None if they
+    held the object already, and of an older daemon.
     """
 
     ok: bool
@@ -234,6 +243,7 @@ class GraspResult(ShortRepr):
     outcome: str
     width_mm: float | None
     held_s: float
+    speed_mm_s: float | None = None
 
     def __bool__(self) -> bool:
         return self.ok
@@ -242,7 +252,8 @@ class GraspResult(ShortRepr):
     def from_wire(cls, data: Mapping[str, Any]) -> GraspResult:
         """Read the wire's form; raises `ProtocolError`."""
         figures = ("target_rad", "force_n", "cycles", "outcome", "width_mm", "held_s")
-        return cls(**_with_state(data, ("ok", "reached", "stalled", *figures), "grasp result"))
+        values = _with_state(data, ("ok", "reached", "stalled", *figures), "grasp result")
+        return cls(**values, speed_mm_s=data.get("speed_mm_s"))
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -253,7 +264,8 @@ class PlayResult(ShortRepr):
     not_aligned (they could not get to its start). `loops` counts the whole passes, `frames` the
     commands; `largest_lag_mm` is how far the jaws were behind the path at most.
 
-    With `force` "replay" `outcome` may also be no_object, object_lost or timed_out, as a grasp's.
+    With `force` "replay" `outcome` may also be a grasp's: motor_weak, no_object, object_lost or
+    timed_out.
     `grips` counts those that held something; `width_mm` is the latest one's, and
     `width_difference_mm` by how much the object that differed most was wider (above 0) than the
     taught one.

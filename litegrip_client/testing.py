@@ -100,7 +100,7 @@ class SimulatedDaemon:
         return self._call("sim.hold")
 
     def fault(self, name: str) -> dict[str, Any]:
-        """Let the motor report a fault: overload, coil_hot, ...; or lose its power: silent."""
+        """Let the motor report a fault: overload, coil_hot, ...; or be silent, or weak."""
         return self._call("sim.fault", name=name)
 
     def heat(self, coil_c: float) -> dict[str, Any]:

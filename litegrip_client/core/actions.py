@@ -459,7 +459,8 @@ class GripperActions:
 
         With `force` "replay" the jaws do each of `trajectory.grips` again, as `grasp` does, with
         the taught force and for as long as it lasted, at `motion_config.grasp_speed_mm_s`; what is
-        not gripped, or lost, ends the replay with `ok` False and outcome no_object or object_lost.
+        not gripped, or lost, ends the replay with `ok` False and outcome no_object, object_lost or
+        motor_weak.
         A trajectory without grips is then refused (`CommandError`).
 
         `loop` is for `play_start`. An interrupt, or an error of `progress`, cancels the replay

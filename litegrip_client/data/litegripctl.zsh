@@ -85,7 +85,7 @@ _shtab_litegripctl_lease_commands() {
 
 _shtab_litegripctl_sim_commands() {
   local _commands=(
-    fault:'let the motor report a fault, or lose its power'
+    fault:'let the motor report a fault, lose its power, or be weak'
     heat:'let the motor'"'"'s coil have a temperature'
     hold:'hold the jaws fast, until '"'"'push'"'"' or '"'"'reset'"'"''
     object:'put an object between the jaws, or take it away'

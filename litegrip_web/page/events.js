@@ -3,7 +3,7 @@
 import { inPageWords, outcome, time } from "./format.js";
 
 const MOST = 100;
-const WARNINGS = new Set(["stop", "object_lost", "released_by_fault", "heat", "refused", "lease_lost", "second_master"]);
+const WARNINGS = new Set(["stop", "object_lost", "released_by_fault", "pressing", "heat", "refused", "lease_lost", "second_master"]);
 
 export class Events {
   #place;

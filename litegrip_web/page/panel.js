@@ -11,6 +11,8 @@ import { World } from "./world.js";
 const HZ = 20;
 const LOOK_EVERY_MS = 1000;
 const QUIET_MS = 1500;
+const UNSEEN =
+  "No software sees what else pushes the jaws, a hand or a weight, nor a motor that makes other than it reports.";
 
 export class Panel {
   #nodes = {};
@@ -209,7 +211,8 @@ export class Panel {
     if (!state.calibrated) parts.push("not calibrated");
     if (state.job) parts.push(`by ${owner(state.job.owner)}`);
     if (state.is_grasped) parts.push("something is held");
-    if (state.is_grasped === null) parts.push("something was held: whether it still is, is not known");
+    else if (state.is_grasped === null) parts.push("something was held: whether it still is, is not known");
+    else if (isNumber(state.pressing_n)) parts.push(`the jaws press with about ${figure(state.pressing_n, 0, "N")}`);
     if (state.limited.length) parts.push(`limited by ${state.limited.join(", ").replaceAll("_", " ")}`);
     return parts.join("; ");
   }
@@ -225,7 +228,8 @@ export class Panel {
     this.#fact("Opening", figure(state?.opening_mm, 1, "mm"));
     this.#fact("Force", figure(state?.force_n, 1, "N"));
     this.#fact("Set force", figure(state?.force_set_n, 1, "N"));
-    this.#fact("On the object", clamp ? `${clamp[0].toFixed(1)} to ${clamp[1].toFixed(1)} N` : "--");
+    const felt = clamp ? `${clamp[0].toFixed(1)} to ${clamp[1].toFixed(1)} N by the motor` : "--";
+    this.#fact("On the object", felt, "", UNSEEN);
     this.#fact("Coil", figure(state?.coil_temperature_c, 0, "°C"));
     this.#fact("Driver", figure(state?.driver_temperature_c, 0, "°C"));
     this.#fact("Time to the heat limit", isNumber(toLimit) ? figure(toLimit, 0, "s") : heat ? "none" : "--");
@@ -235,13 +239,14 @@ export class Panel {
     this.#fact("Lease", held ? `${owner(held)}${purpose}` : lease ? "free" : "--", "wide");
   }
 
-  #fact(name, value, kind = "") {
+  #fact(name, value, kind = "", hint = "") {
     let node = this.#facts.get(name);
     if (node === undefined) {
       const term = document.createElement("dt");
       term.textContent = name;
       node = document.createElement("dd");
       node.className = kind;
+      node.title = hint;
       this.#nodes.facts.append(term, node);
       this.#facts.set(name, node);
     }

@@ -16,6 +16,7 @@ from litegripd.app.machine import Machine
 from litegripd.control.admission import position_refusal
 from litegripd.control.calibration import CalibrationInUse
 from litegripd.control.controller import Controller
+from litegripd.control.events import weak_text
 from litegripd.io.can.bus import SIMULATOR
 from litegripd.io.log import FIELDS, JournalSink, LogHandler, goes_to_journal
 from litegripd.io.server import MAX_CONNECTIONS, MAX_CONNECTIONS_PER_UID
@@ -55,6 +56,8 @@ _WARNINGS = frozenset(
         "refused",
         "object_lost",
         "released_by_fault",
+        "pressing",
+        "swing",
         "heat",
         "second_master",
         "implausible",
@@ -303,9 +306,17 @@ class DaemonFacts:
             misplaced = position_refusal(self._machine.motor.view(), geometry)
             found += [] if misplaced is None else [misplaced.message]
         found += controller.calibration_doubts()
+        if controller.output.made.is_weak:
+            found.append(weak_text(controller.output.made))
         allowed_nm = controller.output.heat.allowance_nm
         if math.isfinite(allowed_nm):
             found.append(f"the coil is hot: holds are limited to {allowed_nm:.2f} N·m")
+        share = controller.swing.share
+        if share < 1.0:
+            found.append(
+                f"the jaws swung in a hold: until the motor is enabled again, holds and followers"
+                f" have {share:.0%} of their stiffness and damping"
+            )
         return found
 
     def _teleop_complaints(self, parts: Parts) -> list[str]:

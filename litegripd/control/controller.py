@@ -7,6 +7,7 @@ only through `step`.
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Protocol, TypeVar
 
 from litegripd.control import events
@@ -31,9 +32,17 @@ from litegripd.control.authority import (
     held_refusal,
 )
 from litegripd.control.calibration import CalibrationInUse, content_of, save_task
+from litegripd.control.detectors import PressWatch
 from litegripd.control.events import RELEASES_WITHIN_S, JobBook, RegisterReads, Start
 from litegripd.control.holds import Grip, Hold, Idle, Slack
-from litegripd.control.limiter import CATCHING_GAINS, Gains, Output, bounds_of
+from litegripd.control.limiter import (
+    CATCHING_GAINS,
+    Easing,
+    Gains,
+    Output,
+    SwingGuard,
+    bounds_of,
+)
 from litegripd.control.motions.base import Action
 from litegripd.model.calibration import (
     Calibration,
@@ -111,6 +120,18 @@ class Recording(Protocol):
         """Take a tick's measurement, and the present grip."""
 
 
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """What a motion, and the hold or grip that it leaves, counts on until the next motion.
+
+    Another calibration or configuration must not move jaws that nobody has asked to move: a
+    pressed stop would spring back by 1 mm when other limits are loaded under a latched stop.
+    """
+
+    geometry: Geometry | None
+    config: MotionConfig
+
+
 class Controller:
     """Runs one gripper: at most one job, else idle jaws: a hold, a grip, or slack.
 
@@ -124,11 +145,17 @@ class Controller:
     ticks: Carried[int] = 0
     bus: Carried[BusCondition] = NOT_OPENED
     calibrated: Carried[CalibrationInUse]
+    in_force: Carried[Terms]
     second_master: Carried[SecondMaster]
     jobs: Carried[JobBook]
     lease: Carried[Lease]
     stop_latch: Carried[StopLatch]
     output: Carried[Output]
+    pressing: Carried[PressWatch]
+    _easing: Carried[Easing]
+    _moved_by: Carried[JobKind] = "enable"
+    """The motion that has led the jaws last."""
+    swing: Carried[SwingGuard]
     recordings: Carried[int] = 0
     missed: Carried[Refusal | None] = None
     """Why a client's request for the motor has failed, until the motor can be used again."""
@@ -164,6 +191,7 @@ class Controller:
         self.gripper_id = gripper_id or GripperId()
         self.motor = MotorView(MotorPhase.UNKNOWN)
         self.calibrated = CalibrationInUse()
+        self.in_force = Terms(None, config)
         self.second_master = SecondMaster()
         self.jobs = JobBook()
         self.lease = Lease()
@@ -173,6 +201,9 @@ class Controller:
         """True if the present or latest action has had any effect on what the motor gets."""
         self.idle: Idle = Slack()
         self.output = Output(self.gripper_id.motor_type)
+        self.pressing = PressWatch(self.gripper_id.motor_type)
+        self._easing = Easing()
+        self.swing = SwingGuard(self.gripper_id.motor_type)
         self.register_reads = RegisterReads()
         self.capture: Recording | None = None
         self.events: list[Event] = []
@@ -254,7 +285,7 @@ class Controller:
         file: str | None = None,
         by: int | None = None,
     ) -> None:
-        """Use a calibration and its file, or the reason why there is none.
+        """Use a calibration and its file, or the reason why there is none, from the next motion on.
 
         `by` is the client that has loaded it, None for the daemon itself.
         """
@@ -353,15 +384,22 @@ class Controller:
     def begin(self, kind: JobKind, action: Action, owner: Owner, detached: bool) -> Job:
         """Begin a job; the caller has checked that it may begin."""
         self._end_replaced()
+        if kind not in _SAFE_JOBS:
+            self._put_in_force()
         job = self._new_job(kind, owner, detached)
         self.jobs.begin(job, self.now_s)
         self.action, self.has_stepped = action, False
+        if action.needs_power:
+            self._moved_by = kind
         self.events.append(events.job_started(job))
         return job
 
     def settle(self, kind: JobKind, idle: Idle, owner: Owner, result: Result) -> Job:
         """Change at once what idle jaws do; the job has ended when this returns."""
         self._end_replaced()
+        if isinstance(idle, Grip) and kind == "set_force":
+            self._moved_by = kind
+        self._put_in_force()
         self.idle = idle
         job = self._new_job(kind, owner, detached=True)
         self.jobs.begin(job, self.now_s)
@@ -412,6 +450,8 @@ class Controller:
         elif isinstance(outcome, DisableResult):
             self.missed = None
         self.idle, self.action = self._left(by_defect=by_defect), None
+        if action is not None and action.needs_power and self.has_stepped:
+            self._ease_at_once()
         broken_off = job.kind == "enable" and isinstance(outcome, Refusal)
         if broken_off and self.motor.phase is not MotorPhase.ENABLED:
             self.must_disable = True  # it may still take effect
@@ -447,13 +487,35 @@ class Controller:
         if reason is not None:
             self.end(reason)
 
+    def _put_in_force(self) -> None:
+        """Let the present calibration and configuration count for what the jaws do from now on."""
+        self.in_force = Terms(self.geometry, self.config)
+
     def _left(self, *, by_defect: bool = False) -> Idle:
         """Return what the jaws would do if the running action ended now."""
         action, feedback = self.action, self.motor.feedback
         if action is None or feedback is None or not (action.needs_power and self.has_stepped):
             return self.idle
         idle = None if by_defect else action.idle_after()
-        return idle or Hold(feedback.position_rad, self.calibrated.gains)
+        return idle or self.hold_here(feedback)
+
+    def hold_here(self, feedback: Feedback) -> Hold:
+        """Return a hold for the jaws where they are; running ones are held where they can stop."""
+        motor_type = self.gripper_id.motor_type
+        return Hold.here(feedback, self.gains, self.period_s, motor_type)
+
+    def _ease_at_once(self) -> None:
+        """Lower what a motion that has ended leaves pressing; a hold that presses nothing resists.
+
+        A torque that the caller has set stays.
+        """
+        pressing_nm, idle = self.pressing.torque_nm, self.idle
+        self._easing.reset()
+        if pressing_nm is not None and isinstance(idle, Hold):
+            self._easing.begin(pressing_nm, self._press_nm(idle))
+
+    def _press_nm(self, hold: Hold) -> float:
+        return self.in_force.config.stop_nm if hold.press_nm is None else hold.press_nm
 
     def _new_job(self, kind: JobKind, owner: Owner, detached: bool) -> Job:
         """Return the queued job whose turn it is, or a new one, under the present lease."""
@@ -668,6 +730,7 @@ class Controller:
         self.now_s = now_s
         self._step_authority(now_s)
         self._note_second_master(now_s, motor)
+        self._note_made_torque(motor)
         if self.capture is not None:
             self.capture.step(now_s, motor, self.geometry, self.grip, self.jobs)
         register = self.register_reads.step(motor.register)
@@ -683,7 +746,9 @@ class Controller:
             return self._asked(MotorInput(request=request, register=register))
         is_motion = command is not None
         command = command or self._idle_command(now_s, feedback)
+        command = self._calmed(command, feedback, is_motion=is_motion)
         self._note_moved_object(feedback)
+        self._note_pressing(now_s, feedback)
         sent = self._send(now_s, command, feedback)
         return self._asked(MotorInput(sent, request, is_motion, register))
 
@@ -709,14 +774,18 @@ class Controller:
             running = self.jobs.running
             by = None if running is None else running.owner.client
             self.use_calibration(step.adopted.calibration, file=step.adopted.file, by=by)
+            self._put_in_force()
         if step.outcome is not None:
             self.end(step.outcome)
         return step.command, step.request
 
     def _idle_command(self, now_s: float, feedback: Feedback) -> MitCommand:
-        idle, geometry = self.idle, self.geometry
+        idle, geometry = self.idle, self.in_force.geometry
         if isinstance(idle, Hold) and geometry is not None:
             self.idle = idle = idle.eased(feedback.position_rad, geometry)
+        if isinstance(idle, Hold):
+            calm = replace(idle, gains=self.swing.bound(idle.gains))
+            idle = self._within_press(now_s, feedback, calm)
         command = idle.command(now_s, feedback)
         if isinstance(idle, Grip) and idle.is_lost:
             if idle.watched:
@@ -724,6 +793,47 @@ class Controller:
             caught_rad = idle.caught_rad(feedback.position_rad, self.period_s)
             self.idle = Hold(caught_rad, CATCHING_GAINS)
             return self.idle.command(now_s, feedback)
+        return command
+
+    def _within_press(self, now_s: float, feedback: Feedback, hold: Hold) -> Hold:
+        """Return the hold with which the jaws press no harder than may last."""
+        most_nm = self._easing.step(
+            now_s,
+            hold.asked_nm(feedback.position_rad),
+            self._press_nm(hold),
+            feedback.torque_nm,
+            stands=True,  # a hand that moves them to and fro presses, too
+        )
+        return hold.within(most_nm, feedback.position_rad)
+
+    def _note_pressing(self, now_s: float, feedback: Feedback) -> None:
+        """Take note of jaws that press, and report what was not asked for as a grasp."""
+        grip, running, geometry = self.grip, self.jobs.running, self.in_force.geometry
+        is_held = grip is not None and grip.is_holding
+        self.pressing.see(feedback, is_held=is_held)
+        if is_held or geometry is None or self._rests_at_stop(feedback, geometry):
+            return
+        lasting = self.pressing.take_lasting(now_s, self._moved_by)
+        if lasting is not None:
+            self.events.append(events.pressing(lasting, geometry, self._moved_by, running))
+
+    def _rests_at_stop(self, feedback: Feedback, geometry: Geometry) -> bool:
+        """Return True if the jaws are at a stop, which is elastic and pushes back a little."""
+        position_rad, config = feedback.position_rad, self.in_force.config
+        stops_rad = (geometry.closed_rad, geometry.open_rad)
+        is_there = min(abs(position_rad - stop_rad) for stop_rad in stops_rad) <= config.stop_tol
+        return is_there and abs(feedback.torque_nm) <= config.stop_nm
+
+    def _calmed(self, command: MitCommand, feedback: Feedback, *, is_motion: bool) -> MitCommand:
+        """Return a command that does not swing: of a hold by stiffness, or of a follower."""
+        running = self.jobs.running
+        is_led = running is not None and running.kind == "teleop"
+        if command.kp_nm_rad == 0.0 or (is_motion and not is_led):
+            self.swing.rest()
+            return command
+        command, is_lowered = self.swing.calm(command, feedback)
+        if is_lowered:
+            self.events.append(events.swings(self.swing.share))
         return command
 
     def _note_moved_object(self, feedback: Feedback) -> None:
@@ -738,7 +848,7 @@ class Controller:
         identity, action = self.motor.identity, self.action
         ranges = self.gripper_id.motor_type.ranges if identity is None else identity.ranges
         own_bounds = None if action is None else action.bounds
-        bounds = own_bounds or bounds_of(self.geometry, self.config)
+        bounds = own_bounds or bounds_of(self.in_force.geometry, self.in_force.config)
         grip = self.grip
         change = self.output.send(now_s, command, feedback, bounds, ranges, grips=grip is not None)
         if change is not None:
@@ -763,6 +873,7 @@ class Controller:
             self.events.append(events.heat_foretold(grip.force_n, bears_s, heat))
 
     def _send_nothing(self, now_s: float) -> None:
+        self.pressing.reset()
         change = self.output.unpowered(now_s, self.motor.feedback)
         if change is not None:
             self.events.append(events.heat_changed(change))
@@ -770,6 +881,7 @@ class Controller:
     def _note_zero(self, zero: ZeroView) -> None:
         useless = self.calibrated.note_zero(zero)
         if useless is not None:
+            self._put_in_force()
             content = content_of(useless, self.gripper_id, self.gains, self.motor)
             self.tasks.append(save_task(self.gripper_id, content, self._saved))
             self.events.append(events.calibrated(useless, self.calibrated.file, ()))
@@ -789,6 +901,7 @@ class Controller:
         if why is not None:
             file = self.calibrated.file
             self.use_calibration(None)
+            self._put_in_force()
             self.calibrated.problem = refusal = self._unfitting(why, file)
             self.events.append(Event("calibration", refusal.message, {"error": refusal.reason}))
             if self.action is not None and self.action.needs_power:
@@ -807,12 +920,26 @@ class Controller:
         if refusal is not None and running is not None and running.kind not in _SAFE_JOBS:
             self.end(refusal)
 
+    def _note_made_torque(self, motor: MotorView) -> None:
+        """Report a motor that makes less torque than is commanded, and the end of that."""
+        made = self.output.made
+        if motor.feedback is None or motor.phase is not MotorPhase.ENABLED:
+            return
+        if self.second_master.is_active:
+            made.reset()  # it may obey other commands
+        elif made.see(motor.feedback, self.output.command):
+            self.events.append(events.weak(made))
+        self.motor = self.motor._replace(is_short=made.is_short)
+        if self.grip is not None:
+            self.grip.note_made(made.made_nm if made.is_judging or made.is_weak else None)
+
     def _note_phase(self, motor: MotorView) -> None:
         """Hold what is measured now when the motor becomes enabled, or answers again.
 
         Jaws that were slack before a silence stay slack: a hand may be in them. A hold by force
         continues, or it would drop its object: a motor that reports that it is still enabled has
-        kept squeezing.
+        kept squeezing. So does a hold with which the jaws are where it leaves them; its gains stay
+        in any case.
         """
         self.events += events.motor_changed(self.motor, motor)
         if motor.phase is not self.motor.phase:
@@ -830,11 +957,15 @@ class Controller:
             return
         if motor.phase is not MotorPhase.ENABLED or motor.feedback is None:
             return
-        was_silent = before is MotorPhase.SILENT
-        if was_silent and isinstance(self.idle, Grip):
-            self.idle.resume()
-        elif not (was_silent and isinstance(self.idle, Slack)):
-            self.idle = Hold(motor.feedback.position_rad, self.gains)
+        idle, here_rad = self.idle, motor.feedback.position_rad
+        if before is not MotorPhase.SILENT:
+            self._put_in_force()
+            self.swing.renew()
+            self.idle, self._moved_by = Hold(here_rad, self.gains), "enable"
+        elif isinstance(idle, Grip):
+            idle.resume()
+        elif isinstance(idle, Hold) and not idle.presses(motor.feedback):
+            self.idle = replace(idle, position_rad=here_rad)
 
     def _note_held(self, phase: MotorPhase) -> None:
         """Remember what an enabled motor holds by force when it stops being enabled by itself."""

@@ -2,7 +2,7 @@
 
 `Lasting` detects that a condition has held for some time. `SpeedWindow` returns the speed over a
 short window: the motor filters its own speed by more than that, and may report a noisy one;
-positions are exact to 0.4 mrad.
+positions are exact to 0.4 mrad. `SwingDetector` detects jaws that shake by themselves.
 
 `StallDetector` is the vendor's windowed test. The DM4310 has no stall protection. A test of single
 samples would misfire on the stick-slip of the closing side, so the net movement over a whole window
@@ -15,12 +15,17 @@ fast while nothing takes their torque are a suspicion and not a verdict: they ma
 push, or follow an object that has given way by a millimetre. The squeezing continues with little
 torque (`is_searching`) until the jaws press on something again, or are too far beyond the last
 contact. Only then is the object lost. Each measurement counts once.
+
+`PressWatch` detects jaws that press, whatever commands them: they stand while the motor makes more
+torque than friction explains.
 """
 
+import math
 from collections import deque
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, TypeAlias
 
+from litegripd.model.gripper import MotorType
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback
 from litegripd.model.plain import Carried
@@ -43,6 +48,11 @@ class Lasting:
         if self._since_s is None:
             self._since_s = at_s
         return self.has_lasted(at_s)
+
+    @property
+    def is_under_way(self) -> bool:
+        """True if the condition held when it was asked last, for however long."""
+        return self._since_s is not None
 
     def has_lasted(self, at_s: float) -> bool:
         """Return True if the condition has held for long enough at `at_s`."""
@@ -87,6 +97,71 @@ class SpeedWindow:
     def clear(self) -> None:
         """Forget all measurements: the next one does not continue them."""
         self._samples.clear()
+
+
+TURN_RAD_S = 0.5
+"""Jaws that turn round swing if they are faster than this, 26 mm/s, both ways. A noisy measurement
+of the speed is wrong by up to 0.3 rad/s."""
+BETWEEN_RAD_S = 1.0
+"""Jaws whose speed differs so much from how far they have come swing between the measurements: at
+100 Hz a swing of 100 Hz seems to stand still."""
+TURN_WITHIN_S = 0.04
+"""The longest half-wave of a swing. A hand shakes jaws at no more than 8 Hz, 0.06 s."""
+SWINGS_S = 0.35
+"""How long a swing must last: the jaws ring down after a bump within 0.1 s."""
+
+
+class SwingDetector:
+    """Detects jaws that turn round again and again, each time within `TURN_WITHIN_S`."""
+
+    _seen_s: Carried[float] = 0.0
+    _speeds: Carried[deque[tuple[float, float]]]
+    _side: Carried[int] = 0
+    _turned_s: Carried[float | None] = None
+    _moved: Carried[SpeedWindow]
+    _lasts: Carried[Lasting]
+
+    def __init__(self) -> None:
+        self._speeds = deque()
+        self._moved = SpeedWindow()
+        self._lasts = Lasting(SWINGS_S)
+
+    def see(self, feedback: Feedback) -> bool:
+        """Take a measurement, each once; return True if the jaws have swung for long enough."""
+        at_s, speed_rad_s = feedback.at_s, feedback.velocity_rad_s
+        if at_s == self._seen_s:
+            return False
+        self._seen_s = at_s
+        moved_rad_s = self._moved.add(at_s, feedback.position_rad)
+        self._keep(at_s, speed_rad_s)
+        if moved_rad_s is not None and self._is_unseen(moved_rad_s):
+            self._turned_s = at_s
+        if abs(speed_rad_s) >= TURN_RAD_S:
+            side = 1 if speed_rad_s > 0.0 else -1
+            if side == -self._side:
+                self._turned_s = at_s
+            self._side = side
+        turned_s = self._turned_s
+        return self._lasts.step(turned_s is not None and at_s - turned_s <= TURN_WITHIN_S, at_s)
+
+    def _keep(self, at_s: float, speed_rad_s: float) -> None:
+        """Keep the speeds that the motor reports for as long as `_moved` keeps positions."""
+        self._speeds.append((at_s, speed_rad_s))
+        while at_s - self._speeds[0][0] > 1.5 * WINDOW_S:
+            self._speeds.popleft()
+
+    def _is_unseen(self, moved_rad_s: float) -> bool:
+        """Return True if the jaws came another way than any of the reported speeds says."""
+        speeds_rad_s = [speed_rad_s for _, speed_rad_s in self._speeds]
+        low_rad_s, high_rad_s = min(speeds_rad_s), max(speeds_rad_s)
+        return not low_rad_s - BETWEEN_RAD_S <= moved_rad_s <= high_rad_s + BETWEEN_RAD_S
+
+    def reset(self) -> None:
+        """Begin again: what was seen before does not count."""
+        self._side, self._turned_s = 0, None
+        self._moved.clear()
+        self._speeds.clear()
+        self._lasts.reset()
 
 
 class StallDetector:
@@ -338,3 +413,88 @@ class GripWatch:
             moved_rad = seen.closed_rad - self.contact_rad
             self.moved_rad = moved_rad if moved_rad >= self.limits.moved_rad else None
         self._keep_contact()
+
+
+STANDS_S = 0.05
+PRESSES_S = 0.05
+FRICTIONS = 2.0
+"""Times what it usually takes to move standing jaws: that much torque, friction may take. Jaws
+that came to rest were held by less, 0.45 N·m on the stiffest gripper considered."""
+TELL_AFTER_S = 1.5
+"""A motion that looks for a stop presses on it for up to 1.0 s: nothing to report."""
+GAP_S = 1.0
+"""Jaws that stop pressing for less than this continue the episode: eased ones move back a bit."""
+TELL_EVERY_S = 60.0
+TELL_MORE = 1.5
+"""How often the same kind of motion is reported at most, and by how much more force at once."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pressing:
+    """What presses for longer than a moment: with `torque_nm` now, and `most_nm` at most so far."""
+
+    torque_nm: float
+    most_nm: float
+
+
+class PressWatch:
+    """Detects jaws that press, from measurements alone, whatever commands them."""
+
+    torque_nm: Carried[float | None] = None
+    """The torque with which standing jaws press (motor's direction), None while they do not."""
+    stands: Carried[bool] = False
+    _window: Carried[SpeedWindow]
+    _presses: Carried[Lasting]
+    _seen_s: Carried[float] = 0.0
+    _began_s: Carried[float | None] = None
+    _pressed_s: Carried[float] = 0.0
+    _most_nm: Carried[float] = 0.0
+    _is_told: Carried[bool] = False
+    NOT_CARRIED = ("_friction_nm", "_told")
+
+    def __init__(self, motor_type: MotorType) -> None:
+        self._friction_nm = FRICTIONS * motor_type.breakaway_nm
+        self._window = SpeedWindow(STANDS_S)
+        self._presses = Lasting(PRESSES_S)
+        self._told: dict[str, tuple[float, float]] = {}
+
+    def reset(self) -> None:
+        """Forget all: the motor is not known to make any torque."""
+        self._window.clear()
+        self._presses.reset()
+        self.torque_nm, self.stands, self._began_s = None, False, None
+
+    def see(self, feedback: Feedback, *, is_held: bool) -> None:
+        """Take a measurement, each once; jaws that hold an object by force press at any torque."""
+        at_s, torque_nm = feedback.at_s, feedback.torque_nm
+        if at_s == self._seen_s:
+            return
+        self._seen_s = at_s
+        speed_rad_s = self._window.add(at_s, feedback.position_rad)
+        self.stands = speed_rad_s is not None and abs(speed_rad_s) < STILL_RAD_S
+        presses = self.stands and (is_held or abs(torque_nm) > self._friction_nm)
+        self.torque_nm = torque_nm if self._presses.step(presses, at_s) else None
+        if self.torque_nm is None:
+            if at_s - self._pressed_s > GAP_S:
+                self._began_s = None
+            return
+        self._pressed_s = at_s
+        if self._began_s is None:
+            self._began_s, self._most_nm, self._is_told = at_s, 0.0, False
+        self._most_nm = max(self._most_nm, abs(torque_nm))
+
+    def take_lasting(self, now_s: float, kind: str) -> Pressing | None:
+        """Return what has pressed for `TELL_AFTER_S`, once; `kind` is the motion that caused it.
+
+        A kind that was reported lately is not reported again, unless it presses much harder.
+        """
+        if self.torque_nm is None or self._began_s is None or self._is_told:
+            return None
+        if self._seen_s - self._began_s < TELL_AFTER_S:
+            return None
+        self._is_told = True
+        told_s, told_nm = self._told.get(kind, (-math.inf, 0.0))
+        if now_s - told_s < TELL_EVERY_S and self._most_nm < TELL_MORE * told_nm:
+            return None
+        self._told[kind] = (now_s, self._most_nm)
+        return Pressing(self.torque_nm, self._most_nm)

@@ -11,9 +11,12 @@ from dataclasses import dataclass, fields
 from typing import TypeAlias
 
 from litegripd.control.authority import Grant, Loss, LossCause
+from litegripd.control.detectors import Pressing
 from litegripd.control.heat import HeatChange, HeatGuard
+from litegripd.control.made_torque import MadeTorque
 from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
+from litegripd.model.gripper import Geometry
 from litegripd.model.motor import (
     LATEST_DISARM_S,
     UNANSWERED,
@@ -32,6 +35,7 @@ from litegripd.model.state import (
     Job,
     JobKind,
     JobState,
+    MoveResult,
     OnLost,
     Owner,
     ReplayResult,
@@ -207,10 +211,18 @@ def job_started(job: Job) -> Event:
     return Event("job_started", text, {**data, "detached": job.detached})
 
 
+NO_STOP = (
+    ": no stop is where the calibration has one: its limits are too wide, or the motor's zero has"
+    " shifted while it was disabled; measure again (litegripctl zero)"
+)
+
+
 def job_ended(job: Job, outcome: Result | Refusal) -> list[Event]:
     """Report how a job ended, and the loss of a gripped object."""
     how = outcome.message if isinstance(outcome, Refusal) else _worded(outcome)
     text = f"job {job.number}: {job.kind} {job.state.value}: {how}"
+    if isinstance(outcome, MoveResult) and outcome.outcome == "no_stop":
+        text += NO_STOP
     reason = outcome.reason if isinstance(outcome, Refusal) else None
     data = {"job": job.number, "state": job.state.value, "reason": reason}
     ended = Event("job_ended", text, data)
@@ -270,6 +282,30 @@ RELEASES_WITHIN_S = LATEST_DISARM_S + 0.1
 daemon no longer takes up a hold, but disables a motor that comes back enabled."""
 
 
+def pressing(lasting: Pressing, geometry: Geometry, kind: JobKind, running: Job | None) -> Event:
+    """Report that the jaws press on something and go on, with the motion that led them there."""
+    pressing_n = abs(geometry.force_n(lasting.torque_nm))
+    most_n = abs(geometry.force_n(lasting.most_nm))
+    lowered = f" ({most_n:.1f} N before)" if most_n > pressing_n * 1.05 else ""
+    state = "has left them there" if running is None else "goes on"
+    text = (
+        f"the jaws press with {pressing_n:.1f} N{lowered} on what is in their way: {kind} {state};"
+        " open them, or let them go with zero_gravity"
+    )
+    number = None if running is None else running.number
+    data = {"pressing_n": round(pressing_n, 1), "most_n": round(most_n, 1), "kind": kind}
+    return Event("pressing", text, {**data, "job": number})
+
+
+def swings(share: float) -> Event:
+    """Report that the jaws swung in a hold, and with what share of its gains they are held now."""
+    text = (
+        f"the jaws swing by themselves: they are held with {share:.0%} of stiffness and damping"
+        " until the motor is enabled again"
+    )
+    return Event("swing", text, {"share": share})
+
+
 def heat_changed(change: HeatChange) -> Event:
     """Report that the coil's heat changes the limit of the torque."""
     data = {"from_nm": _finite(change.from_nm), "to_nm": _finite(change.to_nm)}
@@ -285,6 +321,23 @@ def heat_foretold(force_n: float, bears_s: float, heat: HeatGuard) -> Event:
         f" {heat.limit_c:.0f} °C then, and less force is held"
     )
     return Event("heat", text, {"force_n": force_n, "bears_s": round(bears_s, 1), "coil_c": coil_c})
+
+
+def weak(made: MadeTorque) -> Event:
+    """Report that the motor makes less torque than is commanded, or makes it again."""
+    data: dict[str, object] = {"weak": made.is_weak}
+    data |= {"made_nm": made.made_nm, "commanded_nm": made.commanded_nm, "warning": made.is_weak}
+    text = weak_text(made) if made.is_weak else "the motor makes the commanded torque again"
+    return Event("weak", text, data)
+
+
+def weak_text(made: MadeTorque) -> str:
+    """Return what is wrong with a weak motor, and what to do."""
+    return (
+        f"the motor makes {made.made_nm:.2f} N·m of the commanded {made.commanded_nm:.2f} N·m, by"
+        " its own report: what is held is held by less than was asked for; check the supply's"
+        " voltage and current, the motor's registers OC_Value and KT_Value, and its winding"
+    )
 
 
 def calibrated(calibration: Calibration, file: str | None, doubts: Sequence[str]) -> Event:

@@ -2,14 +2,23 @@
 
 `Gains` are stiffness, damping and lead of position commands, which a torque bounds.
 `CommandLimiter` bounds each command before it is packed, whatever the action asked for. It names
-the limits that changed a command: they appear as `limited` in the state.
+the limits that changed a command: they appear as `limited` in the state. `SwingGuard` bounds the
+gains of holds, and calms what swings.
+
+`Easing` lowers what presses without an end to a gentle press. A finite motion may press hard on its
+way, since it ends by itself. What has no end and no set force may not: a hold that a blocked motion
+leaves behind, one that something has pushed away, a follower whose leader stays closed. A short
+push is to be resisted, so it gets some time. Then its torque is lowered gradually, and an elastic
+object pushes the jaws back. They are not let go: what they hold must not drop.
 """
 
 import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+from litegripd.control.detectors import Lasting, SwingDetector
 from litegripd.control.heat import HeatChange, HeatGuard
+from litegripd.control.made_torque import MadeTorque
 from litegripd.model.calibration import Calibration
 from litegripd.model.gripper import DM4310, Geometry, MotorType
 from litegripd.model.motion_config import (
@@ -39,6 +48,16 @@ class Gains:
         """Return the command for a position, without a torque of its own."""
         return MitCommand(position_rad, velocity_rad_s, self.kp_nm_rad, self.kd_nm_s_rad, 0.0)
 
+    def usual(self) -> "Gains":
+        """Return these gains within the usual ones: a caller's stiffer ones swing some grippers.
+
+        With 500 N·m/rad free jaws swung at 890 mm/s with 9.7 N·m at the end of a fast `move`, on a
+        usual motor; with 200, on one of half the inertia. The motor closes that loop between two
+        commands: no bound of a command holds it.
+        """
+        kp, kd = min(self.kp_nm_rad, MOVING_KP_NM_RAD), min(self.kd_nm_s_rad, MOVING_KD_NM_S_RAD)
+        return Gains(kp, kd)
+
     def reaching(self) -> "Gains":
         """Return these gains, stiff enough to reach a target against friction, and damped for it.
 
@@ -50,9 +69,14 @@ class Gains:
     def following(self) -> "Gains":
         """Return these gains within what reaches a target and is calm on every motor.
 
-        For a file's, where a caller names none: stiffer ones swing some grippers.
+        For a file's, where a caller names none.
         """
-        return Gains(min(self.kp_nm_rad, MOVING_KP_NM_RAD), self.kd_nm_s_rad).reaching()
+        return self.usual().reaching()
+
+    def catching(self) -> "Gains":
+        """Return these gains within what stops running jaws, and does not throw them back."""
+        kp = min(self.kp_nm_rad, MOVING_KP_NM_RAD)
+        return Gains(kp, min(self.kd_nm_s_rad, CALM_KD_NM_S_RAD))
 
 
 DEFAULT_GAINS = Gains(MOVING_KP_NM_RAD, MOVING_KD_NM_S_RAD)
@@ -73,19 +97,6 @@ def gains_of(calibration: Calibration, before: Gains) -> Gains:
 def is_in_press_zone(short_rad: float, geometry: Geometry, config: MotionConfig) -> bool:
     """Return True if jaws `short_rad` short of the stop must press gently from now on."""
     return short_rad <= geometry.to_rad(config.press_zone_mm)
-
-
-LEAST_TRAVEL_NM = 2.0
-"""Friction takes up to 1.4 N·m: what is on the way must get more."""
-
-
-def travel_push_nm(config: MotionConfig, kp_nm_rad: float) -> float:
-    """Return the largest torque of a lead on the way, for a caller or a file with this stiffness.
-
-    Who asks for less than the usual stiffness is pressed with less, as far as friction allows.
-    """
-    share = min(kp_nm_rad / MOVING_KP_NM_RAD, 1.0)
-    return max(share * config.travel_nm, min(LEAST_TRAVEL_NM, config.travel_nm))
 
 
 def lead_within(
@@ -126,12 +137,81 @@ def budgeted(
     return Gains(left_nm / lead_rad, kd), lead_rad
 
 
+LASTING_S = 0.5
+"""A push of this length is resisted; what presses on for longer is an object, or a finger."""
+EASE_NM_S = 8.0
+"""How fast the torque is lowered: 5.4 N·m in 0.6 s. An object of 20 N·m/rad opens the jaws by 21
+mm/s then. At once, it would throw them open by up to 470 mm/s."""
+BACK_S = 0.5
+"""How long a press must be gentle by itself until a push is resisted again."""
+ANOTHER_S = 0.1
+"""After so long without a step it is another hold, or another press."""
+
+
+class Easing:
+    """Bounds the torque of one hold or follower; `most_nm` is infinite while nothing is bounded."""
+
+    most_nm: Carried[float] = math.inf
+    _sign: Carried[float] = 0.0
+    _over: Carried[Lasting]
+    _gentle: Carried[Lasting]
+    _stepped_s: Carried[float | None] = None
+
+    def __init__(self) -> None:
+        self._over = Lasting(LASTING_S)
+        self._gentle = Lasting(BACK_S)
+
+    @property
+    def is_active(self) -> bool:
+        """True while the torque is bounded."""
+        return self.most_nm < math.inf
+
+    def reset(self) -> None:
+        """Bound nothing, and begin to count again."""
+        self.most_nm, self._stepped_s = math.inf, None
+        self._over.reset()
+        self._gentle.reset()
+
+    def begin(self, torque_nm: float, press_nm: float) -> None:
+        """Lower the present torque to `press_nm` from now on: it has lasted already."""
+        self.reset()
+        self.most_nm, self._sign = max(abs(torque_nm), press_nm), math.copysign(1.0, torque_nm)
+
+    def step(
+        self, now_s: float, asked_nm: float, press_nm: float, torque_nm: float, *, stands: bool
+    ) -> float:
+        """Return the bound for a lead that asks for `asked_nm`; `torque_nm` is the present torque.
+
+        Only a lead that asks for more than `press_nm` for `LASTING_S` is bounded, while the jaws
+        stand. One that turns round is another one.
+        """
+        before_s = self._stepped_s
+        is_over = abs(asked_nm) > press_nm
+        has_turned = is_over and asked_nm * self._sign < 0.0
+        if has_turned or (before_s is not None and now_s - before_s > ANOTHER_S):
+            self.reset()
+        self._stepped_s = now_s
+        if not self.is_active:
+            self._sign = math.copysign(1.0, asked_nm)
+            if not self._over.step(is_over and stands, now_s):
+                return math.inf
+            self.most_nm = max(min(abs(asked_nm), abs(torque_nm)), press_nm)
+        elif self._gentle.step(not is_over, now_s):
+            self.reset()
+            return math.inf
+        elapsed_s = 0.0 if before_s is None else max(now_s - before_s, 0.0)
+        self.most_nm = max(self.most_nm - EASE_NM_S * elapsed_s, press_nm)
+        return self.most_nm
+
+
 VENDOR_KD_NM_S_RAD = 2.0
 """The damping of the vendor's SDK, for every command."""
 UNSEEN_RAD_S = 1.0
 """The largest difference of the true speed from the measured one: free jaws gain it from 20 N in
 1 ms, and the motor's own filter hides 1 to 2 ms."""
 
+_MOST_AHEAD_S = 0.02
+"""The longest time that is foretold: an age and a period at 100 Hz. No speed lasts for longer."""
 _KP_MAX = 500.0
 _KD_MAX = 5.0
 _BRAKE_KD_NM_S_RAD = 1.0
@@ -222,7 +302,8 @@ class CommandLimiter:
         within, self._damping = _within_torque(
             inside, feedback, min(budget_nm, allowance_nm), self._most_damping(elapsed_s)
         )
-        within = _within_peak(within, feedback, motor.peak_nm)
+        ahead_s = min(max(now_s - feedback.at_s, 0.0) + elapsed_s, _MOST_AHEAD_S)
+        within = _within_peak(within, feedback, motor.peak_nm, ahead_s)
         if within is not inside and within != inside:
             limited.append("heat" if allowance_nm < budget_nm else "torque")
         within = _within_ranges(within, ranges)  # scaling may round to just outside a range
@@ -347,19 +428,32 @@ def _share(budget_nm: float, asked_nm: float) -> float:
     return 1.0 if asked_nm <= budget_nm else budget_nm / asked_nm
 
 
-def _within_peak(command: MitCommand, feedback: Feedback, peak_nm: float) -> MitCommand:
-    """Lower hard damping until it makes at most the peak torque at the true speed, too.
+def _within_peak(
+    command: MitCommand, feedback: Feedback, peak_nm: float, ahead_s: float
+) -> MitCommand:
+    """Keep what the motor makes by itself until the next command within the peak torque.
 
-    The measured speed is filtered by the motor, and up to two ticks old. The vendor's own damping
-    stays: a stiff command with less of it would swing.
+    The motor closes its loop thousands of times in that time, at a speed and a position that are
+    not known yet: the jaws may go on at their speed for `ahead_s`, or something may stop them at
+    once. Then damping no longer opposes the commanded velocity. So the velocity is lowered, not the
+    damping: stiff commands with less of it would swing.
     """
-    lead_rad = abs(command.position_rad - feedback.position_rad)
-    slip_rad_s = abs(command.velocity_rad_s - feedback.velocity_rad_s) + UNSEEN_RAD_S
-    left_nm = peak_nm - command.kp_nm_rad * lead_rad - abs(command.torque_nm)
-    most_nm_s_rad = max(left_nm / slip_rad_s, VENDOR_KD_NM_S_RAD)
-    if command.kd_nm_s_rad <= most_nm_s_rad:
+    lead_rad = command.position_rad - feedback.position_rad
+    moved_rad = feedback.velocity_rad_s * ahead_s
+    leads_nm = [command.kp_nm_rad * lead_rad, command.kp_nm_rad * (lead_rad - moved_rad)]
+    most_nm, least_nm = max(leads_nm) + command.torque_nm, min(leads_nm) + command.torque_nm
+    velocity_rad_s, kd = command.velocity_rad_s, command.kd_nm_s_rad
+    fed_nm = kd * velocity_rad_s
+    if fed_nm > 0.0 and most_nm + fed_nm > peak_nm:
+        velocity_rad_s = max(peak_nm - most_nm, 0.0) / kd
+    elif fed_nm < 0.0 and least_nm + fed_nm < -peak_nm:
+        velocity_rad_s = min(-peak_nm - least_nm, 0.0) / kd
+    slip_rad_s = abs(velocity_rad_s - feedback.velocity_rad_s) + UNSEEN_RAD_S
+    left_nm = peak_nm - abs(leads_nm[0]) - abs(command.torque_nm)
+    kd = min(kd, max(left_nm / slip_rad_s, VENDOR_KD_NM_S_RAD))
+    if (velocity_rad_s, kd) == (command.velocity_rad_s, command.kd_nm_s_rad):
         return command
-    return replace(command, kd_nm_s_rad=most_nm_s_rad)
+    return replace(command, velocity_rad_s=velocity_rad_s, kd_nm_s_rad=kd)
 
 
 def _within_ranges(command: MitCommand, ranges: Ranges) -> MitCommand:
@@ -388,17 +482,81 @@ def _clamp(value: float, limit: float) -> float:
     return min(max(value, -limit), limit)
 
 
+# Holds that swing. The motor filters the speed that it damps with, and its current follows its
+# command late. With much damping a light motor swings for ever after a push, at 30 to 130 Hz, from
+# one end of its torque to the other; with little damping so does a stiff hold. Friction hides it
+# until something moves the jaws. The motor itself closes this loop, thousands of times a second.
+
+HOLDING_KP_NM_RAD = MOVING_KP_NM_RAD
+HOLDING_KD_NM_S_RAD = 0.6
+"""The most of a hold, on a DM4310: with 0.8 a plant of 1000 swung after a pull, with 2 more of
+them (`python -m tests.plants.holds`, docs/gains.md)."""
+HOLDING_LEAST_KD_NM_S_RAD = 0.4
+CALMER = 0.5
+LEAST_SHARE = CALMER**3
+"""Each time half of both gains, three times at most: less stiffness and less damping, in the same
+ratio, calm any motor."""
+
+
+class SwingGuard:
+    """Bounds the gains of holds, and calms what swings: a hold, or a follower at rest.
+
+    `share` is what is left of the gains, 1 unless something has swung since the motor was enabled.
+    """
+
+    share: Carried[float] = 1.0
+    _detector: Carried[SwingDetector]
+    NOT_CARRIED = ("_most_kd",)
+
+    def __init__(self, motor_type: MotorType = DM4310) -> None:
+        # A rotor that is heavier by a factor bears as much more damping.
+        self._most_kd = HOLDING_KD_NM_S_RAD * motor_type.inertia_kg_m2 / DM4310.inertia_kg_m2
+        self._detector = SwingDetector()
+
+    def bound(self, gains: Gains) -> Gains:
+        """Return the gains of a hold within those that are calm on every motor that was tried."""
+        kp = min(gains.kp_nm_rad, HOLDING_KP_NM_RAD)
+        return Gains(kp, min(max(gains.kd_nm_s_rad, HOLDING_LEAST_KD_NM_S_RAD), self._most_kd))
+
+    def calm(self, command: MitCommand, feedback: Feedback) -> tuple[MitCommand, bool]:
+        """Return a command with the gains that are left, and True if they have just been lowered.
+
+        Only what stands still in its command can be judged; another command starts anew (`rest`).
+        """
+        swings = self._detector.see(feedback)
+        if swings:
+            self._detector.reset()
+        is_lowered = swings and self.share > LEAST_SHARE
+        if is_lowered:
+            self.share *= CALMER
+        if self.share == 1.0:
+            return command, is_lowered
+        kp, kd = self.share * command.kp_nm_rad, self.share * command.kd_nm_s_rad
+        return replace(command, kp_nm_rad=kp, kd_nm_s_rad=kd), is_lowered
+
+    def rest(self) -> None:
+        """Take note that nothing is held by stiffness now."""
+        self._detector.reset()
+
+    def renew(self) -> None:
+        """Begin with the whole gains again: the motor has been enabled anew."""
+        self.share = 1.0
+        self._detector.reset()
+
+
 class Output:
-    """Keeps the wanted command, the sent one, and why they differ."""
+    """Keeps the wanted command, the sent one, why they differ, and what the motor made of it."""
 
     requested: Carried[MitCommand | None] = None
     command: Carried[MitCommand | None] = None
     limited: Carried[tuple[str, ...]] = ()
     heat: Carried[HeatGuard]
+    made: Carried[MadeTorque]
     _limiter: Carried[CommandLimiter]
 
     def __init__(self, motor_type: MotorType = DM4310) -> None:
         self.heat = HeatGuard(motor_type)
+        self.made = MadeTorque()
         self._limiter = CommandLimiter(motor_type)
 
     def send(
@@ -431,4 +589,5 @@ class Output:
         """Take note that the motor gets no command from now on."""
         self.requested, self.command, self.limited = None, None, ()
         self._limiter.unpowered(now_s)
+        self.made.reset()
         return None if feedback is None else self.heat.update(now_s, feedback, 0.0)

@@ -27,7 +27,7 @@ from litegripd.control.admission import (
 from litegripd.control.calibration import Saving, content_of, save_task
 from litegripd.control.controller import Controller
 from litegripd.control.holds import Grip, GripSettings, Hold, Slack
-from litegripd.control.limiter import DEFAULT_GAINS, Gains, travel_push_nm
+from litegripd.control.limiter import DEFAULT_GAINS, Gains
 from litegripd.control.motions.base import ClearFault, Disable, Enable, SetZero
 from litegripd.control.motions.calibrate import Calibrate, CalibrateByHand, Side
 from litegripd.control.motions.grasp import BUDGET_NM, Grasp, GraspRequest
@@ -150,7 +150,7 @@ class MotionRequests:
                 geometry=geometry,
                 config=config,
                 gains=DEFAULT_GAINS,
-                travel_nm=travel_push_nm(config, controller.gains.kp_nm_rad),
+                travel_nm=config.travel_nm,
                 period_s=controller.period_s,
                 limit_rad=geometry.open_rad,
             )
@@ -160,7 +160,7 @@ class MotionRequests:
             speed,
             geometry=geometry,
             config=config,
-            travel_nm=travel_push_nm(config, controller.gains.kp_nm_rad),
+            travel_nm=config.travel_nm,
             period_s=controller.period_s,
         )
         if held is not None and direction == "close":
@@ -231,7 +231,7 @@ class MotionRequests:
             geometry=geometry,
             config=config,
             gains=gains,
-            travel_nm=travel_push_nm(config, min(controller.gains.kp_nm_rad, gains.kp_nm_rad)),
+            travel_nm=config.travel_nm,
             period_s=controller.period_s,
         )
         return controller.begin("move", action, owner, detached)
@@ -243,7 +243,7 @@ class MotionRequests:
             return feedback
         idle = controller.idle
         if isinstance(idle, Slack):  # a new hold would lose the force of the present one
-            idle = Hold(feedback.position_rad, controller.gains)
+            idle = controller.hold_here(feedback)
         elif isinstance(idle, Grip):
             idle.stay()
         position_rad = idle.position_rad if isinstance(idle, Hold) else feedback.position_rad
@@ -265,7 +265,9 @@ class MotionRequests:
         controller, grip = self._controller, self._controller.grip
         running, motor_type = controller.jobs.running, controller.gripper_id.motor_type
         geometry = controller.geometry if grip is None else grip.geometry
-        refusal = None if geometry is None else force_refusal(force_n, geometry, motor_type)
+        refusal = controller.stop_latch.refusal()
+        if refusal is None and geometry is not None:
+            refusal = force_refusal(force_n, geometry, motor_type)
         if refusal is not None:
             return refusal
         if grip is not None and running is not None and running.owner.client == owner.client:

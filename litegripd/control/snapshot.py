@@ -53,13 +53,17 @@ class GripperState:
     motor got, and `limited` names the limits that make the difference. `force_set_n` is the set
     force of a hold by force, None without one and when the motor is off; `is_grasped` is true if
     such a hold has something between the jaws, and None if it had when the motor fell silent,
-    which may have let go. While it is true, `clamp_n` is the interval of the force on the object
-    (friction hides the exact value; the lower end is 0 while the jaws follow an object that gave
-    way), `loss_detection` is true if the loss of the object would be noticed, and
-    `loss_detection_from_n` is the smallest set force with which it would. `work_stroke_mm` is the
-    opening to which `motion.open` goes, None for the open stop. `scale_doubt` says why the
-    calibration's millimetres are probably wrong: "superseded" for the scale of an earlier version,
-    "unusual" for one that no gripper was seen to have.
+    which may have let go. While it is true, `clamp_n` is the interval of the force on the
+    object: friction hides the exact value, and the motor's constant may be off by a tenth. Its
+    lower end is 0 while the jaws follow an object that gave way, and lower with a motor that makes
+    less than is commanded. What pushes the jaws besides the motor is not in it. `loss_detection` is
+    true if the loss of the object would be noticed, and `loss_detection_from_n` is the smallest set
+    force with which it would. `pressing_n` is the force by the motor's torque while the jaws press,
+    in whatever mode: they stand, and the motor makes more torque than friction explains, or they
+    hold by force; None while they do not. Friction may take a part of it, or in jaws that stick
+    all. `work_stroke_mm` is the opening to which `motion.open` goes, None for the open stop.
+    `scale_doubt` says why the calibration's millimetres are probably wrong: "superseded" for the
+    scale of an earlier version, "unusual" for one that no gripper was seen to have.
     """
 
     seq: int
@@ -91,6 +95,7 @@ class GripperState:
     clamp_n: tuple[float, float] | None
     loss_detection: bool | None
     loss_detection_from_n: float | None
+    pressing_n: float | None
     calibrated: bool
     mount: Mount | None
     work_stroke_mm: float | None
@@ -165,6 +170,7 @@ def snapshot(controller: Controller, now_s: float, period_s: float) -> GripperSt
             else detected_from_n is not None and held.force_n >= detected_from_n
         ),
         loss_detection_from_n=detected_from_n,
+        pressing_n=_pressing_n(controller, geometry),
         calibrated=geometry is not None,
         mount=None if geometry is None else geometry.mount,
         work_stroke_mm=controller.calibrated.work_opening_mm,
@@ -182,6 +188,11 @@ def _loss_detected_from_n(
     if held is None or geometry is None or feedback is None:
         return None
     return held.loss_detected_from_n(geometry.opening_mm(feedback.position_rad))
+
+
+def _pressing_n(controller: Controller, geometry: Geometry | None) -> float | None:
+    torque_nm = controller.pressing.torque_nm
+    return None if geometry is None or torque_nm is None else abs(geometry.force_n(torque_nm))
 
 
 def _enabled(motor: MotorView) -> bool | None:

@@ -23,6 +23,10 @@ PRESS_NM_PER_MM = 100.0 / 74.8
 N·m at its kp 100 and 74.8 mm/rad; that torque is what was found right. With other gains or another
 scale the same lead would press with anything from 0.05 to 9 N·m. So the settings keep the vendor's
 names and values, and mean these torques whatever a calibration says."""
+MOST_PUSH_NM = 2.0
+"""No motion pushes harder by itself. Jaws that something has held with this torque, and lets go,
+have 8 mJ before the motor's current follows its damping; with the 5.35 N·m of the vendor's lead
+they had 49. Friction takes up to 1.4 N·m (field use, random plants), so less would not do."""
 REACHING_KP_NM_RAD = 55.0
 """With less, friction keeps the jaws away from a target by more than `reach_tol`: 1.1 N·m on 0.02
 rad."""
@@ -91,13 +95,13 @@ class MotionConfig:
 
     @property
     def travel_nm(self) -> float:
-        """The largest torque of a lead on the way: `max_lead_mm` in N·m."""
-        return self.max_lead_mm * PRESS_NM_PER_MM
+        """The largest torque of a lead on the way: `max_lead_mm` in N·m, `MOST_PUSH_NM` at most."""
+        return min(self.max_lead_mm * PRESS_NM_PER_MM, MOST_PUSH_NM)
 
     @property
     def stop_nm(self) -> float:
-        """The torque that presses on a stop: `stop_lead_mm` in N·m."""
-        return self.stop_lead_mm * PRESS_NM_PER_MM
+        """The torque that presses on a stop: `stop_lead_mm` in N·m, `MOST_PUSH_NM` at most."""
+        return min(self.stop_lead_mm * PRESS_NM_PER_MM, MOST_PUSH_NM)
 
     def changed(
         self, values: Mapping[str, Any], period_s: float, motor_type: MotorType = DM4310

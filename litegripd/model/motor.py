@@ -246,7 +246,8 @@ class MotorView(NamedTuple):
     `last_known` the feedback before the motor fell silent, which is only to be shown, because
     another motor may answer next; `register` is the reply to the latest answered register request;
     `foreign_commands` counts the frames to the motor from other senders, and `foreign_write` is the
-    latest of them that wrote registers.
+    latest of them that wrote registers. `is_short` is the controller's: standing jaws get less
+    torque than is commanded; None while that is not certain yet.
     """
 
     phase: MotorPhase
@@ -262,6 +263,7 @@ class MotorView(NamedTuple):
     zero: ZeroView = ZeroView()
     foreign_commands: int = 0
     foreign_write: RegisterWrite | None = None
+    is_short: bool | None = False
 
     @property
     def has_jumped(self) -> bool:

@@ -17,11 +17,12 @@ MoveOutcome: TypeAlias = Literal[
 arrived."""
 
 GraspOutcome: TypeAlias = Literal[
-    "object_held", "wrong_width", "no_object", "object_lost", "timed_out"
+    "object_held", "wrong_width", "motor_weak", "no_object", "object_lost", "timed_out"
 ]
 """`object_held`: something is held. `wrong_width`: something is held, but not of the width asked
-for. `no_object`: the jaws came to the empty end. `object_lost`: they closed further after a
-grip. `timed_out`: they neither gripped nor arrived."""
+for. `motor_weak`: the jaws stand, but the motor makes less torque than is commanded: what is
+between them is held by less than was asked for. `no_object`: the jaws came to the empty end.
+`object_lost`: they closed further after a grip. `timed_out`: they neither gripped nor arrived."""
 
 ZeroOutcome: TypeAlias = Literal[
     "measured", "implausible_travel", "not_found", "not_confirmed", "not_saved"
@@ -36,11 +37,11 @@ RecordOutcome: TypeAlias = Literal["stopped", "full", "failed"]
 """`stopped`: ended by request. `full`: as long as it could or should be. `failed`: ended early."""
 
 ReplayOutcome: TypeAlias = Literal[
-    "completed", "blocked", "not_aligned", "no_object", "object_lost", "timed_out"
+    "completed", "blocked", "not_aligned", "motor_weak", "no_object", "object_lost", "timed_out"
 ]
 """`completed`: the jaws followed the path to its end. `blocked`: the path ended, but the jaws
 did not get there. `not_aligned`: they did not get to its start. For a repeated grip the outcomes
-of a grasp: `no_object`, `object_lost`, `timed_out`."""
+of a grasp: `motor_weak`, `no_object`, `object_lost`, `timed_out`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +100,8 @@ class GraspResult:
     """How a grasp ended; at its verdict, how it began.
 
     `force_n` is the set force; `cycles` counts the full `hold_interval`s of the hold; `width_mm` is
-    the opening at the verdict, None if nothing was met.
+    the opening at the verdict, None if nothing was met. `speed_mm_s` is how fast the jaws closed:
+    as requested, or slower for a small force; None if they held the object already.
     """
 
     ok: bool
@@ -111,6 +113,7 @@ class GraspResult:
     cycles: int
     width_mm: float | None
     held_s: float
+    speed_mm_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -404,6 +407,9 @@ EventKind: TypeAlias = Literal[
     "object_lost",
     "object_moved",
     "released_by_fault",
+    "weak",
+    "pressing",
+    "swing",
     "heat",
     "calibration",
     "lease",

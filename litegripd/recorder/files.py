@@ -180,7 +180,17 @@ EVENT_SCHEMA: Mapping[str, Any] = {
 }
 _INFO, _WARNING = 2, 3
 _WARNINGS = frozenset(
-    {"stop", "object_lost", "released_by_fault", "heat", "refused", "recorder", "lease_lost"}
+    {
+        "stop",
+        "object_lost",
+        "released_by_fault",
+        "pressing",
+        "heat",
+        "refused",
+        "recorder",
+        "lease_lost",
+        "weak",
+    }
 )
 # Looking up a name in an enumeration is slow, and a dump has tens of thousands of them.
 _PHASE_NAMES = {

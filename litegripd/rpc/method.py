@@ -324,7 +324,7 @@ class Call(NamedTuple):
         return bool(self.params.get("detach", not self.params.get("wait", True)))
 
     def gains(self, base: Gains) -> Gains:
-        """Return `base` with the stiffness and damping that the caller wants; see `gain_params`."""
+        """Return `base` with the gains that the caller wants, up to the usual ones."""
         if not ("kp" in self.params or "kd" in self.params):
             return base
         kp = self.params.get("kp", base.kp_nm_rad)
@@ -332,7 +332,7 @@ class Call(NamedTuple):
         refusal = conflict_refusal(damping_conflict(kp, kd))
         if refusal is not None:
             raise Refused(refusal)
-        return Gains(kp, kd)
+        return Gains(kp, kd).usual()
 
     def config(self, base: MotionConfig, period_s: float, motor_type: MotorType) -> MotionConfig:
         """Return `base` with the changes that the caller wants."""
@@ -517,9 +517,18 @@ def config_param(name: str, description: str) -> Param:
 
 def gain_params(kp: str, kd: str) -> tuple[Param, ...]:
     """Return the parameters of a position command's stiffness and damping, with their defaults."""
+    most_kp, most_kd = (
+        f"more than {most:g} counts as {most:g}" for most in (MOVING_KP_NM_RAD, MOVING_KD_NM_S_RAD)
+    )
     return (
-        Param("kp", "number", f"Stiffness, N·m/rad ({kp}).", minimum=5, maximum=500),
-        Param("kd", "number", f"Damping, at least kp · 0.002 s ({kd}).", minimum=0.1, maximum=5),
+        Param("kp", "number", f"Stiffness, N·m/rad ({kp}; {most_kp}).", minimum=5, maximum=500),
+        Param(
+            "kd",
+            "number",
+            f"Damping, at least kp · 0.002 s ({kd}; {most_kd}).",
+            minimum=0.1,
+            maximum=5,
+        ),
     )
 
 

@@ -254,6 +254,11 @@ _ENTRIES = (
         _with_number(lambda simulator, volts: simulator.wire.gripper.set_supply(volts)),
     ),
     Entry(
+        "weak SHARE",
+        "let the motor make this share of the commanded torque; 1 ends it",
+        _with_number(lambda simulator, share: simulator.wire.gripper.weaken(share)),
+    ),
+    Entry(
         "status CODE",
         "latch a fault, 0x8 to 0xE",
         _with_integer(lambda simulator, code: simulator.wire.gripper.latch_fault(code)),

@@ -6,6 +6,7 @@ leave. It knows no bus and no clock; all times come from the caller.
 
 from __future__ import annotations
 
+import copy
 import math
 import threading
 from dataclasses import replace
@@ -36,6 +37,13 @@ class SimulatedGripper:
         self._plant = Plant(self._parameters)
         self._motor = SimulatedMotor(self._plant, self._parameters, seed=seed)
         self._lock = threading.RLock()
+
+    def fork(self) -> SimulatedGripper:
+        """Return a gripper in the same state, which goes its own way from now on."""
+        other = SimulatedGripper(self._parameters)
+        with self._lock:
+            other._plant, other._motor = copy.deepcopy((self._plant, self._motor))
+        return other
 
     @property
     def parameters(self) -> SimulatorParameters:
@@ -81,6 +89,11 @@ class SimulatedGripper:
     def hand_nm(self) -> float:
         """The torque of the hand that pushes the jaws, positive when it closes them."""
         return self._plant.hand_nm
+
+    @property
+    def made_share(self) -> float:
+        """The share of the commanded torque that the motor makes."""
+        return self._plant.made_share
 
     @property
     def is_held(self) -> bool:
@@ -237,6 +250,16 @@ class SimulatedGripper:
             if not self._motor.is_powered:
                 raise ValueError("the motor is switched off and latches nothing; switch it on")
             self._motor.latch_fault(status)
+
+    def weaken(self, made_share: float) -> None:
+        """Let the motor make, and report, this share of the commanded torque; 1 ends it.
+
+        Raises `ValueError` for a share outside 0 to 1.
+        """
+        if not 0.0 <= made_share <= 1.0:
+            raise ValueError(f"made_share must be 0 to 1, not {made_share!r}")
+        with self._lock:
+            self._plant.made_share = made_share
 
     def jam(self) -> None:
         """Let the rotor be stuck where it is, whatever pushes it."""

@@ -25,7 +25,8 @@ class GripperOf(Protocol):
 FAULTS: Mapping[str, int] = {
     status.name.lower(): int(status) for status in Status if is_fault(status)
 }
-SILENT = "silent"
+SILENT, WEAK = "silent", "weak"
+WEAK_SHARE = 0.15
 RATED_SUPPLY_V = 24.0
 SLIPS_FROM_NM = 0.3
 """An object that slips does so while it is pressed with more than this."""
@@ -48,6 +49,7 @@ class SimulatedWorld(TypedDict):
     push_nm: float
     held: bool
     powered: bool
+    made_share: float
     coil_c: float
     watchdog_s: float
 
@@ -65,7 +67,8 @@ class SimMethods:
         "Describe the world of the simulated gripper.",
         "The object between the jaws, or null; the true opening; the torque that the object feels;"
         " the torque of a hand, positive when it closes; whether the jaws are held; whether the"
-        " motor has power; its coil's temperature; after how long without a command it disarms.",
+        " motor has power, and which share of its torque it makes; its coil's temperature; after"
+        " how long without a command it disarms.",
         SimulatedWorld,
     )
     def _get(self, _call: Call) -> Answer:
@@ -158,17 +161,18 @@ class SimMethods:
 
     @Method(
         "sim.fault",
-        "Let the motor latch a fault, which motor.clear_fault ends; or let it lose its power, until"
-        " sim.reset.",
+        "Let the motor latch a fault, which motor.clear_fault ends; or let it lose its power, or"
+        " most of its torque, until sim.reset.",
         "The world.",
         SimulatedWorld,
         (
             Param(
                 "name",
                 "string",
-                f"The fault; {SILENT}: no power, so the motor answers nothing.",
+                f"The fault; {SILENT}: no power, so the motor answers nothing; {WEAK}: it makes"
+                f" {WEAK_SHARE:.0%} of the commanded torque.",
                 required=True,
-                choices=(*FAULTS, SILENT),
+                choices=(*FAULTS, SILENT, WEAK),
             ),
         ),
         role="admin",
@@ -177,6 +181,8 @@ class SimMethods:
         name = str(call.params["name"])
         if name == SILENT:
             return self._do(lambda gripper: gripper.power_off())
+        if name == WEAK:
+            return self._do(lambda gripper: gripper.weaken(WEAK_SHARE))
         return self._do(lambda gripper: gripper.latch_fault(FAULTS[name]))
 
     @Method(
@@ -201,8 +207,8 @@ class SimMethods:
 
     @Method(
         "sim.reset",
-        "Take the object and the hand away, cool the coil, and give power; a motor with a fault, or"
-        " without power, is switched off and on, so it is disabled then.",
+        "Take the object and the hand away, cool the coil, and give power and torque; a motor with"
+        " a fault, or without power, is switched off and on, so it is disabled then.",
         "The world.",
         SimulatedWorld,
         role="admin",
@@ -238,6 +244,7 @@ def world_of(gripper: "SimulatedGripper") -> dict[str, Any]:
         "push_nm": gripper.hand_nm,
         "held": gripper.is_held,
         "powered": gripper.motor.is_powered,
+        "made_share": gripper.made_share,
         "coil_c": gripper.motor.coil_c,
         "watchdog_s": gripper.motor.disarms_after_s,
     }
@@ -248,6 +255,7 @@ def _reset(gripper: "SimulatedGripper") -> None:
     gripper.free()
     gripper.push(0.0)
     gripper.remove_object()
+    gripper.weaken(1.0)
     gripper.set_supply(RATED_SUPPLY_V)
     gripper.heat_coil(gripper.parameters.ambient_c)
     if not gripper.motor.is_powered or is_fault(gripper.motor.status):

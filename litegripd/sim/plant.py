@@ -105,6 +105,7 @@ class SimulatorParameters:
     braking_nm_s_rad: float = DM4310.braking_nm_s_rad
     current_lag_s: float = 1.0e-3
     torque_filter_s: float = 4.5e-3
+    torque_factor: float = 1.0  # the true torque as a share of what the motor believes and reports
 
     # What the firmware measures. The speed filter is register 32, V_BW: 0 to 500. The maker names
     # no unit. It is taken as the corner of a first-order filter in Hz: field trials found a lag of
@@ -213,6 +214,7 @@ _MUST_BE_POSITIVE = frozenset(
         "closed_springback_rad",
         "open_stiffness_nm_rad",
         "torque_constant_nm_a",
+        "torque_factor",
         "current_limit_a",
         "phase_resistance_ohm",
         "no_load_speed_rad_s",
@@ -302,6 +304,8 @@ class Plant:
         if p.encoder_counts_per_rad:
             self._seen, _ = self._count(self._s, self._s, 0.0)
         self._most = math.inf
+        self.made_share = 1.0
+        """The motor makes, and reports, this share of the commanded torque."""
         self._heat_nm2 = 0.0
         self._object_at = math.inf
         self.jam(jammed=False)
@@ -338,11 +342,11 @@ class Plant:
     @property
     def motor_torque_nm(self) -> float:
         """Torque that the motor makes now, in the motor's direction."""
-        return self._sign * self._torque
+        return self._sign * self._torque * self._p.torque_factor
 
     @property
     def measured_torque_nm(self) -> float:
-        """The same torque through the filter of the motor's own report."""
+        """The torque by the motor's own account, through the filter of its report."""
         return self._sign * self._measured
 
     @property
@@ -461,22 +465,24 @@ class Plant:
         gain, current_decay, filter_decay = self._gain, self._current_decay, self._filter_decay
         moving_drag, still_drag = self._drags
         filtered, speed_decay, seen = self._filtered, self._speed_decay, self._seen
+        made_share, factor = self.made_share, self._p.torque_factor
         limit, has_steps = min(limit, self._most), self._p.encoder_counts_per_rad > 0.0
         heat = self._heat_nm2  # added to step by step: its rounding is the same for all slices
         done = 0
         for done in range(1, steps + 1):  # noqa: B007 - read after an early end
             wanted = kp * (position - seen) + kd * (velocity - filtered) + feed_forward
+            wanted *= made_share
             if not (-limit <= wanted <= limit and -knee <= v <= knee):
                 wanted = self._attainable(wanted, v)
             torque = wanted + (torque - wanted) * current_decay
             measured = torque + (measured - torque) * filter_decay
             heat += torque * torque
             if free_from < s < free_until:
-                swing = v + gain * (torque + hand)
+                swing = v + gain * (torque * factor + hand)
                 drag = moving_drag if v else still_drag
                 damping = free_damping
             else:
-                force, damping, drag = self._resist(s, v, torque + hand)
+                force, damping, drag = self._resist(s, v, torque * factor + hand)
                 swing = v + gain * force
                 free_until = self._free_to
             if swing > drag + _STILL_RAD_S:

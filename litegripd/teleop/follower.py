@@ -6,17 +6,31 @@ they return. The command's lead over the measured position is capped as in every
 the frames say. Damping relative to a velocity is also a torque: it would push blocked jaws with kd
 times the leader's whole speed.
 
+Jaws that stand and press with more than a press, while the leader stays closed, press with no more
+than that after a while: a hand at a leader does not feel a finger between the jaws. A force limit
+that the caller sets is what may last instead.
+
 A guard releases what the jaws press too hard for too long. Its times and thresholds are those of
 the vendor's SDK, but in seconds instead of cycles: they are the same at every rate.
 """
 
+import math
 from collections import deque
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
+from litegripd.control.detectors import STILL_RAD_S, Lasting, SpeedWindow
 from litegripd.control.holds import Hold, Idle, Slack
-from litegripd.control.limiter import Gains, budgeted, clamp_lead, is_in_press_zone
+from litegripd.control.limiter import (
+    CALM_KD_NM_S_RAD,
+    Easing,
+    Gains,
+    budgeted,
+    clamp_lead,
+    is_in_press_zone,
+)
 from litegripd.control.motions.base import Step, progress_of
+from litegripd.control.motions.move import SPEED_UP_RAD_S2, SPEED_UP_S
 from litegripd.model.gripper import FASTEST_RAD_S, Geometry
 from litegripd.model.motion_config import MOVING_KP_NM_RAD, REACHING_KP_NM_RAD, MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorView
@@ -31,14 +45,17 @@ from litegripd.model.teleop import (
 from litegripd.teleop.intake import MOST_ROUND_TRIP_S, Intake
 from litegripd.teleop.link import Link, ReportEvent, TeleopAction
 
-MOST_NM = 5.5
-"""The jaws are pushed with at most this, whatever `max_lead_mm` is."""
-
 _SAMPLES = 3
 """A measured velocity is a tick or two old. Used at once, it would make the jaws shake from tick to
 tick; the slowest of this many values does not."""
 
 _SLOWEST_RAD_S = 1e-3
+
+_STANDS_S = 0.05
+_FREE_RAD_S = 0.15
+_FREE_S = 0.05
+"""Eased jaws that are this fast, 8 mm/s, meet nothing any more: what yields by itself is slower.
+Free jaws come to 0.25 rad/s against the largest friction considered."""
 
 
 class FollowerCommand:
@@ -65,8 +82,11 @@ class FollowerCommand:
         self._gains = gains
         self._period_s = period_s
         limit_nm = None if force_limit_n is None else geometry.torque_nm(force_limit_n)
-        self._limit_nm = None if limit_nm is None else min(limit_nm, MOST_NM)
+        self._limit_nm = None if limit_nm is None else min(limit_nm, config.travel_nm)
         self._measured: deque[float] = deque(maxlen=_SAMPLES)
+        self._window = SpeedWindow(_STANDS_S)
+        self._free = Lasting(_FREE_S)
+        self._easing = Easing()
 
     @property
     def commanded_rad(self) -> float | None:
@@ -78,6 +98,7 @@ class FollowerCommand:
         self.hold = Hold(here_rad, self._gains)
         self.velocity_rad_s = 0.0
         self.is_limited = False
+        self._easing.reset()
 
     def within_reach(self, wanted_rad: float, here_rad: float) -> float:
         """Return how far towards `wanted_rad` the command can lead jaws at rest at `here_rad`."""
@@ -91,11 +112,20 @@ class FollowerCommand:
         of every motion, unless the jaws themselves are elsewhere: frames that arrive late and
         together do not turn the command round.
         """
-        velocity_rad_s = min(max(velocity_rad_s, -FASTEST_RAD_S), FASTEST_RAD_S)
+        # What is fed grows as slowly as in a move, and falls at once: frames that leap to and fro
+        # would shake the jaws.
+        most_rad_s = max(
+            math.copysign(self.velocity_rad_s, velocity_rad_s * self.velocity_rad_s), 0.0
+        )
+        most_rad_s = min(most_rad_s + SPEED_UP_RAD_S2 * self._period_s, FASTEST_RAD_S)
+        velocity_rad_s = min(max(velocity_rad_s, -most_rad_s), most_rad_s)
         here_rad, before_rad = feedback.position_rad, self.commanded_rad
         self._measured.append(feedback.velocity_rad_s)
         gains, lead_rad = self._bounds(wanted_rad, velocity_rad_s, here_rad)
+        lead_rad = self._eased(feedback, wanted_rad, gains, lead_rad)
         self.is_limited = clamp_lead(wanted_rad, here_rad, lead_rad) != wanted_rad
+        if self.is_limited and self._limit_nm is None:  # they must not creep behind their leader
+            gains = Gains(gains.kp_nm_rad, min(gains.kd_nm_s_rad, CALM_KD_NM_S_RAD))
         most_rad = min(lead_rad, FASTEST_RAD_S * self._period_s)
         step_to_rad = (
             wanted_rad if before_rad is None else clamp_lead(wanted_rad, before_rad, most_rad)
@@ -105,8 +135,25 @@ class FollowerCommand:
             ahead_rad = commanded_rad - here_rad
             velocity_rad_s = self._fed(velocity_rad_s, gains, lead_rad, ahead_rad)
         self.velocity_rad_s = velocity_rad_s
-        self.hold = Hold(commanded_rad, gains)
+        self.hold = Hold(commanded_rad, gains, self._limit_nm)
         return gains.at(commanded_rad, velocity_rad_s)
+
+    def _eased(self, feedback: Feedback, wanted_rad: float, gains: Gains, lead_rad: float) -> float:
+        """Return the largest lead: smaller for jaws that have pressed on something for long."""
+        here_rad, at_s = feedback.position_rad, feedback.at_s
+        speed_rad_s = self._window.add(at_s, here_rad)
+        if self._limit_nm is not None:
+            return lead_rad
+        ahead_rad = clamp_lead(wanted_rad, here_rad, lead_rad) - here_rad
+        runs = speed_rad_s is not None and speed_rad_s * ahead_rad > _FREE_RAD_S * abs(ahead_rad)
+        if self._free.step(runs, at_s):
+            self._easing.reset()
+        stands = speed_rad_s is not None and abs(speed_rad_s) < STILL_RAD_S
+        asked_nm = gains.kp_nm_rad * ahead_rad
+        most_nm = self._easing.step(
+            at_s, asked_nm, self._config.stop_nm, feedback.torque_nm, stands=stands
+        )
+        return lead_rad if abs(asked_nm) <= most_nm else most_nm / gains.kp_nm_rad
 
     def _bounds(
         self, wanted_rad: float, velocity_rad_s: float, here_rad: float
@@ -117,7 +164,7 @@ class FollowerCommand:
         limit_rad = geometry.closed_rad if closing else geometry.open_rad
         config = self._config
         presses = is_in_press_zone(abs(limit_rad - here_rad), geometry, config)
-        push_nm = min(config.stop_nm if presses else config.travel_nm, MOST_NM)
+        push_nm = config.stop_nm if presses else config.travel_nm
         usual_kp = min(max(gains.kp_nm_rad, REACHING_KP_NM_RAD), MOVING_KP_NM_RAD)  # kp may be 0
         cap_rad = push_nm / usual_kp
         if self._limit_nm is None:
@@ -260,6 +307,7 @@ class TeleopFollower(TeleopAction):
         self._reference_rad: float | None = None
         self._ahead_rad = 0.0
         """By how much the leader was ahead of the reference in the tick before, while aligning."""
+        self._align_rad_s = 0.0
         self._leading = FollowerCommand(
             course.geometry,
             course.config,
@@ -393,22 +441,28 @@ class TeleopFollower(TeleopAction):
         target_rad = self._target_rad(openness)
         if self._intake.begins != self._begins:
             self._begins, self._ahead_rad = self._intake.begins, 0.0
+            self._align_rad_s = 0.0
             self._enter("aligning")
         if self._phase != "following":
             if self._phase != "aligning":
-                self._ahead_rad = 0.0
+                self._ahead_rad = self._align_rad_s = 0.0
             self._enter("aligning")
-            self._align(target_rad, elapsed_s, here_rad)
-            return lead(self._reference_rad, 0.0, feedback)
+            velocity_rad_s = self._align(target_rad, elapsed_s, here_rad)
+            return lead(self._reference_rad, velocity_rad_s, feedback)
         self._reference_rad = target_rad
         return lead(target_rad, self._velocity_rad_s(now_s), feedback)
 
-    def _align(self, target_rad: float, elapsed_s: float, here_rad: float) -> None:
-        """Go towards the leader at a bounded speed, from a position that can lead the jaws."""
+    def _align(self, target_rad: float, elapsed_s: float, here_rad: float) -> float:
+        """Go towards the leader at a bounded speed, from a position that can lead the jaws.
+
+        Returns the velocity of the way there, 0 once it has been met.
+        """
         geometry, config = self._course.geometry, self._course.config
         from_rad = self._reference_rad if self._reference_rad is not None else here_rad
         from_rad = self._leading.within_reach(from_rad, here_rad)
-        step_rad, ahead_rad = geometry.to_rad(config.speed_mm_s) * elapsed_s, target_rad - from_rad
+        most_rad_s = geometry.to_rad(config.speed_mm_s)
+        self._align_rad_s = min(self._align_rad_s + most_rad_s * elapsed_s / SPEED_UP_S, most_rad_s)
+        step_rad, ahead_rad = self._align_rad_s * elapsed_s, target_rad - from_rad
         if self._ahead_rad * ahead_rad < 0.0 and abs(ahead_rad) <= FASTEST_RAD_S * elapsed_s:
             self._reference_rad = target_rad  # it came towards the jaws, and passed them
         else:
@@ -416,6 +470,8 @@ class TeleopFollower(TeleopAction):
         self._ahead_rad = target_rad - self._reference_rad
         if self._reference_rad == target_rad:
             self._enter("following")
+            return 0.0
+        return math.copysign(min(self._align_rad_s, self._course.settings.dq_max_rad_s), ahead_rad)
 
     def _target_rad(self, openness: float) -> float:
         """Return the leader's openness as a position within our own travel."""

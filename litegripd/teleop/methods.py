@@ -128,7 +128,9 @@ class Teleoperation:
                 link, options, self._report, geometry=geometry, rate_hz=rate_hz, settings=settings
             )
         else:
-            course = Course(geometry, config, gains, settings, controller.period_s, self._sender)
+            course = Course(
+                geometry, config, gains.usual(), settings, controller.period_s, self._sender
+            )
             action = TeleopFollower(link, options, self._report, course)
         action.is_warned = warning is not None
         self._action = action
@@ -277,14 +279,16 @@ _HOW = (
     Param(
         "force_limit_n",
         "number",
-        "A slave pushes by no more (default: as its gains and the lead's cap make it).",
+        "A slave pushes by no more (default: as its gains and the lead's cap make it, and after"
+        " 0.5 s on the same thing by no more than the torque of a press, stop_lead_mm).",
         minimum=1,
         maximum=55,
     ),
     Param(
         "kp",
         "number",
-        "A slave's stiffness, N·m/rad (default: the calibration's, within 55 to 100).",
+        "A slave's stiffness, N·m/rad, more than 100 counts as that (default: the calibration's,"
+        " within 55 to 100).",
         False,
         1,
         500,
@@ -292,7 +296,8 @@ _HOW = (
     Param(
         "kd",
         "number",
-        "A slave's damping, N·m·s/rad, at least kp · 0.002 s (default: the calibration's).",
+        "A slave's damping, N·m·s/rad, at least kp · 0.002 s, more than 2 counts as that (default:"
+        " the calibration's).",
         minimum=0,
         maximum=5,
     ),

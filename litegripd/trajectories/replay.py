@@ -20,6 +20,7 @@ from litegripd.control.holds import Grip, Hold, Idle
 from litegripd.control.limiter import Gains, budgeted, clamp_lead
 from litegripd.control.motions.base import PlainAction, Step
 from litegripd.control.motions.grasp import Grasp, GraspRequest
+from litegripd.control.motions.move import SPEED_UP_RAD_S2
 from litegripd.model.errors import Refusal, at_most
 from litegripd.model.gripper import Geometry, MotorType
 from litegripd.model.motion_config import MotionConfig, fastest_mm_s
@@ -46,6 +47,7 @@ class Follower:
         self._period_s = period_s
         self._was_s: float | None = None
         self._was_rad = 0.0
+        self._velocity_rad_s = 0.0
 
     @property
     def reference_rad(self) -> float | None:
@@ -54,7 +56,7 @@ class Follower:
 
     def reset(self) -> None:
         """Begin at the next step from where the jaws are then."""
-        self.hold, self._was_s = None, None
+        self.hold, self._was_s, self._velocity_rad_s = None, None, 0.0
 
     def step(
         self, now_s: float, feedback: Feedback, target_rad: float, speed_rad_s: float
@@ -67,9 +69,11 @@ class Follower:
         if self._was_s is None:
             self._was_s, self._was_rad = now_s, feedback.position_rad
         elapsed_s = max(now_s - self._was_s, 0.0)
-        most_rad = speed_rad_s * elapsed_s
+        faster_rad_s = abs(self._velocity_rad_s) + SPEED_UP_RAD_S2 * elapsed_s
+        most_rad = min(speed_rad_s, faster_rad_s) * elapsed_s
         step_rad = min(max(target_rad - self._was_rad, -most_rad), most_rad)
         velocity_rad_s = step_rad / elapsed_s if elapsed_s > 0.0 else 0.0
+        self._velocity_rad_s = velocity_rad_s
         speed = max(abs(velocity_rad_s), _SLOWEST_RAD_S)
         gains, lead_rad = budgeted(self._torque_nm, speed, self._gains, self._period_s)
         reference_rad = clamp_lead(self._was_rad + step_rad, feedback.position_rad, lead_rad)
@@ -176,6 +180,7 @@ def grips_refusal(
 
 
 _MISSED: Mapping[str, ReplayOutcome] = {
+    "motor_weak": "motor_weak",
     "no_object": "no_object",
     "object_lost": "object_lost",
     "timed_out": "timed_out",

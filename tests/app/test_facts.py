@@ -195,6 +195,23 @@ def test_a_second_master_that_is_tolerated_only_degrades(is_tolerated: bool) -> 
     assert ("result" in client.call("motion.hold")) is is_tolerated
 
 
+def test_a_motor_that_makes_less_than_is_commanded_degrades_the_gripper() -> None:
+    world = World()
+    client = world.enabled()
+    world.gripper.put_object(width_mm=50.0)
+    client.result("motion.grasp", force_n=20.0, until="verdict")
+    world.run(1.0)
+    assert verdict(world) == ("ok", [])
+    world.gripper.weaken(0.15)
+    world.run(0.5)
+    level, (reason,) = verdict(world)
+    assert level == "degraded"
+    assert "makes 0.30 N·m of the commanded 2.0" in reason
+    world.gripper.weaken(1.0)
+    world.run(0.5)
+    assert verdict(world) == ("ok", [])
+
+
 def test_a_helper_that_is_gone_is_told_to_be_started_again() -> None:
     told, reasons = verdict(World().start(), helper_runs=False)
     assert told == "degraded"

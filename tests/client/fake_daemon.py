@@ -43,6 +43,7 @@ STATE: dict[str, Any] = {
     "clamp_n": None,
     "loss_detection": None,
     "loss_detection_from_n": None,
+    "pressing_n": None,
     "limited": [],
     "calibrated": True,
     "mount": "reverse",

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from litegrip_client.ctl.commands.state import state_line
 from tests.client.fake_daemon import HELLO, MOVE, STATE, FakeDaemon, Request
 from tests.client.helpers import Ctl
 
@@ -356,6 +357,13 @@ def test_what_is_held_is_shown_with_what_it_may_feel(
     if told["loss_detection"] is False:
         line += "; its loss would be noticed from 24.0 N on"
     assert line in ctl("state")[1].splitlines()
+
+
+def test_what_presses_is_shown_in_whatever_mode(daemon: FakeDaemon, ctl: Ctl) -> None:
+    daemon.handlers["state.get"] = lambda request: {**STATE, "pressing_n": 9.43}
+    assert "pressing     with about 9.4 N" in ctl("state")[1].splitlines()
+    assert "pressing 9.4 N" in state_line({**STATE, "pressing_n": 9.43})
+    assert "pressing" not in state_line(STATE)
 
 
 def test_a_state_of_an_older_daemon_is_shown_without_what_it_does_not_tell(

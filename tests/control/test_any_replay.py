@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from litegrip_client.protocol.trajectory import TaughtGrip, pack_grips
-from litegripd.control.holds import Slack
+from litegripd.control.holds import LARGEST, Slack
 from litegripd.control.limiter import DEFAULT_GAINS, torque_bound_nm
-from litegripd.control.motions.grasp import BUDGET_NM
+from litegripd.control.motions.grasp import FIRM_NM, TOUCH_SHARE
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import DM4310, FASTEST_MM_S, Geometry
 from litegripd.model.motion_config import MotionConfig
@@ -205,6 +205,8 @@ def test_whatever_the_grips_no_command_is_stronger_than_its_phase_allows(
     jaws.position_rad = GEOMETRY.position_rad(0.9)
     began_s = jaws.now_s
     held_nm = max(grip.force_n for grip in grips) / 10.0
+    load_nm = LARGEST * DM4310.coulomb_nm  # what these jaws may have shown on their way
+    touch_nm = load_nm + min(max(TOUCH_SHARE * held_nm, FIRM_NM[0]), FIRM_NM[1])
     for _ in range(round(repeat * (20.0 + 8.0 * len(grips)) / PERIOD_S)):
         if gone_s is not None and jaws.now_s - began_s > gone_s:
             jaws.obstacle_rad = math.inf
@@ -213,7 +215,7 @@ def test_whatever_the_grips_no_command_is_stronger_than_its_phase_allows(
         is_held = jaws.replay.grips.held is not None
         if command is not None:
             assert GEOMETRY.open_rad - 1e-9 <= command.position_rad <= GEOMETRY.closed_rad + 1e-9
-            most_nm = max(torque_nm, BUDGET_NM, held_nm if was_held or is_held else 0.0)
+            most_nm = max(torque_nm, touch_nm, held_nm if was_held or is_held else 0.0)
             speed_rad_s = command.velocity_rad_s if was_held or is_held else 0.0
             standing = Feedback(1, at_rad, speed_rad_s, 0.0, 30, 30, 0.0)
             assert torque_bound_nm(command, standing) <= most_nm * (1.0 + 1e-9)

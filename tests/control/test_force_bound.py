@@ -7,6 +7,7 @@ import pytest
 
 from litegripd.model.calibration import NOMINAL, Calibration
 from litegripd.model.gripper import DM4310, FORCE_PER_TORQUE_N_NM
+from litegripd.model.motion_config import MotionConfig
 from litegripd.sim.plant import SimulatorParameters
 from tests.world import Client, World
 
@@ -58,15 +59,21 @@ def test_until_the_coil_is_hot() -> None:
     assert world.state.is_grasped
 
 
-def test_what_is_no_hold_by_force_gets_the_rating_for_long() -> None:
-    """Jaws that hold a place against a hand are no grip."""
+def test_what_is_no_hold_by_force_resists_a_push_and_presses_gently_for_long() -> None:
+    """Jaws that hold a place against a hand are no grip: nobody has set a force."""
     world = World()
     client = world.enabled()
     client.result("motion.hold")
+    here_mm = world.gripper.opening_mm
+    world.gripper.push(-2.5)
+    world.run(0.4)
+    assert abs(world.gripper.motor_torque_nm) == pytest.approx(2.5, abs=0.3)
     world.gripper.push(-6.0)
     world.run(4.0)
-    assert abs(world.gripper.motor_torque_nm) <= DM4310.rated_nm + CODE_NM
-    assert "torque" in world.state.limited
+    assert abs(world.gripper.motor_torque_nm) <= MotionConfig().stop_nm + CODE_NM
+    world.gripper.push(0.0)
+    world.run(3.0)
+    assert world.gripper.opening_mm == pytest.approx(here_mm, abs=0.3)
 
 
 @pytest.mark.parametrize("method", ["motion.grasp", "motion.set_force"])

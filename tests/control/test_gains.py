@@ -8,6 +8,7 @@ from litegripd.control.limiter import DEFAULT_GAINS, Gains
 from litegripd.model.calibration import Calibration
 from litegripd.model.motion_config import LEAST_DAMPING_S, damping_conflict
 from tests.control.replays import SLOW
+from tests.plants.holds import unguard
 from tests.plants.parameters import PlantParameters
 from tests.plants.world import PlantWorld
 from tests.trajectories import uploaded
@@ -23,6 +24,7 @@ def shaken_mm_s(gains: Gains) -> float:
     assert geometry is not None
     kp, kd = gains.kp_nm_rad, gains.kd_nm_s_rad
     world.controller.use_calibration(Calibration(geometry, kp_nm_rad=kp, kd_nm_s_rad=kd))
+    unguard(world.controller)
     world.enabled()
     world.mechanics.rotor_rad_s += 3.0
     world.run(1.0)

@@ -286,7 +286,7 @@ def test_jaws_that_cannot_keep_up_do_not_shake(more: dict[str, Any]) -> None:
     if "kp" not in more:
         assert len(shaking) <= 2
     assert len(shaking) <= 20  # so stiff, a motor that filters its speed swings, but not for long
-    assert not set(shaking) & set(turns[120:])
+    assert not set(shaking) & set(turns[180:])  # jaws that were left behind arrive by then
 
 
 @pytest.mark.parametrize("ticks", range(6))
@@ -299,7 +299,8 @@ def test_jaws_that_are_about_to_go_are_stopped_where_they_are(ticks: int) -> Non
     before_mm = world.gripper.opening_mm
     follower.client.result("stop")
     world.run(0.6)
-    assert world.gripper.opening_mm == pytest.approx(before_mm, abs=0.016 * MM_RAD)
+    # Running ones go on by a millimetre: a hold where they were measured would throw them back.
+    assert world.gripper.opening_mm == pytest.approx(before_mm, abs=0.02 * MM_RAD)
 
 
 def test_jaws_whose_object_gives_way_go_on_slowly() -> None:

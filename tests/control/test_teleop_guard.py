@@ -10,9 +10,9 @@ from tests.control.teleop_scene import OBJECT_MM, TRAVEL_MM, Follower, TeleopWor
 from tests.world import PERIOD_S
 
 
-def pressing(limit_nm: float = 1.0, rate_hz: float = 200.0) -> Follower:
+def pressing(limit_nm: float = 1.0, rate_hz: float = 200.0, **more: Any) -> Follower:
     """Return a follower that has run onto a rigid object."""
-    follower = following(torque_limit_nm=limit_nm)
+    follower = following(torque_limit_nm=limit_nm, **more)
     follower.world.gripper.put_object(width_mm=OBJECT_MM)
     follower.lead(sweep(0.5, 0.3, 0.6), 0.8, rate_hz)
     return follower
@@ -118,7 +118,7 @@ def test_without_a_limit_it_presses_on() -> None:
     follower.stay(0.3, 0.5)
     status = follower.status()
     assert (status["over_torque"], status["torque_trips"]) == (False, 0)
-    assert status["torque_nm"] > 2.0
+    assert status["torque_nm"] == pytest.approx(follower.world.controller.config.stop_nm, abs=0.1)
 
 
 def test_a_short_thump_does_not_trip() -> None:
@@ -195,8 +195,8 @@ def test_jaws_on_their_way_stop_where_they_are(how: str) -> None:
 
 def test_a_stop_holds_at_the_present_angle_but_a_loss_keeps_the_force() -> None:
     for how, share in (("teleop.stop", 0.3), ("leave", 1.0)):
-        follower = pressing(limit_nm=0.0)
-        follower.stay(0.39, 0.5)
+        follower = pressing(limit_nm=0.0, force_limit_n=20.0)
+        follower.stay(0.3, 0.5)
         before_nm = follower.world.state.torque_nm or 0.0
         assert before_nm > 1.5
         stop_by(follower.world, follower, how)

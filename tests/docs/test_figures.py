@@ -3,11 +3,14 @@
 import random
 from pathlib import Path
 
-from bench import grasps, holding, presses
-from bench.grasps import line
+from bench import damaged, grasps, holding, presses, touch, worst
+from bench.presses import kinetic_mj
 from bench.rig import Rig
+from bench.tables import line
 from bench.teleop_follow import WAYS
 from bench.teleop_lossy import NETWORKS, after_cut, tracking
+from litegripd.model.gripper import DM4310
+from litegripd.model.motion_config import ranges_of
 
 
 def page(name: str) -> list[str]:
@@ -29,6 +32,35 @@ def test_the_figures_of_safety_are_those_of_its_bench() -> None:
         assert line(presses.pressed_row(name, by_name[name])) in page("safety")
     assert line(presses.free_row(150.0)) in page("safety")
     assert line(presses.lost_row(40.0)) in page("safety")
+    assert line(damaged.field_row("a hold")) in page("safety")
+
+
+def test_each_method_that_moves_has_its_worst_on_the_page() -> None:
+    assert set(worst.CALLS) == worst.MOVING
+    names = [cells[0] for cells in worst_rows()]
+    assert {f"`{method}`" for method in worst.MOVING} <= set(names)
+    limits = " ".join(names)
+    assert all(f"`{name}`" in limits for name in ranges_of(DM4310))
+    for name in ("motion.move", "stop.clear"):
+        scenes = worst.everywhere(worst.CALLS[name])
+        assert [f"`{name}`", *worst.worst(scenes).cells()] in worst_rows()
+
+
+def test_only_physics_throws_the_jaws() -> None:
+    """On the page; the bench that writes it measures."""
+    most_mj = kinetic_mj(worst.MOST_MM_S)
+    for name, mm_s, energy_mj, *_ in worst_rows():
+        if not worst.is_forced(name):
+            assert float(mm_s) <= worst.MOST_MM_S, name
+            assert float(energy_mj) <= most_mj, name
+
+
+def worst_rows() -> list[list[str]]:
+    """Return the cells of each row of the table of the worst."""
+    lines = page("safety")
+    began = lines.index(line(worst.HEAD)) + 2
+    rows = lines[began : lines.index("", began)]
+    return [[cell.strip() for cell in row.split("|")[1:-1]] for row in rows]
 
 
 def test_the_figures_of_grasping_are_those_of_its_benches() -> None:
@@ -38,3 +70,9 @@ def test_the_figures_of_grasping_are_those_of_its_benches() -> None:
     assert grasps.row(kind, "ours", seen) in page("grasping")
     gave_way = [holding.kept(holding.seen(n, holding.step(2.0))) for n in holding.FORCES_N]
     assert line(["2 mm", *gave_way]) in page("grasping")
+
+
+def test_the_figures_of_a_first_touch_are_those_of_its_bench() -> None:
+    assert line(touch.touch_row(1.0)) in page("grasping")
+    assert line(touch.touch_row(20.0)) in page("grasping")
+    assert line(touch.impact_row(150.0)) in page("grasping")

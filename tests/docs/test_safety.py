@@ -40,13 +40,13 @@ def follow(gripper: LiteGrip, site: Site) -> None:
 
 MOTIONS: dict[str, tuple[Callable[[LiteGrip, Site], object], float, float]] = {
     "grasp": (lambda gripper, _: gripper.grasp(force_n=10, hold_s=1), 1.0, 1.1),
-    "close": (lambda gripper, _: gripper.close(), 6.0, 6.7),
-    "goto": (lambda gripper, _: gripper.goto(10.0, duration=None), 6.0, 7.0),
-    "goto, as fast as it may": (lambda gripper, _: gripper.goto(10.0), 5.2, 6.0),
+    "close": (lambda gripper, _: gripper.close(), 1.9, 2.6),
+    "goto": (lambda gripper, _: gripper.goto(10.0, duration=None), 1.9, 2.6),
+    "goto, as fast as it may": (lambda gripper, _: gripper.goto(10.0), 1.9, 2.7),
     "stream": (stream, 0.9, 1.05),
     "stream of 3 N·m": (lambda gripper, site: stream(gripper, site, torque_nm=3.0), 2.8, 3.05),
     "play": (play, 1.9, 2.05),
-    "follower": (follow, 4.7, 5.5),
+    "follower": (follow, 1.9, 3.0),
 }
 
 
@@ -67,13 +67,12 @@ def test_how_hard_something_rigid_is_pressed(site: Site, name: str) -> None:
     assert least_nm < max(moment.closing_torque_nm for moment in moments) < most_nm
 
 
-@pytest.mark.parametrize(("name", "seconds"), [("close", 0.12), ("goto", 0.24)])
-def test_how_long_more_than_the_rating_lasts(site: Site, name: str, seconds: float) -> None:
+@pytest.mark.parametrize("name", ["close", "goto", "follower"])
+def test_no_motion_presses_with_more_than_the_rating_by_itself(site: Site, name: str) -> None:
     daemon = site.add(Daemon())
     daemon.gripper.put_object(width_mm=OBJECT_MM, stiffness_nm_rad=RIGID_NM_RAD)
     moments = measured(site, daemon, lambda gripper: MOTIONS[name][0](gripper, site))
-    above = [moment for moment in moments if moment.closing_torque_nm > 3.0]
-    assert len(above) * 0.005 == pytest.approx(seconds, abs=0.06)
+    assert max(moment.closing_torque_nm for moment in moments) < 3.0
 
 
 def test_zero_probes_with_about_1_nm_and_presses_on_each_stop_for_a_moment(site: Site) -> None:

@@ -1,15 +1,18 @@
 """The fault matrix and its page: `python -m tests.faults.matrix` writes docs/faults.md.
 
-Every fault of `rows` in every situation of `cell`. The page says what the runs have shown.
+Every fault of `rows` in every situation of `cell`, and every method under a stop of `stopped`. The
+page says what the runs have shown.
 """
 
 from collections.abc import Callable
 from itertools import groupby
 from pathlib import Path
 
+from litegripd.rpc.method import Method
 from tests.faults.cell import run_cell
 from tests.faults.rows import FAULTS, Fault
 from tests.faults.situations import SITUATIONS, Situation
+from tests.faults.stopped import CALLED, RELEASING, RESTS, run_stopped
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "faults.md"
 HEAD = """# Faults
@@ -48,6 +51,19 @@ A wall clock that is set back or forward has no row, for in virtual time there i
 goes by CLOCK_MONOTONIC, and only labels files by the time of day. In
 `tests/faults/test_clock_jumps.py` the clock of a real daemon jumps at every reading.
 """
+STOPPED = """## Under a latched stop
+
+A stop (hold) is latched while the jaws hold a position, press on the closed stop, or hold an object
+by 30 N. Then an observer, an operator and an admin call the method: with each of its parameters, at
+both ends of its range, in each of its choices; a configuration with each field at both of its ends;
+calibrations with gains from end to end, other limits, another mount, another scale, and for no
+gripper. The table has the role that a method needs, what an admin is answered, and how far the jaws
+moved (rad). The motor's torque changes by less than 0.02 N·m, too.
+
+Left out is what lets go by design:
+
+{left_out}
+"""
 COLUMNS = ("situation", "bus", "mode", "motion", "next motion", "jaws", "recovery")
 
 
@@ -56,13 +72,25 @@ def run_row(fault: Fault, situation: Situation) -> str:
     return run_cell(fault, situation).row()
 
 
-def page(row: Callable[[Fault, Situation], str] = run_row) -> str:
+def page(
+    row: Callable[[Fault, Situation], str] = run_row,
+    stopped_row: Callable[[Method], str] = run_stopped,
+) -> str:
     """Make the page of these rows."""
     lines = [HEAD]
     for group, faults in groupby(FAULTS, lambda fault: fault.group):
         lines.append(f"## {group}\n")
         lines += [section(fault, row) for fault in faults]
-    return "\n".join(lines)
+    return "\n".join([*lines, stopped_section(stopped_row)])
+
+
+def stopped_section(row: Callable[[Method], str]) -> str:
+    """Make the section of all methods under a stop."""
+    left_out = "\n".join(f"- `{name}`: {why}" for name, why in RELEASING.items())
+    names = ("method", "role", "answer", *(rest.name for rest in RESTS))
+    head = f"| {' | '.join(names)} |\n|{' --- |' * len(names)}"
+    rows = "\n".join(row(method) for method in CALLED)
+    return f"{STOPPED.format(left_out=left_out)}\n{head}\n{rows}\n"
 
 
 def section(fault: Fault, row: Callable[[Fault, Situation], str]) -> str:

@@ -204,6 +204,8 @@ FAULTS: tuple[Fault, ...] = (
           lambda w: w.gripper.set_supply(24.0)),
     Fault(MOTOR, "the motor switched off", lambda w: w.gripper.power_off(),
           lambda w: w.gripper.power_on()),
+    Fault(MOTOR, "the motor makes 15 % of the commanded torque",
+          lambda w: w.gripper.weaken(0.15), lambda w: w.gripper.weaken(1.0), lasts_s=2.0),
     Fault(MOTOR, "a power cycle within one tick", lambda w: w.gripper.power_cycle()),
     Fault(JAWS, "2π more after a power cycle, then enabled; later another power cycle",
           lambda w: w.gripper.power_cycle(turns=1), lambda w: w.gripper.power_cycle(),

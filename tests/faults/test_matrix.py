@@ -2,11 +2,13 @@
 
 import pytest
 
+from litegripd.rpc.method import Method
 from litegripd.sim.plant import SimulatorParameters
 from tests.faults.fault_world import FaultWorld
 from tests.faults.matrix import PAGE, page, run_row, title
 from tests.faults.rows import FAULTS, Fault
 from tests.faults.situations import SITUATIONS, Situation
+from tests.faults.stopped import CALLED, run_stopped
 from tests.world import PERIOD_S
 
 STALE = "stale? see: python -m tests.faults.matrix"
@@ -20,6 +22,19 @@ def documented(fault: Fault, situation: Situation) -> str:
     return next(rows, "")
 
 
+def documented_stopped(method: Method) -> str:
+    """Return the row that the page has for a method under a stop, or nothing."""
+    rows = PAGE.read_text(encoding="utf-8").splitlines()
+    return next((line for line in rows if line.startswith(f"| `{method.name}` |")), "")
+
+
+@pytest.mark.parametrize("method", CALLED, ids=lambda method: method.name)
+def test_nothing_that_is_called_under_a_stop_moves_the_jaws(method: Method) -> None:
+    row = run_stopped(method)
+    assert row.endswith("| 0.000 | 0.000 | 0.000 |")
+    assert row == documented_stopped(method), STALE
+
+
 @pytest.mark.parametrize("situation", SITUATIONS, ids=lambda situation: situation.name)
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
 def test_a_fault_ends_safely_and_as_the_page_says(fault: Fault, situation: Situation) -> None:
@@ -28,7 +43,7 @@ def test_a_fault_ends_safely_and_as_the_page_says(fault: Fault, situation: Situa
 
 def test_the_page_has_each_run_and_nothing_else() -> None:
     """Of these rows and no more; each is compared with a run of its own above."""
-    assert PAGE.read_text(encoding="utf-8") == page(documented), STALE
+    assert PAGE.read_text(encoding="utf-8") == page(documented, documented_stopped), STALE
 
 
 def test_no_two_faults_have_one_name() -> None:

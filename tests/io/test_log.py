@@ -114,8 +114,10 @@ def test_an_event_can_be_found_by_job_and_client(
     }
 
 
-@pytest.mark.parametrize(("kind", "priority"), [("object_moved", "6"), ("object_lost", "4")])
-def test_a_lost_object_is_a_warning_and_one_that_moved_is_none(
+@pytest.mark.parametrize(
+    ("kind", "priority"), [("object_moved", "6"), ("object_lost", "4"), ("pressing", "4")]
+)
+def test_what_is_lost_or_pressed_is_a_warning_and_what_moved_is_none(
     journal: socket.socket,
     sink: JournalSink,
     monkeypatch: pytest.MonkeyPatch,

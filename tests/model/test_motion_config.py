@@ -18,6 +18,7 @@ from litegripd.model.gripper import (
     MotorType,
 )
 from litegripd.model.motion_config import (
+    MOST_PUSH_NM,
     MOVING_KP_NM_RAD,
     WIDEST,
     MotionConfig,
@@ -164,15 +165,16 @@ def test_the_bound_that_a_speed_breaks_is_told() -> None:
 @given(st.floats(0.1, 6.0), st.floats(45.0, 80.0))
 def test_leads_are_torques_whatever_the_scale(lead_mm: float, rad_to_mm: float) -> None:
     config = replace(CONFIG, max_lead_mm=lead_mm, stop_lead_mm=min(lead_mm, 0.7))
-    assert config.travel_nm == pytest.approx(100.0 / 74.8 * lead_mm)
+    assert config.travel_nm == pytest.approx(min(100.0 / 74.8 * lead_mm, MOST_PUSH_NM))
     slowest = move_conflict(config, 1e-9, replace(GEOMETRY, rad_to_mm=rad_to_mm), DM4310)
     assert slowest is not None
     assert slowest.limit / rad_to_mm >= config.stop_nm / MOVING_KP_NM_RAD / WINDOW_S * 0.999
 
 
-def test_the_default_leads_press_with_the_vendors_torques() -> None:
-    assert CONFIG.travel_nm == pytest.approx(5.35, abs=0.005)
+def test_the_default_leads_press_with_the_vendors_torques_as_far_as_is_safe() -> None:
+    assert CONFIG.travel_nm == MOST_PUSH_NM < 5.35  # the vendor's
     assert CONFIG.stop_nm == pytest.approx(0.936, abs=0.0005)
+    assert replace(CONFIG, stop_lead_mm=3.0).stop_nm == MOST_PUSH_NM
 
 
 def test_the_overshoot_must_reach_beyond_the_tolerance() -> None:

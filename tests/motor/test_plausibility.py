@@ -46,7 +46,7 @@ def holding(world: World) -> Client:
     return client
 
 
-@pytest.mark.parametrize("by_rad", [0.2, -0.2, 0.5, 6.283, -6.283, 12.5])
+@pytest.mark.parametrize("by_rad", [0.25, -0.25, 0.5, 6.283, -6.283, 12.5])
 def test_a_jump_that_stays_ends_in_a_disabled_motor_and_moves_nothing(by_rad: float) -> None:
     world = World()
     client = holding(world)

@@ -169,7 +169,7 @@ def test_an_upgrade_reloads_whoever_runs_and_never_restarts(system: System, relo
     assert system.calls == [
         "systemd-sysusers litegripd.conf litegripd-fleet.conf",
         "systemctl daemon-reload",
-        "systemctl try-restart litegripd-web.service",
+        "systemctl try-restart litegripd-web.service litegripd-fleet@*.service",
         "systemctl list-units --plain --no-legend --state=active litegripd@*.service",
         f"systemctl reload {UNIT}",
     ]

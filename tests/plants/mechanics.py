@@ -7,7 +7,7 @@ and dampers can stop a mass but never turn it round.
 
 import math
 
-from tests.plants.parameters import MM_RAD, PRESS_NM, TRAVEL_RAD, Item, PlantParameters
+from tests.plants.parameters import COGS_RAD, MM_RAD, PRESS_NM, TRAVEL_RAD, Item, PlantParameters
 
 STEP_S = 1e-4
 STEPS_PER_S = 10_000
@@ -50,6 +50,8 @@ class Mechanics:
         self.rotor_rad_s = self.finger_rad_s = 0.0
         self.torque_nm = self.reported_nm = self.speed_rad_s = 0.0
         """True torque over `torque_factor`, its report, and the speed that the motor measures."""
+        self.made_share = 1.0
+        """The share of the commanded torque that the motor makes, and reports."""
         self.hand_nm = 0.0
         self.item: Item | None = None
         self.item_at = math.inf
@@ -137,6 +139,7 @@ class Mechanics:
         current_gain, report_gain, speed_gain = self._lag_gains
         limit, no_load = self._p.torque_limit_nm, self._p.no_load_rad_s
         factor, slowness = self._p.torque_factor, 1.0 / self._p.stribeck_rad_s
+        made_share, cogging = self.made_share, self._p.cogging_nm
         cable, cable_damping = self._cable, self._cable_damping
         half, hand = self._half, self.hand_nm
         gr, gf = STEP_S / self._p.rotor_kg_m2, STEP_S / self._p.finger_kg_m2
@@ -147,6 +150,7 @@ class Mechanics:
         for done in range(1, steps + 1):
             speed += (vr - speed) * speed_gain
             wanted = kp * (at - xr // count_rad * count_rad) + kd * (dq - speed) + forward
+            wanted *= made_share
             if not -limit < wanted < limit or not -no_load < vr < no_load:
                 wanted = self._attainable(wanted, vr)
             torque += (wanted - torque) * current_gain
@@ -162,7 +166,10 @@ class Mechanics:
                     pull = 0.0
             else:
                 pull = 0.0
-            swing = vr + gr * (torque * factor - pull)
+            made = torque * factor
+            if cogging:
+                made += cogging * math.sin(COGS_RAD * xr)
+            swing = vr + gr * (made - pull)
             ratio = vr * slowness
             drag = rotor_coulomb + rotor_extra / (1.0 + ratio * ratio)
             if swing > drag:

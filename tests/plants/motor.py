@@ -69,6 +69,7 @@ class PlantMotor:
         self.closed_rad, open_rad = LIMITS_RAD[mount]
         self.sign = 1 if self.closed_rad > open_rad else -1
         self._noise_rad_s = parameters.speed_noise_rad_s
+        self._noise_nm = parameters.torque_noise_nm
         self._chance = random.Random(f"noise {parameters.seed}")
         self._zero_rad = 0.0
         self._stored = Command()
@@ -167,5 +168,7 @@ class PlantMotor:
         if noise:
             speed += self._chance.uniform(-noise, noise)
         torque = self.sign * self.mechanics.reported_nm
+        if self._noise_nm:
+            torque += self._chance.uniform(-self._noise_nm, self._noise_nm)
         head = self.status << 4 | int(self.registers[ESC_ID]) & 15
         return self._answer(write_feedback(head, self.reported_rad, speed, torque, self.scale))

@@ -13,6 +13,9 @@ TRAVEL_RAD, MM_RAD = 1.651026, 52.69
 LIMITS_RAD = {"normal": (0.0, -1.651026), "reverse": (-1.651026, 0.0)}
 """Closed and open limit of each mount, where the jaws are pressed with `PRESS_NM`."""
 PRESS_NM = 0.94
+COGS_RAD = 168 * 10 / math.tau
+"""Of 28 magnets and 24 teeth the least common multiple, and the gear of 10. The 14 pole pairs are
+from the motor's registers; the teeth are an estimate."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,8 +24,10 @@ class PlantParameters:
 
     `coulomb_nm` and its multiple `breakaway_ratio` are the sum of rotor and fingers, of which the
     rotor has `rotor_share`. `torque_factor` is the true torque as a share of what the motor
-    believes and reports. `delay_s` is that of a command and its answer together, and each way takes
-    up to `jitter_s` more.
+    believes and reports. `cogging_nm` is the amplitude of a torque that it does not report: magnets
+    and teeth pull `COGS_RAD` times in a radian. A reported torque strays by up to
+    `torque_noise_nm`. `delay_s` is that of a command and its answer together, and each way takes up
+    to `jitter_s` more.
     """
 
     seed: int = 0
@@ -45,7 +50,9 @@ class PlantParameters:
     speed_lag_s: float = 1e-3
     report_lag_s: float = 4.5e-3
     speed_noise_rad_s: float = 0.0
+    torque_noise_nm: float = 0.0
     torque_factor: float = 1.0
+    cogging_nm: float = 0.0
     torque_limit_nm: float = 9.7
     no_load_rad_s: float = 20.9
     delay_s: float = 0.0

@@ -117,9 +117,12 @@ def test_a_blocked_jaw_builds_up_its_lead_but_no_more_torque_than_kp_times_that(
         with site.recorded(daemon) as moments:
             result = gripper.open() if action == "open" else gripper.close()
     assert not result
-    assert max(lead_mm(moment) for moment in moments) == pytest.approx(4.0, abs=2 * LEAD_CODE_MM)
+    most_mm = 2.0 / 100.0 * LEAD_MM_RAD  # the daemon pushes with 2 N·m on the way, the SDK with 5
+    assert max(lead_mm(moment) for moment in moments) == pytest.approx(
+        most_mm, abs=2 * LEAD_CODE_MM
+    )
     torques = [abs(moment.closing_torque_nm) for moment in moments]
-    assert 4.5 < max(torques) < 1.2 * 100.0 * 4.0 / LEAD_MM_RAD
+    assert 1.7 < max(torques) < 2.6
 
 
 def test_the_torque_guard_lets_go_of_what_blocks_the_jaws(
@@ -192,7 +195,7 @@ def test_a_stall_needs_a_whole_window_of_standing_still(
     gripper.motion_config = MotionConfig(stop_torque_cycles=100)
 
     def hold() -> None:
-        daemon.gripper.push(-5.6 * closing)
+        daemon.gripper.push(-2.2 * closing)
         site.after(held_s, lambda: daemon.gripper.push(0.0))
 
     site.when(lambda: daemon.gripper.opening_mm < 35.0, hold)

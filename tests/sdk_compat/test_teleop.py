@@ -299,8 +299,11 @@ def test_a_follower_that_loses_the_leader_holds_under_the_follow_gains(pair: Pai
     pair.start()
     pair.follower.gripper.put_object(width_mm=40.0)
     pair.move(35.0)
+    pair.site.run(1.0)
     squeeze_nm = pair.follower.closing_torque_nm
-    assert squeeze_nm > 1.0
+    assert squeeze_nm == pytest.approx(
+        0.94, abs=0.1
+    )  # the daemon lets nothing press harder for ever
     pair.links.is_cut = True
     pair.site.run(0.15)
     assert not pair.slave.teleop_status()["stale"]
@@ -332,7 +335,7 @@ def test_the_guard_is_off_unless_asked_for(pair: Pair) -> None:
     pair.follower.gripper.put_object(width_mm=50.0)
     pair.move(35.0)
     assert pair.slave.teleop_status()["torque_trips"] == 0
-    assert pair.follower.closing_torque_nm > 2.0
+    assert pair.follower.closing_torque_nm > 0.8
 
 
 def test_a_trip_near_full_open_re_arms_at_the_open_stop(pair: Pair) -> None:

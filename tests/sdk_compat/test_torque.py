@@ -69,10 +69,9 @@ def test_the_default_force_is_2_nm_of_feed_forward_inside_the_rating_of_3(
     assert gripper.grasp(force_n=40.0, hold_s=1.0).force_n == 40.0
 
 
-def test_the_motors_limits_are_3_nm_for_long_7_for_a_moment_and_10_by_protocol(
+def test_a_lead_that_asks_for_8_nm_gets_2_of_the_10_by_protocol(
     site: Site, daemon: Daemon, gripper: LiteGrip
 ) -> None:
-    """A blocked jaw whose lead asks for 8 N·m."""
     assert gripper.info()["registers"]["TMAX"] == 10.0
     daemon.gripper.put_object(width_mm=40.0, stiffness_nm_rad=2000.0)
     gripper.motion_config = MotionConfig(
@@ -80,12 +79,9 @@ def test_the_motors_limits_are_3_nm_for_long_7_for_a_moment_and_10_by_protocol(
     )
     with site.recorded(daemon) as moments:
         assert not gripper.close()
-    torques = [(moment.at_s, moment.closing_torque_nm) for moment in moments]
-    peak_nm = max(torque_nm for _, torque_nm in torques)
-    above = [at_s for at_s, torque_nm in torques if torque_nm > 3.1]
-    assert 6.0 < peak_nm < 7.2
-    assert 0.3 < above[-1] - above[0] < 1.2
-    assert torques[-1][0] - above[-1] > 1.0  # and it went on to press, with no more than 3
+    torques_nm = [moment.closing_torque_nm for moment in moments]
+    assert 2.0 < max(torques_nm) < 3.0  # a rigid thing stops the rotor, too
+    assert torques_nm[-5] == pytest.approx(2.0, rel=0.05)
 
 
 @pytest.mark.parametrize("defect", ["never calibrated", "equal limits"])
@@ -132,14 +128,13 @@ def test_the_pressing_torque_is_kp_times_stop_lead_a_third_of_the_rating(
     assert settled[-1] == pytest.approx(3.0 / 3, rel=0.15)
 
 
-def test_the_travel_phase_is_capped_at_about_5_nm(
-    site: Site, daemon: Daemon, gripper: LiteGrip
-) -> None:
+def test_the_travel_phase_is_capped_at_2_nm(site: Site, daemon: Daemon, gripper: LiteGrip) -> None:
+    """Where the daemon differs, from the SDK's 5: what lets go of the jaws must not throw them."""
     daemon.gripper.put_object(width_mm=40.0)
     gripper.motion_config = MotionConfig(stop_torque_cycles=100)
     with site.recorded(daemon) as moments:
         gripper.close()
-    assert moments[-5].closing_torque_nm == pytest.approx(100.0 * 4.0 / LEAD_MM_RAD, rel=0.05)
+    assert moments[-5].closing_torque_nm == pytest.approx(2.0, rel=0.05)
 
 
 def test_a_cap_below_one_frame_of_travel_is_raised_instead_of_clipping_the_ramp(

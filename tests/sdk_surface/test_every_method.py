@@ -253,12 +253,12 @@ SCENES: dict[str, Scene] = {
     "open": Scene((40.0,), runs_to(TRAVEL_MM, 40.0)),
     "close": Scene((40.0,), runs_to(0.0, 40.0)),
     "grasp": Scene((12.0, 0.7), grasped, an_object),
-    "goto": Scene((30.0, 150.0, 2.0, 1.0), arrives(30.0, 150, 1.0)),
-    "goto_rad": Scene(lambda p: (at_30_mm(p), 150.0, 2.0, 0.0, 0.0, 1.0), arrives(30.0, 150, 1.0)),
-    "move_to": Scene(lambda p: (at_30_mm(p), 150.0, 2.0, 0.0, 1.0), arrives(30.0, 150, 1.0)),
-    "move_at_speed": Scene((30.0, 20.0, 150.0, 2.0), arrives(20.0, 150, 1.5)),
+    "goto": Scene((30.0, 150.0, 2.0, 1.0), arrives(30.0, 100, 1.0)),
+    "goto_rad": Scene(lambda p: (at_30_mm(p), 150.0, 2.0, 0.0, 0.0, 1.0), arrives(30.0, 100, 1.0)),
+    "move_to": Scene(lambda p: (at_30_mm(p), 150.0, 2.0, 0.0, 1.0), arrives(30.0, 100, 1.0)),
+    "move_at_speed": Scene((30.0, 20.0, 150.0, 2.0), arrives(20.0, 100, 1.5)),
     "move_at_speed_rad": Scene(
-        lambda p: (at_30_mm(p), 20.0 / MM_RAD, 150.0, 2.0), arrives(20.0, 150, 1.5)
+        lambda p: (at_30_mm(p), 20.0 / MM_RAD, 150.0, 2.0), arrives(20.0, 100, 1.5)
     ),
     "set_force": Scene((8.0, 1.5), squeezed, lambda p: p.daemon.gripper.put_object(width_mm=58.0)),
     "send_mit_frame": Scene(

@@ -56,7 +56,7 @@ def test_a_move_takes_half_a_second_with_the_gains_that_it_is_given(
     with site.recorded(daemon) as moments:
         assert WAYS[way](gripper, at_30_mm(daemon))
     assert arrived == [pytest.approx(began_s + 0.5, abs=0.06)]
-    assert stiffness(moments) == {150}
+    assert stiffness(moments) == {100}  # of 150, which swings some grippers
     assert daemon.gripper.opening_mm == pytest.approx(30.0, abs=0.6)
 
 

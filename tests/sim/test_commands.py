@@ -103,6 +103,13 @@ def test_power_status_heat_and_supply(simulator: Simulator) -> None:
     assert simulator.status == 9
 
 
+def test_a_weak_motor_makes_a_share_of_what_it_is_told(simulator: Simulator) -> None:
+    simulator.do("weak 0.15")
+    assert simulator.wire.gripper.made_share == 0.15
+    simulator.do("weak 1")
+    assert simulator.wire.gripper.made_share == 1.0
+
+
 def test_turns_and_jumps_shift_the_report(simulator: Simulator) -> None:
     before_rad = decode(simulator.ask()[0][1]).position_rad
     simulator.do("turns -1")
@@ -190,6 +197,7 @@ def test_help_tells_of_every_command(simulator: Simulator) -> None:
         ("turns 0.5", "'0.5' is no whole number"),
         ("heat 1000", "-50 to 300"),
         ("supply -1", "not negative"),
+        ("weak 1.5", "made_share must be 0 to 1"),
         ("comm-loss soon", "'soon' is no number"),
         ("comm-loss -1", "finite and not negative"),
         ("unasked 5000", "0 to 1000 Hz"),

@@ -89,6 +89,17 @@ def test_a_motor_without_power_is_silent_until_the_reset() -> None:
     assert client.result("motion.open")["ok"]
 
 
+def test_a_weak_motor_makes_little_until_the_reset() -> None:
+    _, client = simulated()
+    assert client.result("sim.fault", name="weak")["made_share"] == 0.15
+    client.result("sim.object", width_mm=40.0)
+    assert client.result("motion.grasp", force_n=20.0)["outcome"] == "motor_weak"
+    assert client.result("sim.reset")["made_share"] == 1.0
+    client.result("motion.open")
+    client.result("sim.object", width_mm=40.0)
+    assert client.result("motion.grasp", force_n=20.0, until="verdict")["ok"]
+
+
 def test_a_hot_coil_is_reported() -> None:
     world, client = simulated()
     assert client.result("sim.heat", coil_c=70.0)["coil_c"] == 70.0

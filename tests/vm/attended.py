@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
-from tests.trajectories import lgt
 from tests.vm.guest import REGISTERS, Rpc, check, reaches, running, simulator
 from tests.vm.unit import (
     CONFIGURATION,
@@ -64,6 +63,8 @@ def at_work(unit: Unit) -> Iterator[Rpc]:
 
 def kept_things() -> None:
     """Dumps, calibration, trajectories, the home: what a daemon shut off by its unit can write."""
+    from tests.trajectories import lgt  # noqa: PLC0415 - a bare system has no litegripd
+
     with at_work(Unit()):
         status, out = ctl("alice", "calibration", "load", "normal", "--keep")
         kept = STATE / "can0_calibration.json"

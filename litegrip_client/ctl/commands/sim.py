@@ -28,7 +28,11 @@ def sim_options(parser: LateParser) -> None:
     add("object", help="put an object between the jaws, or take it away", fill=_object_options)
     add("push", help="push the jaws by a hand, until the next push", fill=_push_options)
     add("hold", help="hold the jaws fast, until 'push' or 'reset'")
-    add("fault", help="let the motor report a fault, or lose its power", fill=_fault_options)
+    add(
+        "fault",
+        help="let the motor report a fault, lose its power, or be weak",
+        fill=_fault_options,
+    )
     add("heat", help="let the motor's coil have a temperature", fill=_heat_options)
     add("reset", help="take object, hand, heat and faults away")
 
@@ -55,7 +59,9 @@ def _push_options(parser: LateParser) -> None:
 
 
 def _fault_options(parser: LateParser) -> None:
-    parser.description = "Let the motor latch a fault, or lose its power (silent)."
+    parser.description = (
+        "Let the motor latch a fault, lose its power (silent) or most torque (weak)."
+    )
     parser.add_argument("name", metavar="NAME", help="overload, coil_hot, silent, ...")
 
 
@@ -109,12 +115,14 @@ def _world_text(data: Data) -> str:
     what = "none" if item is None else _object_text(item)
     hand = "holds the jaws fast" if data["held"] else _hand_text(data["push_nm"])
     power = "on" if data["powered"] else "off"
+    share = data.get("made_share", 1.0)
+    torque = f", makes {share:.0%} of its torque" if share < 1.0 else ""
     return "\n".join(
         (
             f"object   {what}",
             f"opening  {figure(data['opening_mm'], '.1f', 'mm')}",
             f"hand     {hand}",
-            f"motor    power {power}, coil {figure(data['coil_c'], '.0f', '°C')}",
+            f"motor    power {power}{torque}, coil {figure(data['coil_c'], '.0f', '°C')}",
         )
     )
 

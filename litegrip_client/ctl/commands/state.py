@@ -265,6 +265,8 @@ def _rows(data: Data) -> list[tuple[str, str]]:
         rows.append(("work stroke", f"open goes to {figure(data['work_stroke_mm'], '.2f', 'mm')}"))
     if data.get("force_set_n") is not None:
         rows.append(("squeezing", _squeezing(data)))
+    if data.get("pressing_n") is not None:
+        rows.append(("pressing", f"with about {figure(data['pressing_n'], '.1f', 'N')}"))
     if data.get("limited"):
         rows.append(("limited", ", ".join(map(str, data["limited"]))))
         rows.append(("requested", _command(data, "requested")))
@@ -369,6 +371,8 @@ def state_line(data: Data) -> str:
         parts.append(f"job {job.get('job')} {job.get('kind')}{phase}")
     if data.get("stop"):
         parts.append(f"STOP {data['stop'].get('level')}")
+    if data.get("pressing_n") is not None:
+        parts.append(f"pressing {figure(data['pressing_n'], '.1f', 'N')}")
     if data.get("scale_doubt"):
         parts.append(f"SCALE {data['scale_doubt']}, see: litegripctl state")
     if data.get("stale") or is_unheard(data):

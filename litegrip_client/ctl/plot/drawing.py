@@ -145,7 +145,16 @@ _APART_SHARE = 0.022
 
 _LONGEST = 30
 _ALARMS = frozenset(
-    {"stop", "object_lost", "released_by_fault", "heat", "client_lost", "lease_lost"}
+    {
+        "stop",
+        "object_lost",
+        "released_by_fault",
+        "pressing",
+        "heat",
+        "client_lost",
+        "lease_lost",
+        "weak",
+    }
 )
 _ROUTINE = ("owner", "refused", "lease", "recorder", "job_ended", "calibration")
 """Not named while something else happens close by; the last ones rather than the first."""
@@ -206,7 +215,7 @@ def _short(event: Happening) -> str:
         return f"object moved {data['moved_mm']:.1f} mm"
     if event.kind == "motor" and "phase" in data:
         return f"motor {data['phase']}"
-    if event.kind in ("calibration", "stop", "heat", "recorder", "lease"):
+    if event.kind in ("calibration", "stop", "heat", "weak", "recorder", "lease"):
         return event.kind
     words = re.split(r"[:;(]", message)[0].strip()
     return words if len(words) <= _LONGEST else f"{words[: _LONGEST - 1]}…"

@@ -179,14 +179,15 @@ class MotionMethods:
     @Method(
         "motion.grasp",
         "Close until something is gripped, then hold it by force.",
-        "ok, outcome, width_mm, force_n, held_s, cycles, and the state.",
+        "ok, outcome, width_mm, force_n, held_s, cycles, speed_mm_s, and the state.",
         GraspResult,
         (
             _FORCE,
             Param(
                 "speed_mm_s",
                 "number",
-                "Closing speed (default: grasp_speed_mm_s of the configuration).",
+                "The highest closing speed (default: grasp_speed_mm_s of the configuration); for a"
+                " small force the jaws close slower.",
                 minimum=0.1,
                 maximum=FASTEST_MM_S,
             ),
