@@ -128,8 +128,10 @@ class LimitWatch:
         lead_rad = abs(command.position_rad - feedback.position_rad) - code_rad
         fits = lead_rad <= config.calib_step_rad and torque_nm <= config.calib_tau_limit
         if probe is None:  # a calibration may have been taken in this very tick
-            known = [g for g in (self._geometry, controller.geometry) if g is not None]
-            fits = fits and len(known) < 2
+            in_force = controller.in_force.geometry  # a hold keeps that with which it began
+            maybe = (self._geometry, controller.geometry, in_force)
+            known = [geometry for geometry in maybe if geometry is not None]
+            fits = fits and len(known) < len(maybe)
             fits = fits or any(self._is_inside(g, command, feedback, code_rad) for g in known)
         assert fits, (command, feedback, config, self._geometry, controller.geometry)
         if isinstance(probe, CalibrateByHand):
