@@ -12,11 +12,11 @@ import io
 from collections.abc import Callable
 from pathlib import Path
 
-from bench import damaged, grasps, holding, presses, teleop_lossy, trajectories, worst
+from bench import damaged, grasps, holding, presses, teleop_lossy, touch, trajectories, worst
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGES: dict[str, tuple[Callable[[], None], ...]] = {
-    "grasping": (grasps.main, holding.main),
+    "grasping": (grasps.main, holding.main, touch.main),
     "safety": (presses.main, worst.main, damaged.main),
     "teleoperation": (teleop_lossy.main,),
     "trajectories": (trajectories.following,),

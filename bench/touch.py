@@ -9,12 +9,11 @@ machine.
 import math
 import random
 import statistics
-from collections.abc import Iterable
 from dataclasses import replace
 from itertools import product
 
 from bench.rig import Rig, ours
-from bench.tables import line
+from bench.tables import table
 from litegripd.control.motions.grasp import GraspRequest
 from litegripd.model.gripper import FASTEST_MM_S
 from litegripd.model.state import GraspResult
@@ -160,16 +159,6 @@ def random_row(force_n: float) -> list[str]:
         told = (f"{outcomes.count(name)} {name}" for name in sorted(set(outcomes)))
         cells.append(", ".join(told))
     return cells
-
-
-def table(title: str, head: Iterable[str], rows: Iterable[list[str]]) -> None:
-    names = list(head)
-    print(f"### {title}\n")
-    for cells in (names, ["---"] * len(names)):
-        print(line(cells))
-    for row in rows:
-        print(line(row), flush=True)
-    print()
 
 
 def main() -> None:

@@ -55,8 +55,7 @@ class Gains:
         usual motor; with 200, on one of half the inertia. The motor closes that loop between two
         commands: no bound of a command holds it.
         """
-        kp, kd = min(self.kp_nm_rad, MOVING_KP_NM_RAD), min(self.kd_nm_s_rad, MOVING_KD_NM_S_RAD)
-        return Gains(kp, kd)
+        return self._within(DEFAULT_GAINS)
 
     def reaching(self) -> "Gains":
         """Return these gains, stiff enough to reach a target against friction, and damped for it.
@@ -75,8 +74,11 @@ class Gains:
 
     def catching(self) -> "Gains":
         """Return these gains within what stops running jaws, and does not throw them back."""
-        kp = min(self.kp_nm_rad, MOVING_KP_NM_RAD)
-        return Gains(kp, min(self.kd_nm_s_rad, CALM_KD_NM_S_RAD))
+        return self._within(CATCHING_GAINS)
+
+    def _within(self, most: "Gains") -> "Gains":
+        kp = min(self.kp_nm_rad, most.kp_nm_rad)
+        return Gains(kp, min(self.kd_nm_s_rad, most.kd_nm_s_rad))
 
 
 DEFAULT_GAINS = Gains(MOVING_KP_NM_RAD, MOVING_KD_NM_S_RAD)
@@ -140,8 +142,8 @@ def budgeted(
 LASTING_S = 0.5
 """A push of this length is resisted; what presses on for longer is an object, or a finger."""
 EASE_NM_S = 8.0
-"""How fast the torque is lowered: 5.4 N·m in 0.6 s. An object of 20 N·m/rad opens the jaws by 21
-mm/s then. At once, it would throw them open by up to 470 mm/s."""
+"""How fast the torque is lowered: 3 N·m in 0.4 s. An object of 20 N·m/rad opens the jaws by 21 mm/s
+then. At once, from 5.35 N·m, it threw them open by up to 470 mm/s."""
 BACK_S = 0.5
 """How long a press must be gentle by itself until a push is resisted again."""
 ANOTHER_S = 0.1
