@@ -12,8 +12,8 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from litegrip_client.connection import Connection
-from litegrip_client.errors import ConnectError, LiteGripError
+from litegrip_client.line.connection import Connection
+from litegrip_client.values.errors import ConnectError, LiteGripError
 
 EXPECTED = frozenset(
     {

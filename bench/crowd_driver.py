@@ -16,7 +16,7 @@ from pathlib import Path
 
 from bench.crowd_audit import Death
 from bench.crowd_watcher import Watcher
-from litegrip_client.connection import Connection
+from litegrip_client.line.connection import Connection
 
 FOLDER = Path(__file__).resolve().parent.parent
 PRIORITY = 40

@@ -13,8 +13,8 @@ from typing import Any
 from bench.crowd_audit import Audit, Loss
 from bench.crowd_driver import Crowd
 from bench.crowd_watcher import Watcher
-from litegrip_client.connection import Connection
-from litegrip_client.errors import HardwareError, LiteGripError
+from litegrip_client.line.connection import Connection
+from litegrip_client.values.errors import HardwareError, LiteGripError
 
 SETTLED_WITHIN_S = 20.0
 MOTION_WITHIN_S = 15.0

@@ -30,9 +30,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from litegrip_client.core.stop import stop_at
 from litegrip_client.ctl.commands.state import STOP_WITHIN_S
-from litegrip_client.discovery import stop_at
-from litegrip_client.errors import LiteGripError
+from litegrip_client.values.errors import LiteGripError
 from tests.process.daemon_process import DaemonProcess
 from tests.process.fleet.cable import Fault as BadCable
 from tests.process.fleet.fleet_process import make_certificates

@@ -20,7 +20,7 @@ HEAD = '''"""The client for threads: made by docs/generate.py from its core, not
 
 from __future__ import annotations
 
-from litegrip_client.blocking import complete
+from litegrip_client.threads.blocking import complete
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # importing typing and dataclasses is slow
@@ -53,7 +53,7 @@ MADE = {made.name for made in CLASSES}
 
 
 def blocking_client() -> str:
-    """Return the text of `litegrip_client/actions.py`."""
+    """Return the text of `litegrip_client/threads/actions.py`."""
     imports = {
         f"    from litegrip_client.core import {made.module} as core_{made.module}"
         for made in CLASSES
@@ -159,7 +159,7 @@ def _ruff(text: str, *command: str) -> str:
             "ruff",
             *command,
             "--stdin-filename",
-            "litegrip_client/actions.py",
+            "litegrip_client/threads/actions.py",
             "-",
         ],
         input=text,

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 import shtab
 
+from litegrip_client.core.discovery import SYSTEM_DIRECTORY
+from litegrip_client.ctl.commands import COMMANDS
 from litegrip_client.ctl.parser import LateParser, Parser, whole_parser
-from litegrip_client.discovery import SYSTEM_DIRECTORY
-from litegrip_client.motion_config import DAEMON_FIELDS
+from litegrip_client.values.motion_config import DAEMON_FIELDS
 
 if TYPE_CHECKING:
     from argparse import Action
@@ -48,7 +49,7 @@ CHOICES = {"FIELD": _FIELDS, "FIELD=VALUE": [f"{name}=" for name in _FIELDS]}
 
 def completion_script(shell: str) -> str:
     """Make the script of a shell."""
-    parser = whole_parser()
+    parser = whole_parser(COMMANDS)
     _prepare(parser)
     return shtab.complete(parser, shell).rstrip("\n") + "\n"
 

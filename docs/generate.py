@@ -30,7 +30,7 @@ from docs.protocol_fields import (  # noqa: E402
     teleop_section,
 )
 from docs.sdk_surface import surface_page  # noqa: E402
-from litegrip_client.errors import OWN_REASONS  # noqa: E402
+from litegrip_client.values.errors import OWN_REASONS  # noqa: E402
 from litegripd.app.build import METHODS, SIMULATED_METHODS  # noqa: E402
 from litegripd.io.stop_socket import MAX_STOP_LINE_BYTES  # noqa: E402
 from litegripd.model.errors import ERROR_TABLE  # noqa: E402
@@ -103,7 +103,7 @@ def errors_page() -> str:
             "",
             "On the wire a message names methods and parameters. In their place the exceptions of",
             "`litegrip_client` name its calls, and `litegripctl`, also with `--json`, its commands",
-            "and options (`litegrip_client/voices.py` is the table).",
+            "and options (`litegrip_client/values/voices.py` is the table).",
             "",
             "| reason | code | exception | exit code | retryable | meaning |",
             "| --- | --- | --- | --- | --- | --- |",
@@ -230,8 +230,8 @@ user who may not write there.
 
 
 GENERATED = (
-    Generated("litegrip_client/_error_table.py", client_error_table),
-    Generated("litegrip_client/actions.py", blocking_client),
+    Generated("litegrip_client/values/error_table.py", client_error_table),
+    Generated("litegrip_client/threads/actions.py", blocking_client),
     Generated("docs/errors.md", errors_page),
     Generated("docs/sdk-compat.md", surface_page),
     Generated("docs/protocol.md", protocol_page),

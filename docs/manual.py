@@ -8,6 +8,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from textwrap import dedent
 
 from docs.configuration_page import has_default, sentence
+from litegrip_client.core.discovery import CHANNEL_VARIABLE, SOCKET_VARIABLE
+from litegrip_client.ctl.commands import COMMANDS
 from litegrip_client.ctl.parser import (
     CLOSING,
     EXIT_CODES,
@@ -15,8 +17,7 @@ from litegrip_client.ctl.parser import (
     common,
     whole_parser,
 )
-from litegrip_client.discovery import CHANNEL_VARIABLE, SOCKET_VARIABLE
-from litegrip_client.trajectory import DIRECTORY_VARIABLE
+from litegrip_client.values.trajectory import DIRECTORY_VARIABLE
 from litegrip_fleet import main as fleet
 from litegrip_web import main as web
 from litegripd.app import main as daemon
@@ -70,7 +71,7 @@ NOT_AN_EMERGENCY_STOP = "A software stop is not an emergency stop: cut the motor
 
 def client_page() -> str:
     """Make litegripctl(1)."""
-    parser = whole_parser()
+    parser = whole_parser(COMMANDS)
     (commands,) = (one for one in parser.arguments() if one.dest == "command")
     return _page(
         ("litegripctl", 1, "look at a LiteGrip gripper and drive it"),

@@ -18,9 +18,9 @@ from playwright.sync_api import Page, sync_playwright
 from rich.console import Console
 
 from litegrip_client import LiteGrip, LiteGripError
-from litegrip_client.connection import Connection
 from litegrip_client.ctl.live import picture, scenes
 from litegrip_client.ctl.main import main as litegripctl
+from litegrip_client.line.connection import Connection
 from litegrip_client.testing import SimulatedDaemon, simulated
 
 IMAGES = Path(__file__).parent / "images"

@@ -24,14 +24,16 @@ if sys.version_info < (3, 10):  # noqa: UP036 - a copy beside a script was insta
         + ".".join(map(str, sys.version_info[:3]))
     )
 
-from litegrip_client.actions import GripperActions, ManualCalibration, SetpointStream
-from litegrip_client.errors import (
+from litegrip_client.threads.actions import GripperActions, ManualCalibration, SetpointStream
+from litegrip_client.threads.gripper import LiteGrip
+from litegrip_client.values.errors import (
     BusyError,
     CancelledError,
     CANTimeoutError,
     CommandError,
     CommError,
     ConnectError,
+    ErrorCode,
     HardwareError,
     LeaseError,
     LiteGripError,
@@ -51,31 +53,13 @@ from litegrip_client.errors import (
     TrajectoryNotActiveError,
     TrajectoryNotFoundError,
     TrajectoryRecordingError,
+    describe_error,
 )
-from litegrip_client.gripper import LiteGrip
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from litegrip_client import aio as aio
-    from litegrip_client.calibration import CalibrationData, GripperConfig, UnitConversion
-    from litegrip_client.calibration_files import (
-        CALIB_TEMPLATES,
-        DEFAULT_CALIB,
-        default_calib_path,
-        list_templates,
-    )
-    from litegrip_client.feeds import Event
-    from litegrip_client.motion_config import MotionConfig
-    from litegrip_client.protocol.trajectory import TaughtGrip
-    from litegrip_client.results import (
-        EnableResult,
-        GraspResult,
-        GripperState,
-        MoveProgress,
-        MoveResult,
-        PlayResult,
-        SetZeroResult,
-    )
+    from litegrip_client.line.feeds import Event
     from litegrip_client.sdk.names import (
         DEFAULT_DQ_MAX,
         DEFAULT_GRIP_ID,
@@ -88,13 +72,11 @@ if TYPE_CHECKING:
         Control_Mode,
         DefaultParams,
         DM_Motor_Type,
-        ErrorCode,
         GripperInfo,
         GripperMode,
         GripperParams,
         GripperStatus,
         decode_frame,
-        describe_error,
         encode_frame,
         teleop_topic,
     )
@@ -116,7 +98,24 @@ if TYPE_CHECKING:
         limit_target,
         press_target,
     )
-    from litegrip_client.trajectory import (
+    from litegrip_client.values.calibration import CalibrationData, GripperConfig, UnitConversion
+    from litegrip_client.values.calibration_files import (
+        CALIB_TEMPLATES,
+        DEFAULT_CALIB,
+        default_calib_path,
+        list_templates,
+    )
+    from litegrip_client.values.motion_config import MotionConfig
+    from litegrip_client.values.results import (
+        EnableResult,
+        GraspResult,
+        GripperState,
+        MoveProgress,
+        MoveResult,
+        PlayResult,
+        SetZeroResult,
+    )
+    from litegrip_client.values.trajectory import (
         DEFAULT_RATE_HZ,
         Trajectory,
         TrajectoryFile,
@@ -125,6 +124,7 @@ if TYPE_CHECKING:
         resolve_path,
         trajectory_dir,
     )
+    from litegrip_client.values.trajectory_format import TaughtGrip
 
     __version__: str
 
@@ -248,12 +248,10 @@ _LATER = {
             "Control_Mode",
             "DM_Motor_Type",
             "DefaultParams",
-            "ErrorCode",
             "GripperInfo",
             "GripperMode",
             "GripperParams",
             "GripperStatus",
-            "describe_error",
             "DEFAULT_DQ_MAX",
             "DEFAULT_GRIP_ID",
             "DEFAULT_GRIP_PORT",
@@ -268,30 +266,30 @@ _LATER = {
         ),
         "sdk.names",
     ),
-    "CALIB_TEMPLATES": "calibration_files",
-    "DEFAULT_CALIB": "calibration_files",
-    "default_calib_path": "calibration_files",
-    "CalibrationData": "calibration",
-    "EnableResult": "results",
-    "Event": "feeds",
-    "GraspResult": "results",
-    "GripperConfig": "calibration",
-    "GripperState": "results",
-    "MotionConfig": "motion_config",
-    "MoveProgress": "results",
-    "MoveResult": "results",
-    "PlayResult": "results",
-    "SetZeroResult": "results",
-    "TaughtGrip": "protocol.trajectory",
-    "Trajectory": "trajectory",
-    "TrajectoryFile": "trajectory",
-    "TrajectorySample": "trajectory",
-    "UnitConversion": "calibration",
-    "list_templates": "calibration_files",
-    "list_trajectories": "trajectory",
-    "DEFAULT_RATE_HZ": "trajectory",
-    "resolve_path": "trajectory",
-    "trajectory_dir": "trajectory",
+    "CALIB_TEMPLATES": "values.calibration_files",
+    "DEFAULT_CALIB": "values.calibration_files",
+    "default_calib_path": "values.calibration_files",
+    "CalibrationData": "values.calibration",
+    "EnableResult": "values.results",
+    "Event": "line.feeds",
+    "GraspResult": "values.results",
+    "GripperConfig": "values.calibration",
+    "GripperState": "values.results",
+    "MotionConfig": "values.motion_config",
+    "MoveProgress": "values.results",
+    "MoveResult": "values.results",
+    "PlayResult": "values.results",
+    "SetZeroResult": "values.results",
+    "TaughtGrip": "values.trajectory_format",
+    "Trajectory": "values.trajectory",
+    "TrajectoryFile": "values.trajectory",
+    "TrajectorySample": "values.trajectory",
+    "UnitConversion": "values.calibration",
+    "list_templates": "values.calibration_files",
+    "list_trajectories": "values.trajectory",
+    "DEFAULT_RATE_HZ": "values.trajectory",
+    "resolve_path": "values.trajectory",
+    "trajectory_dir": "values.trajectory",
 }
 """Names that are slow to import or seldom needed, and their modules."""
 

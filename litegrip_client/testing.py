@@ -28,9 +28,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from litegrip_client.connection import Connection
-from litegrip_client.errors import ConnectError
-from litegrip_client.gripper import LiteGrip
+from litegrip_client.line.connection import Connection
+from litegrip_client.threads.gripper import LiteGrip
+from litegrip_client.values.errors import ConnectError
 
 _CONFIG = """\
 [bus]

@@ -5,9 +5,9 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
-from litegrip_client.blocking import connect
-from litegrip_client.discovery import stop_at
-from litegrip_client.errors import LiteGripError
+from litegrip_client.core.stop import stop_at
+from litegrip_client.threads.blocking import connect
+from litegrip_client.values.errors import LiteGripError
 from litegrip_fleet.config import PortalConfig
 from litegrip_fleet.daemon import how_it_is
 from litegrip_fleet.keys import Place

@@ -25,10 +25,10 @@ from typing import Any, Literal
 
 import zenoh
 
-from litegrip_client.blocking import connect
-from litegrip_client.discovery import UNIT_DIRECTORIES, socket_paths
-from litegrip_client.doctor.findings import Finding, error, warning
-from litegrip_client.errors import LiteGripError
+from litegrip_client.core.discovery import UNIT_DIRECTORIES, socket_paths
+from litegrip_client.ctl.doctor.findings import Finding, error, warning
+from litegrip_client.threads.blocking import connect
+from litegrip_client.values.errors import LiteGripError
 from litegrip_fleet import findings
 from litegrip_fleet.by_portal import ANSWER_WITHIN_S
 from litegrip_fleet.certificates import Certificate, CertificateError, authorities, met, own

@@ -7,9 +7,10 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
 
-from litegrip_client.discovery import PORTAL_DIRECTORY, STOP_LEVELS, check_channel
-from litegrip_client.errors import ParameterError
-from litegrip_client.protocol.text import cause, hidden, text_of
+from litegrip_client.core.discovery import PORTAL_DIRECTORY, check_channel
+from litegrip_client.core.stop import STOP_LEVELS
+from litegrip_client.values.errors import ParameterError
+from litegrip_client.values.text import cause, hidden, text_of
 from litegrip_fleet.access import ROLES
 from litegrip_fleet.far_session import DEFAULT_TTL_S
 from litegrip_fleet.keys import BadNameError, Place, check_name

@@ -5,9 +5,10 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from litegrip_client.discovery import reach, stop_path
-from litegrip_client.errors import LiteGripError, from_error_object
-from litegrip_client.exchange import request_line
+from litegrip_client.core.discovery import reach
+from litegrip_client.core.stop import stop_path
+from litegrip_client.line.exchange import request_line
+from litegrip_client.values.errors import LiteGripError, from_error_object
 from litegrip_fleet.answers import UNREACHABLE, error_object
 
 ANSWER_WITHIN_S = 2.0

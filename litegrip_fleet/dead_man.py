@@ -14,7 +14,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent import futures
 
-from litegrip_client.errors import LiteGripError
+from litegrip_client.values.errors import LiteGripError
 from litegrip_fleet import daemon
 from litegrip_fleet.keys import Place
 from litegrip_fleet.presence import DeadMan, Presence

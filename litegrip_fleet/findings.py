@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from statistics import median
 from typing import Any, Literal, TypeAlias
 
-from litegrip_client.doctor.findings import Finding, error, ok, warning
-from litegrip_client.exchange import PROTOCOL
+from litegrip_client.ctl.doctor.findings import Finding, error, ok, warning
+from litegrip_client.line.exchange import PROTOCOL
 from litegrip_fleet.access import ROLES
 from litegrip_fleet.certificates import (
     WARN_BELOW_S,

@@ -16,8 +16,8 @@ from typing import Any
 
 import zenoh
 
-from litegrip_client.discovery import STOP_LEVELS, WHY_CHARACTERS, stop_path
-from litegrip_client.errors import LiteGripError
+from litegrip_client.core.stop import STOP_LEVELS, WHY_CHARACTERS, stop_path
+from litegrip_client.values.errors import LiteGripError
 from litegrip_fleet.answers import UNREACHABLE, error_line, error_object
 from litegrip_fleet.daemon import STOP_WITHIN_S, asked_of, connected, how_it_is, unreachable
 from litegrip_fleet.dead_man import DeadMansSwitch

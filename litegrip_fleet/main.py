@@ -20,10 +20,11 @@ from typing import Any, NoReturn
 
 import zenoh
 
+from litegrip_client.core.discovery import SOCKET_VARIABLE
+from litegrip_client.core.stop import STOP_LEVELS, WHY_CHARACTERS
 from litegrip_client.ctl.commands.machine import findings_text
-from litegrip_client.discovery import SOCKET_VARIABLE, STOP_LEVELS, WHY_CHARACTERS
-from litegrip_client.doctor.findings import as_data
-from litegrip_client.exchange import request_line
+from litegrip_client.ctl.doctor.findings import as_data
+from litegrip_client.line.exchange import request_line
 from litegrip_fleet import by_portal
 from litegrip_fleet.access import rules
 from litegrip_fleet.acl_check import UnreadableError, access_control_in, wider

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from litegrip_client.protocol import strict_json
+from litegrip_client.values import strict_json
 from litegrip_fleet.answers import UNREACHABLE, error_line, error_object
 from litegrip_fleet.lateness import RemoteClock
 from litegrip_fleet.messages import Ask, Push, Reply

@@ -22,8 +22,8 @@ from typing import Any
 
 import zenoh
 
-from litegrip_client.connection import peer_pid
-from litegrip_client.discovery import stop_path
+from litegrip_client.core.stop import stop_path
+from litegrip_client.line.connection import peer_pid
 from litegrip_fleet.answers import (
     BACKLOG_FULL,
     TOO_MANY_CONNECTIONS,

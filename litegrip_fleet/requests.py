@@ -4,7 +4,7 @@ import json
 from collections.abc import Collection, Mapping
 from typing import Any, TypeGuard
 
-from litegrip_client.protocol import strict_json
+from litegrip_client.values import strict_json
 from litegrip_fleet.answers import (
     INVALID_PARAMS,
     LINE_TOO_LONG,

@@ -17,8 +17,9 @@ from typing import Any
 from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 
-from litegrip_client.discovery import is_taken_as_meant, reach, stop_at
-from litegrip_client.errors import ConnectError, LiteGripError
+from litegrip_client.core.discovery import reach
+from litegrip_client.core.stop import is_taken_as_meant, stop_at
+from litegrip_client.values.errors import ConnectError, LiteGripError
 from litegrip_web.allowed import ACT, READ
 
 WRONG_TOKEN, TOO_LATE, TOO_MANY = 4401, 4408, 4429

@@ -14,8 +14,8 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 
-from litegrip_client.discovery import check_channel
-from litegrip_client.errors import CommandError
+from litegrip_client.core.discovery import check_channel
+from litegrip_client.values.errors import CommandError
 from litegrip_web.bridge import Gripper
 from litegrip_web.server import Settings, is_loopback, listening
 

@@ -17,8 +17,8 @@ from types import SimpleNamespace
 import pytest
 
 from litegrip_client import LiteGrip
-from litegrip_client.connection import SLICE_S, StreamEndedError
-from litegrip_client.discovery import SYSTEM_DIRECTORY
+from litegrip_client.core.discovery import SYSTEM_DIRECTORY
+from litegrip_client.line.connection import SLICE_S, StreamEndedError
 from litegripd.app.build import build_service, load_at_start
 from litegripd.app.config import Config
 from litegripd.app.helper_main import OPERATIONS
@@ -36,8 +36,8 @@ from litegripd.teleop.link import Links
 from tests.world import CAN_ID, PERIOD_S, Disk, World, is_command
 
 _CLOCKED = (
-    *("blocking", "connection", "core.motion", "core.trajectories", "exchange", "results"),
-    "sdk.gripper",
+    *("core.motion", "core.trajectories", "line.connection", "line.exchange"),
+    *("threads.blocking", "threads.sdk_gripper", "values.results"),
 )
 """The client's modules that read a clock, or wait by it."""
 
@@ -289,5 +289,5 @@ def a_site(home: Path, environment: Mapping[str, str] | None = None) -> Iterator
             patch.setenv(name, value)
         for module in _CLOCKED:
             patch.setattr(f"litegrip_client.{module}.time", clock)
-        patch.setattr("litegrip_client.connection.LineStream", site.open_stream)
+        patch.setattr("litegrip_client.line.connection.LineStream", site.open_stream)
         yield site

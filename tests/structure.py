@@ -10,11 +10,11 @@ import ast
 import statistics
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, NamedTuple
 
 from litegrip_client import LiteGrip
 from tests.client.fake_daemon import GRASP, FakeDaemon
@@ -22,7 +22,7 @@ from tests.world import Client, World
 
 ROOT = Path(__file__).parent.parent
 PRODUCT = ("litegripd", "litegrip_client", "litegrip_fleet", "litegrip_web")
-GENERATED = ("litegrip_client/_error_table.py", "litegrip_client/actions.py")
+GENERATED = ("litegrip_client/values/error_table.py", "litegrip_client/threads/actions.py")
 
 
 def entered(act: Callable[[], Any]) -> list[str]:
@@ -103,13 +103,64 @@ def import_circle() -> list[str]:
 
 def imported(path: Path, modules: dict[str, Path]) -> Iterator[str]:
     """Give the product's modules that a file imports when it is imported."""
-    for statement in ast.parse(path.read_text(encoding="utf-8")).body:
-        if isinstance(statement, ast.ImportFrom) and statement.module:
+    return _targets(ast.parse(path.read_text(encoding="utf-8")).body, modules)
+
+
+def _targets(statements: Iterable[ast.AST], modules: Mapping[str, Path]) -> Iterator[str]:
+    for statement in statements:
+        if isinstance(statement, ast.Import):
+            yield from (alias.name for alias in statement.names if alias.name in modules)
+        elif isinstance(statement, ast.ImportFrom) and statement.module:
             for alias in statement.names:
                 inner = f"{statement.module}.{alias.name}"
                 name = inner if inner in modules else statement.module
                 if name in modules:
                     yield name
+
+
+class Drawing(NamedTuple):
+    """Rooms and what runs between them: `up` are the arrows that lead back to a room above."""
+
+    floors: int
+    arrows: int
+    up: list[tuple[str, str]]
+
+
+def drawing(package: str, *, files: bool = False) -> Drawing:
+    """Draw the rooms of a package: its folders and its files beside them, or all its `files`.
+
+    An arrow is any import between two of them, also one in a function or for types alone. A room
+    is one floor above the highest that it imports; an arrow that closes a circle leads up.
+    """
+    folder = ROOT / package
+    rooms: dict[str, set[str]] = {}
+    paths = {
+        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
+        for path in folder.rglob("*.py")
+    }
+
+    def room(module: str) -> str:
+        return module if files or module == package else ".".join(module.split(".")[:2])
+
+    for name, path in paths.items():
+        statements = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        found = {room(other) for other in _targets(statements, paths)} - {room(name)}
+        rooms.setdefault(room(name), set()).update(found)
+    floors: dict[str, int] = {}
+    up: list[tuple[str, str]] = []
+    above: list[str] = []
+
+    def floor(name: str) -> int:
+        if name not in floors:
+            above.append(name)
+            lower = [other for other in sorted(rooms[name]) if other not in above]
+            up.extend((name, other) for other in sorted(rooms[name]) if other in above)
+            floors[name] = 1 + max((floor(other) for other in lower), default=0)
+            above.pop()
+        return floors[name]
+
+    highest = max(floor(name) for name in sorted(rooms))
+    return Drawing(highest, sum(map(len, rooms.values())), up)
 
 
 def main() -> None:
@@ -122,6 +173,9 @@ def main() -> None:
     print(f"modules of at most 60 lines {sum(count <= 60 for count in modules.values()):6}")
     print(f"lines of the product        {lines:6}")
     print(f"lines of the tests          {test_lines:6}, {test_lines / lines:.2f} for each")
+    for package in PRODUCT:
+        floors, arrows, up = drawing(package)
+        print(f"{package:16} {floors:2} floors, {arrows:3} arrows, {len(up)} of them back up")
     for name, files in walks().items():
         print(f"files entered by {name:18} {len(files):6}")
         if "--files" in sys.argv:

@@ -16,19 +16,19 @@ import socket
 from collections.abc import Callable, Coroutine, Mapping, Sequence
 from typing import Any, Generic, TypeVar, overload
 
-from litegrip_client.calibration import GripperConfig
-from litegrip_client.connection import peer_pid
 from litegrip_client.core.actions import GripperActions
+from litegrip_client.core.discovery import reach
+from litegrip_client.core.expected import expectations
 from litegrip_client.core.gripper import Gripper
 from litegrip_client.core.session import DaemonSession
-from litegrip_client.discovery import reach
-from litegrip_client.errors import CommandError, LiteGripError
-from litegrip_client.exchange import DEFAULT_TIMEOUT_S, Call, Exchange, no_answer
-from litegrip_client.feeds import Event, EventFeed, Feed, StateFeed, some_fields, whole_state
-from litegrip_client.motion_config import MotionConfig
-from litegrip_client.results import GripperState
-from litegrip_client.sdk.expected import expectations
-from litegrip_client.warn import leave
+from litegrip_client.line.connection import peer_pid
+from litegrip_client.line.exchange import DEFAULT_TIMEOUT_S, Call, Exchange, no_answer
+from litegrip_client.line.feeds import Event, EventFeed, Feed, StateFeed, some_fields, whole_state
+from litegrip_client.values.calibration import GripperConfig
+from litegrip_client.values.errors import CommandError, LiteGripError
+from litegrip_client.values.motion_config import MotionConfig
+from litegrip_client.values.results import GripperState
+from litegrip_client.values.warn import leave
 
 
 class Waiting:

@@ -1,6 +1,6 @@
 """The actions of a gripper: what a program asks of it, written once, as coroutines.
 
-They only send requests; the daemon decides and moves. `litegrip_client/actions.py`, for threads, is
+They only send requests; the daemon decides and moves. `threads/actions.py`, for threads, is
 generated from this file: its docstrings are written for both.
 """
 
@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import math
 
-from litegrip_client.checks import given_numbers, integer, number
 from litegrip_client.core.motion import Motion, SetpointStream, check_no_feedforward, frame_target
 from litegrip_client.core.session import ACTION_TIMEOUT_S, DaemonSession
-from litegrip_client.errors import CommandError, LiteGripError, ParameterError
-from litegrip_client.motion_config import MotionConfig
-from litegrip_client.results import (
+from litegrip_client.values.checks import given_numbers, integer, number
+from litegrip_client.values.errors import CommandError, LiteGripError, ParameterError
+from litegrip_client.values.motion_config import MotionConfig
+from litegrip_client.values.results import (
     EnableResult,
     GraspResult,
     GripperState,
@@ -28,12 +28,12 @@ if TYPE_CHECKING:  # see the package: what is seldom needed takes its time to im
     from collections.abc import Callable
     from typing import Any, Literal, TypeAlias
 
-    from litegrip_client.calibration import CalibrationData, GripperConfig
     from litegrip_client.core.calibrations import ManualCalibration
     from litegrip_client.core.session import Wire
     from litegrip_client.core.trajectories import Trajectories
-    from litegrip_client.results import PlayResult
-    from litegrip_client.trajectory import Trajectory
+    from litegrip_client.values.calibration import CalibrationData, GripperConfig
+    from litegrip_client.values.results import PlayResult
+    from litegrip_client.values.trajectory import Trajectory
 
     ProgressCallback: TypeAlias = Callable[[MoveProgress], None]
     """Called where the call was made, at most 20 times a second."""
@@ -466,7 +466,7 @@ class GripperActions:
         `loop` is for `play_start`. An interrupt, or an error of `progress`, cancels the replay
         before it is raised. A path that something blocks gives `ok` False.
         """
-        from litegrip_client.results import PlayResult  # noqa: PLC0415 - see above
+        from litegrip_client.values.results import PlayResult  # noqa: PLC0415 - see above
 
         if loop:
             raise ParameterError(
@@ -713,7 +713,7 @@ class GripperActions:
         Only `max_stroke_mm`, how far the jaws open, may be assigned: this object's `zero`,
         `calibrate` and `manual_calibration` then use it.
         """
-        from litegrip_client.calibration import GripperConfig  # noqa: PLC0415 - see above
+        from litegrip_client.values.calibration import GripperConfig  # noqa: PLC0415 - see above
 
         info = await self._session.wire.call("info.get")
         if self._own_config is None:
@@ -778,8 +778,8 @@ class GripperActions:
         That is what a caliper measures; `config.max_stroke_mm` by default. `rad_to_mm` follows, the
         limits stay, and nothing moves. `save_calibration` saves it.
         """
-        from litegrip_client.calibration import CalibrationData  # noqa: PLC0415 - see above
         from litegrip_client.core import calibrations  # noqa: PLC0415
+        from litegrip_client.values.calibration import CalibrationData  # noqa: PLC0415 - see above
 
         view = await self._command("calibration.rescale", self._stroke(stroke_mm))
         calibrations.warn_of_doubts(view)
@@ -804,7 +804,7 @@ class GripperActions:
         Raises `HardwareError` when no plausible travel was found, `CommandError` when it was not
         saved, and the errors of `GripperActions`.
         """
-        from litegrip_client import calibration_files as files  # noqa: PLC0415 - see above
+        from litegrip_client.values import calibration_files as files  # noqa: PLC0415 - see above
 
         target = files.environment_path()
         if target is not None:
@@ -867,8 +867,8 @@ class GripperActions:
     async def _probe(
         self, params: dict[str, Any], mount: str | None, progress: ProgressCallback | None
     ) -> CalibrationData:
-        from litegrip_client.calibration import CalibrationData  # noqa: PLC0415 - see above
         from litegrip_client.core.calibrations import ProbePrinter  # noqa: PLC0415
+        from litegrip_client.values.calibration import CalibrationData  # noqa: PLC0415 - see above
 
         if mount is not None:
             params = {**params, "mount": mount}

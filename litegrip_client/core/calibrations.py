@@ -11,12 +11,12 @@ import sys
 from collections.abc import Awaitable, Callable, Mapping
 from typing import Any
 
-from litegrip_client import calibration_files as files
-from litegrip_client.calibration import CALIBRATION_KEYS, CalibrationData
 from litegrip_client.core.session import ACTION_TIMEOUT_S, DaemonSession
-from litegrip_client.errors import BusyError, CommandError, LiteGripError, ParameterError
-from litegrip_client.results import MoveProgress
-from litegrip_client.warn import leave, warn
+from litegrip_client.values import calibration_files as files
+from litegrip_client.values.calibration import CALIBRATION_KEYS, CalibrationData
+from litegrip_client.values.errors import BusyError, CommandError, LiteGripError, ParameterError
+from litegrip_client.values.results import MoveProgress
+from litegrip_client.values.warn import leave, warn
 
 Command = Callable[[str, dict[str, Any], float], Awaitable[dict[str, Any]]]
 
@@ -64,7 +64,7 @@ async def _load(command: Command, params: dict[str, Any]) -> bool:
 def warn_of_doubts(view: Mapping[str, Any]) -> None:
     """Log each reason why a calibration is probably wrong."""
     for doubt in warnings_in(view):
-        from litegrip_client.voices import in_python  # noqa: PLC0415 - seldom needed
+        from litegrip_client.values.voices import in_python  # noqa: PLC0415 - seldom needed
 
         warn(in_python(doubt))
 

@@ -1,25 +1,25 @@
 """A gripper at its daemon: the actions, and the connection, the lease, the stop, and what is read.
 
-The session knows how to wait for the daemon. `litegrip_client/gripper.py`, for threads, is partly
-generated from this file: its docstrings are written for both.
+The session knows how to wait for the daemon. `threads/actions.py`, for threads, is partly generated
+from this file: its docstrings are written for both.
 """
 
 from __future__ import annotations
 
 from litegrip_client.core.actions import GripperActions, state_of
 from litegrip_client.core.session import ACTION_TIMEOUT_S, DaemonSession, Lease
-from litegrip_client.discovery import stop
-from litegrip_client.errors import BusyError, HardwareError, NotPermittedError, StoppedError
-from litegrip_client.results import GripperState
-from litegrip_client.warn import leave, warn
+from litegrip_client.core.stop import stop
+from litegrip_client.values.errors import BusyError, HardwareError, NotPermittedError, StoppedError
+from litegrip_client.values.results import GripperState
+from litegrip_client.values.warn import leave, warn
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: what is seldom needed takes its time to import
     from typing import Any
 
-    from litegrip_client.calibration import GripperConfig
     from litegrip_client.core.session import Wire
-    from litegrip_client.motion_config import MotionConfig
+    from litegrip_client.values.calibration import GripperConfig
+    from litegrip_client.values.motion_config import MotionConfig
 
 
 class Gripper(GripperActions):
@@ -37,7 +37,7 @@ class Gripper(GripperActions):
         session.connects_first(self.connect)
         self._template: str | None = None
         if mount is not None:
-            from litegrip_client.calibration_files import check_template  # noqa: PLC0415 - see above
+            from litegrip_client.values.calibration_files import check_template  # noqa: PLC0415 - see above
 
             self._template = check_template(mount)
 
@@ -189,7 +189,7 @@ class Gripper(GripperActions):
 
         `reasons` say why the verdict is not "ok"; `notes` what is normal and worth knowing.
         """
-        from litegrip_client.voices import in_python  # noqa: PLC0415 - see above
+        from litegrip_client.values.voices import in_python  # noqa: PLC0415 - see above
 
         figures = await self._session.wire.call("health")
         told: dict[str, Any] = {

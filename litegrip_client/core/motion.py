@@ -11,11 +11,11 @@ import os
 import time
 from collections.abc import Awaitable, Callable, Mapping
 
-from litegrip_client.checks import given_numbers, number
 from litegrip_client.core.session import DaemonSession
-from litegrip_client.errors import CommandError, ConnectError, LiteGripError, ParameterError
-from litegrip_client.exchange import FOREVER_S, Call, Progress
-from litegrip_client.warn import leave, warn
+from litegrip_client.line.exchange import FOREVER_S, Call, Progress
+from litegrip_client.values.checks import given_numbers, number
+from litegrip_client.values.errors import CommandError, ConnectError, LiteGripError, ParameterError
+from litegrip_client.values.warn import leave, warn
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow

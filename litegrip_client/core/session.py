@@ -9,9 +9,9 @@ import contextlib
 import sys
 from collections.abc import Callable, Coroutine, Mapping
 
-from litegrip_client.checks import given_numbers
-from litegrip_client.discovery import chosen_channel
-from litegrip_client.errors import (
+from litegrip_client.core.discovery import chosen_channel
+from litegrip_client.values.checks import given_numbers
+from litegrip_client.values.errors import (
     CommandError,
     ConnectError,
     HardwareError,
@@ -19,14 +19,14 @@ from litegrip_client.errors import (
     LiteGripError,
     ProtocolError,
 )
-from litegrip_client.warn import leave, warn
+from litegrip_client.values.warn import leave, warn
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from collections.abc import Awaitable
     from typing import Any, Protocol, TypeVar
 
-    from litegrip_client.exchange import Call, Exchange
+    from litegrip_client.line.exchange import Call, Exchange
 
     _Result = TypeVar("_Result")
 
@@ -163,7 +163,7 @@ class DaemonSession:
         """
         if self.is_open:
             return
-        import litegrip_client.results  # noqa: F401, PLC0415 - so that no call must load it
+        import litegrip_client.values.results  # noqa: F401, PLC0415 - so that no call must load it
 
         wire = await self._connect()
         try:
@@ -197,7 +197,7 @@ class DaemonSession:
         if self.can_id is not None and can_id != self.can_id:
             raise _different("can_id", f"{self.can_id:#04x}", f"{can_id:#04x}", path)
         if self._expected:
-            from litegrip_client.sdk.expected import check_expected  # noqa: PLC0415 - seldom needed
+            from litegrip_client.core.expected import check_expected  # noqa: PLC0415 - seldom needed
 
             check_expected(self._expected, hello, path)
 

@@ -11,9 +11,9 @@ import hashlib
 import time
 from collections.abc import Awaitable, Callable, Mapping
 
-from litegrip_client.checks import number
 from litegrip_client.core.session import ACTION_TIMEOUT_S
-from litegrip_client.errors import (
+from litegrip_client.values.checks import number
+from litegrip_client.values.errors import (
     CommandError,
     LiteGripError,
     ParameterError,
@@ -22,15 +22,15 @@ from litegrip_client.errors import (
     TrajectoryNotActiveError,
     TrajectoryRecordingError,
 )
-from litegrip_client.protocol.trajectory import MAX_SAMPLES
-from litegrip_client.warn import warn
+from litegrip_client.values.trajectory_format import MAX_SAMPLES
+from litegrip_client.values.warn import warn
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: trajectories are seldom worked with
     from typing import Any
 
     from litegrip_client.core.session import DaemonSession, Wire
-    from litegrip_client.trajectory import Trajectory
+    from litegrip_client.values.trajectory import Trajectory
 
 MOST_MISSED_SHARE = 0.1
 """More than this share of the samples missing is no recording of the motion."""
@@ -89,7 +89,7 @@ class Trajectories:
         return await self._fetch({"name": name}, has_grips=True)
 
     async def _fetch(self, source: Mapping[str, Any], *, has_grips: bool) -> Trajectory:
-        from litegrip_client.trajectory import Trajectory  # noqa: PLC0415 - see the package
+        from litegrip_client.values.trajectory import Trajectory  # noqa: PLC0415 - see the package
 
         session = self._session
         content = await fetch(session.wire, source)
@@ -119,7 +119,7 @@ class Trajectories:
 
     async def _content(self, trajectory: Trajectory) -> tuple[bytes, bytes]:
         """Return a trajectory as it is sent; raises `CommandError` for what is none."""
-        from litegrip_client.trajectory import Trajectory  # noqa: PLC0415 - see the package
+        from litegrip_client.values.trajectory import Trajectory  # noqa: PLC0415 - see the package
 
         given: object = trajectory
         if not isinstance(given, Trajectory):

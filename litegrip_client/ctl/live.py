@@ -22,12 +22,12 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from litegrip_client.connection import Connection
 from litegrip_client.ctl import render
-from litegrip_client.ctl.commands.state import state_rows
-from litegrip_client.errors import ConnectError
-from litegrip_client.feeds import Event, EventFeed
-from litegrip_client.voices import in_shell
+from litegrip_client.ctl.state_view import state_rows
+from litegrip_client.line.connection import Connection
+from litegrip_client.line.feeds import Event, EventFeed
+from litegrip_client.values.errors import ConnectError
+from litegrip_client.values.voices import in_shell
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow

@@ -6,7 +6,7 @@ import sys
 from argparse import Namespace
 from functools import partial
 
-from litegrip_client.ctl.commands import find, needs_daemon
+from litegrip_client.ctl.commands import COMMANDS, find, needs_daemon
 from litegrip_client.ctl.parser import UsageError, for_gripper, parse
 from litegrip_client.ctl.render import hint_for
 from litegrip_client.ctl.run import (
@@ -18,7 +18,7 @@ from litegrip_client.ctl.run import (
     Run,
     connected,
 )
-from litegrip_client.errors import CommandError, LiteGripError, ProtocolError, exit_code
+from litegrip_client.values.errors import CommandError, LiteGripError, ProtocolError, exit_code
 
 OUTPUT_LOST = 74
 """EX_IOERR of sysexits.h: what was to be said cannot be written."""
@@ -35,10 +35,10 @@ def main(arguments: list[str] | None = None) -> int:
             stream.reconfigure(errors="replace")  # a terminal without "°" is no reason to fail
     given = sys.argv[1:] if arguments is None else arguments
     try:
-        options = parse(given)
+        options = parse(given, COMMANDS)
     except UsageError as wrong:
         return _refuse(wrong, Output(as_json="--json" in given))
-    output = Output(as_json=options.json, for_gripper=partial(for_gripper, options.call))
+    output = Output(as_json=options.json, for_gripper=partial(for_gripper, options.call, COMMANDS))
     try:
         code = _run(options, output)
         sys.stdout.flush()

@@ -12,21 +12,26 @@ import os
 import re
 import shlex
 from argparse import ArgumentTypeError
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 
-from litegrip_client.ctl.commands import COMMANDS, OF_THIS_MACHINE, READING, CommandRow
-from litegrip_client.discovery import (
-    CHANNEL_VARIABLE,
-    DEFAULT_CHANNEL,
-    check_channel,
-)
-from litegrip_client.errors import CommandError
+from litegrip_client.core.discovery import CHANNEL_VARIABLE, DEFAULT_CHANNEL, check_channel
+from litegrip_client.values.errors import CommandError
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
-    from typing import Any, NoReturn
+    from typing import Any, NoReturn, Protocol, TypeAlias
 
-    from litegrip_client.ctl.run import Fill
+    class Row(Protocol):
+        """A command, as the parser knows it."""
+
+        name: str
+        text: str
+        reads: bool
+        is_local: bool
+
+        def options(self) -> Fill | None:
+            """Return what adds its arguments; None where it takes none."""
+
 
 PROGRAM = "litegripctl"
 EXIT_CODES: tuple[tuple[int, str], ...] = (
@@ -106,7 +111,7 @@ class LateParser(Parser):
     """
 
     def __init__(
-        self, *, row: CommandRow | None = None, fill: Fill | None = None, **settings: Any
+        self, *, row: Row | None = None, fill: Fill | None = None, **settings: Any
     ) -> None:
         self._row = row
         self._fill = fill
@@ -132,6 +137,9 @@ class LateParser(Parser):
 _FEW = 12
 """Names that are listed where none comes close."""
 
+Fill: TypeAlias = "Callable[[LateParser], None]"
+"""Adds what a command takes to its parser."""
+
 
 def _did_you_mean(given: str, names: Iterable[str]) -> str:
     """Return the question, if a name comes close to what was given, else nothing."""
@@ -156,13 +164,13 @@ def common() -> argparse.ArgumentParser:
     return parser
 
 
-def parse(given: list[str]) -> argparse.Namespace:
-    """Read the command line; raises `UsageError` when it is wrong.
+def parse(given: list[str], rows: Sequence[Row]) -> argparse.Namespace:
+    """Read the command line of a command of `rows`; raises `UsageError` when it is wrong.
 
     `channel_chosen` is true if a channel was asked for, by option or by environment. `only_reads`
     is true if the command changes nothing. `call` is how the same gripper is called again.
     """
-    parser = whole_parser()
+    parser = whole_parser(rows)
     options, rest = parser.parse_known_args([protect_target(argument) for argument in given])
     if rest:
         message = f"unrecognized arguments: {' '.join(rest)}"
@@ -170,7 +178,7 @@ def parse(given: list[str]) -> argparse.Namespace:
         raise UsageError(message, parser.format_usage(), options.help_of)
     chosen = getattr(options, "channel", None) or os.environ.get(CHANNEL_VARIABLE)
     options.channel_chosen = chosen is not None
-    options.only_reads = options.command in READING
+    options.only_reads = any(row.reads for row in rows if row.name == options.command)
     options.call = _call(options)
     options.socket = getattr(options, "socket", None)
     options.json = getattr(options, "json", False)
@@ -196,11 +204,11 @@ def _call(options: argparse.Namespace) -> str:
     return " ".join([PROGRAM, *map(shlex.quote, words)])
 
 
-def for_gripper(call: str, text: str) -> str:
+def for_gripper(call: str, rows: Sequence[Row], text: str) -> str:
     """Return `text`; the commands in it that are for a gripper begin with `call`."""
     if call == PROGRAM:
         return text
-    names = "|".join(row.name for row in COMMANDS if row.name not in OF_THIS_MACHINE)
+    names = "|".join(row.name for row in rows if not row.is_local)
     return re.sub(rf"\b{PROGRAM}(?= (?:{names})\b)", lambda _: call, text)
 
 
@@ -229,7 +237,7 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def whole_parser() -> Parser:
+def whole_parser(rows: Sequence[Row]) -> Parser:
     """Return the parser of all commands."""
     parser = _WholeParser(
         prog=PROGRAM,
@@ -240,7 +248,7 @@ def whole_parser() -> Parser:
         dest="command", required=True, metavar="COMMAND", parser_class=LateParser
     )
 
-    for row in COMMANDS:
+    for row in rows:
         commands.add_parser(row.name, help=row.text, description=row.text, row=row)
     return parser
 

@@ -10,17 +10,17 @@ from argparse import Namespace
 from collections.abc import Callable, Mapping, Sequence
 from time import localtime, strftime, time
 
-from litegrip_client.blocking import BlockingWire, complete
+from litegrip_client.core.discovery import is_socket_given, running_channels
 from litegrip_client.core.motion import Motion
 from litegrip_client.ctl.run import ENDING, INTERRUPTED, NOT_OK, OK, Run
-from litegrip_client.discovery import is_socket_given, running_channels
-from litegrip_client.errors import CancelledError, LiteGripError
+from litegrip_client.threads.blocking import BlockingWire, complete
+from litegrip_client.values.errors import CancelledError, LiteGripError
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, TypeAlias
 
-    from litegrip_client.connection import Connection
+    from litegrip_client.line.connection import Connection
 
 Data: TypeAlias = "Mapping[str, Any]"
 
@@ -138,7 +138,7 @@ def _log_of(options: Namespace) -> str:
 
 
 def _is_remote(options: Namespace) -> bool:
-    from litegrip_client.doctor.gather import is_remote_name  # noqa: PLC0415 - seldom needed
+    from litegrip_client.ctl.doctor.gather import is_remote_name  # noqa: PLC0415 - seldom needed
 
     return options.channel_chosen and is_remote_name(options.channel)
 

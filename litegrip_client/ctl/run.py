@@ -15,23 +15,19 @@ from argparse import Namespace
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from litegrip_client import atomic_file
-from litegrip_client.blocking import connect
-from litegrip_client.connection import Connection
-from litegrip_client.discovery import (
-    DEFAULT_CHANNEL,
-    is_socket_given,
-    running_channels,
-)
-from litegrip_client.errors import CommandError, LiteGripError
-from litegrip_client.voices import in_shell, is_said
+from litegrip_client.core.discovery import DEFAULT_CHANNEL, is_socket_given, running_channels
+from litegrip_client.line.connection import Connection
+from litegrip_client.threads.blocking import connect
+from litegrip_client.values import atomic_file
+from litegrip_client.values.errors import CommandError, LiteGripError
+from litegrip_client.values.voices import in_shell, is_said
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from collections.abc import Mapping
     from typing import Any, TypeAlias
 
-    from litegrip_client.ctl.parser import LateParser
+    from litegrip_client.ctl.parser import Fill
 
 
 def refuse_existing(path: str, hint: str) -> None:
@@ -251,7 +247,5 @@ def installing(*libraries: str) -> str:
 
 Command: TypeAlias = Callable[[Run], int]
 """Carries out one command; returns its exit code."""
-Fill: TypeAlias = "Callable[[LateParser], None]"
-"""Adds what a command takes to its parser."""
 Commands: TypeAlias = "Mapping[str, tuple[Command, Fill | None]]"
 """What carries out the commands of a module, by their names, and what adds their arguments."""

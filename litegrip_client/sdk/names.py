@@ -8,33 +8,7 @@ from dataclasses import dataclass
 from enum import Enum, IntEnum
 from typing import NamedTuple
 
-from litegrip_client.errors import ParameterError
-
-
-class ErrorCode(IntEnum):
-    """The motor's status nibble, `error_code` of a state (maker's table)."""
-
-    DISABLED = 0x0
-    ENABLED = 0x1
-    OVER_VOLTAGE = 0x8
-    UNDER_VOLTAGE = 0x9
-    OVER_CURRENT = 0xA
-    DRIVER_HOT = 0xB
-    COIL_HOT = 0xC
-    COMMUNICATION_LOST = 0xD
-    OVERLOAD = 0xE
-
-
-STATUS_CODES = {code.name.lower(): int(code) for code in ErrorCode}
-"""A status as the daemon names it: its nibble."""
-
-
-def describe_error(code: int) -> str:
-    """Return a status nibble in words; an unknown one by its number."""
-    try:
-        return ErrorCode(code).name.replace("_", " ").lower()
-    except ValueError:
-        return f"unknown status {code}"
+from litegrip_client.values.errors import ParameterError
 
 
 class GripperStatus(Enum):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from litegrip_client.errors import CommandError
+from litegrip_client.values.errors import CommandError
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow

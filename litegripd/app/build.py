@@ -17,7 +17,7 @@ from functools import lru_cache
 from pathlib import Path
 from secrets import token_urlsafe
 
-from litegrip_client.can_link import BITRATE, rate_text
+from litegrip_client.socketcan.link import BITRATE, rate_text
 from litegripd.app.config import Config
 from litegripd.app.machine import Machine
 from litegripd.control.controller import Controller

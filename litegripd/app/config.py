@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from litegrip_client.protocol.text import cause, hidden, text_of
+from litegrip_client.values.text import cause, hidden, text_of
 from litegripd.io.can.bus import SIMULATOR, BusSettings
 from litegripd.io.helper.files import TEMPLATES
 from litegripd.model.gripper import (

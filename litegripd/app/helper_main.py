@@ -16,8 +16,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
 
-from litegrip_client.can_link import ask_kernel
-from litegrip_client.can_managers import settings_of
+from litegrip_client.socketcan.link import ask_kernel
+from litegrip_client.socketcan.managers import settings_of
 from litegripd.io.helper.child import (
     CHILD_FD,
     MAX_PACKET_BYTES,

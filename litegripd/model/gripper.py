@@ -7,7 +7,7 @@ from functools import cached_property
 from types import MappingProxyType
 from typing import Literal, TypeAlias
 
-from litegrip_client.protocol.trajectory import MOST_FORCE_N
+from litegrip_client.values.trajectory_format import MOST_FORCE_N
 from litegripd.model.motor import Ranges
 
 Mount: TypeAlias = Literal["normal", "reverse"]

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, TypeAlias, TypedDict, cast
 
-from litegrip_client.protocol import strict_json
+from litegrip_client.values import strict_json
 from litegripd.model.errors import Refusal
 from litegripd.model.state import STOP_LEVELS, StopLevel
 

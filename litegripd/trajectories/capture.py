@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from litegrip_client.protocol.trajectory import MAX_SOURCE, MOST_GRIPS, SAMPLE
+from litegrip_client.values.trajectory_format import MAX_SOURCE, MOST_GRIPS, SAMPLE
 from litegripd.control.events import JobBook
 from litegripd.control.holds import Grip, Slack
 from litegripd.control.motions.base import PlainAction, Step, progress_of

@@ -16,8 +16,8 @@ from dataclasses import asdict, astuple, dataclass, replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from litegrip_client.errors import TrajectoryFormatError
-from litegrip_client.protocol.trajectory import (
+from litegrip_client.values.errors import TrajectoryFormatError
+from litegrip_client.values.trajectory_format import (
     ENDING,
     GRIP_ENDING,
     HEADER,

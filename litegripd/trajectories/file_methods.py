@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias, TypedDict
 
-from litegrip_client.protocol.trajectory import MAX_BYTES, MAX_GRIP_BYTES, Header
+from litegrip_client.values.trajectory_format import MAX_BYTES, MAX_GRIP_BYTES, Header
 from litegripd.control.controller import Controller
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import Mount

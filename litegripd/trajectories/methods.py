@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Literal, TypedDict
 
-from litegrip_client.protocol.trajectory import MAX_SAMPLES, Header
+from litegrip_client.values.trajectory_format import MAX_SAMPLES, Header
 from litegripd.control.controller import Controller
 from litegripd.control.limiter import DEFAULT_GAINS
 from litegripd.model.errors import Refusal

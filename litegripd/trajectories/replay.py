@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-from litegrip_client.protocol.trajectory import TaughtGrip
+from litegrip_client.values.trajectory_format import TaughtGrip
 from litegripd.control.admission import force_refusal
 from litegripd.control.holds import Grip, Hold, Idle
 from litegripd.control.limiter import Gains, budgeted, clamp_lead

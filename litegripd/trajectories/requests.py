@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, TypeAlias
 
-from litegrip_client.protocol.trajectory import MAX_SAMPLES
+from litegrip_client.values.trajectory_format import MAX_SAMPLES
 from litegripd.control.admission import (
     NO_FEEDBACK,
     busy_with,

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from litegrip_client.protocol.trajectory import ENDING, HEADER, MAX_BYTES, SAMPLE, Header
+from litegrip_client.values.trajectory_format import ENDING, HEADER, MAX_BYTES, SAMPLE, Header
 from litegripd.io.helper import atomic_file
 from litegripd.io.helper.atomic_file import REAL, FileSystem
 from litegripd.io.helper.files import state_directory

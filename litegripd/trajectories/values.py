@@ -9,8 +9,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from litegrip_client.errors import TrajectoryFormatError
-from litegrip_client.protocol.trajectory import HEADER, SAMPLE, Header, TaughtGrip, read_header
+from litegrip_client.values.errors import TrajectoryFormatError
+from litegrip_client.values.trajectory_format import HEADER, SAMPLE, Header, TaughtGrip, read_header
 from litegripd.model.errors import Refusal
 from litegripd.model.state import HelperTask, TaskResult
 

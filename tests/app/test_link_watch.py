@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegrip_client import can_link
+from litegrip_client.socketcan import link as can_link
 from litegripd.app import helper_main
 from litegripd.app.build import LinkWatch
 from litegripd.io.can.bus import BusSettings

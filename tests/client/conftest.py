@@ -5,9 +5,9 @@ from typing import Any
 import pytest
 
 from litegrip_client import LiteGrip
-from litegrip_client.connection import Connection
 from litegrip_client.core import motion
 from litegrip_client.ctl.main import main
+from litegrip_client.line.connection import Connection
 from tests.client.fake_daemon import FakeDaemon, Request
 from tests.client.fake_trajectories import FakeTrajectories
 from tests.client.helpers import Clock, Ctl

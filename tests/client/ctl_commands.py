@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 
+from litegrip_client.ctl.commands import COMMANDS
 from litegrip_client.ctl.parser import Parser, whole_parser
 
 ACTIONS = {
@@ -87,7 +88,7 @@ WITHOUT_DAEMON = ("doctor", "completion", "fleet", "install-units")
 
 def every_parser() -> Iterator[Parser]:
     """Give the whole parser, and those of all commands and of their actions."""
-    open_ones: list[Parser] = [whole_parser()]
+    open_ones: list[Parser] = [whole_parser(COMMANDS)]
     while open_ones:
         parser = open_ones.pop()
         yield parser
@@ -100,6 +101,8 @@ def every_parser() -> Iterator[Parser]:
 
 def every_command() -> set[str]:
     """Give the names of all commands, with their actions where they have some."""
-    (commands,) = (one.choices for one in whole_parser().arguments() if one.dest == "command")
+    (commands,) = (
+        one.choices for one in whole_parser(COMMANDS).arguments() if one.dest == "command"
+    )
     assert commands is not None
     return {f"{name} {action}".strip() for name in commands for action in ACTIONS.get(name) or [""]}

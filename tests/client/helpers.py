@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from typing import Any, TypeAlias
 
-from litegrip_client.connection import Connection
+from litegrip_client.line.connection import Connection
 from tests.client.fake_daemon import DEADLINE_S, STATE, FakeDaemon, Request
 
 Ctl: TypeAlias = Callable[..., tuple[int, str, str]]

@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from litegrip_client import calibration_files as files
 from litegrip_client.aio import LiteGrip
+from litegrip_client.values import calibration_files as files
 from tests.client.aio_helpers import arrived, cancel, run
 from tests.client.fake_daemon import CALIBRATION, CONTENT, HELLO, ZERO, FakeDaemon
 

@@ -12,7 +12,7 @@ import pytest
 
 from litegrip_client.aio import LiteGrip
 from litegrip_client.aio.gripper import Connection
-from litegrip_client.errors import CommandError, ConnectError, ProtocolError, StoppedError
+from litegrip_client.values.errors import CommandError, ConnectError, ProtocolError, StoppedError
 from tests.client.aio_helpers import arrived, cancel, run
 from tests.client.fake_daemon import DEADLINE_S, STATE, FakeDaemon, Request
 

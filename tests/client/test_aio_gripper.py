@@ -13,10 +13,10 @@ from litegrip_client import (
     StoppedError,
     aio,
 )
-from litegrip_client.actions import BlockingGripper, Lease
 from litegrip_client.aio import LiteGrip
-from litegrip_client.feeds import EventSubscription, Subscription
-from litegrip_client.sdk.gripper import SdkGripper
+from litegrip_client.line.feeds import EventSubscription, Subscription
+from litegrip_client.threads.actions import BlockingGripper, Lease
+from litegrip_client.threads.sdk_gripper import SdkGripper
 from tests.client.aio_helpers import arrived, cancel, run
 from tests.client.fake_daemon import HELLO, STATE, FakeDaemon
 

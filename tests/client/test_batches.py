@@ -5,9 +5,9 @@ from typing import Any
 import pytest
 
 from litegrip_client import CommandError, GripperState, LiteGrip, aio
-from litegrip_client.connection import Connection
-from litegrip_client.feeds import StateSample
-from litegrip_client.results import STATE_FIELDS
+from litegrip_client.line.connection import Connection
+from litegrip_client.line.feeds import StateSample
+from litegrip_client.values.results import STATE_FIELDS
 from tests.client.aio_helpers import arrived, run
 from tests.client.fake_daemon import STATE, FakeDaemon, Request
 

@@ -2,7 +2,7 @@ import asyncio
 
 import pytest
 
-from litegrip_client.blocking import complete
+from litegrip_client.threads.blocking import complete
 
 
 async def double(number: int) -> int:

@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from litegrip_client import CALIB_TEMPLATES, CommandError, list_templates
-from litegrip_client import calibration_files as files
+from litegrip_client.values import calibration_files as files
 from litegripd.model.calibration import parse_calibration
 from tests.client.fake_daemon import CONTENT
 

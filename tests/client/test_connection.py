@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from litegrip_client.connection import Connection
-from litegrip_client.errors import (
+from litegrip_client.line.connection import Connection
+from litegrip_client.values.errors import (
     CANTimeoutError,
     CommandError,
     ConnectError,

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from litegrip_client.ctl.commands.state import state_line
+from litegrip_client.ctl.state_view import state_line
 from tests.client.fake_daemon import HELLO, MOVE, STATE, FakeDaemon, Request
 from tests.client.helpers import Ctl
 

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from litegrip_client import ConnectError, ProtocolError
+from litegrip_client.core.stop import stop_at, stop_path
 from litegrip_client.ctl.main import main
-from litegrip_client.discovery import stop_at, stop_path
 from tests.client.ctl_terminal import Terminal
 from tests.client.fake_daemon import STATE, FakeDaemon
 from tests.client.helpers import Ctl

@@ -79,7 +79,9 @@ def test_the_log_is_that_of_the_channel_where_that_is_known(
     assert told() == "  see the daemon's log: journalctl -t litegripd"
     assert told("-c", "can0") == "  see the daemon's log: journalctl -u litegripd@can0"
     monkeypatch.delenv("LITEGRIPD_SOCKET")
-    monkeypatch.setattr("litegrip_client.discovery.SYSTEM_DIRECTORY", str(Path(daemon.path).parent))
+    monkeypatch.setattr(
+        "litegrip_client.core.discovery.SYSTEM_DIRECTORY", str(Path(daemon.path).parent)
+    )
     assert told() == "  see the daemon's log: journalctl -u litegripd@can0"
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from litegrip_client import discovery
+from litegrip_client.core import discovery
 from litegrip_client.ctl.commands import fleet
 from litegrip_client.ctl.main import main
 

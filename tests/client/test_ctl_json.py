@@ -8,7 +8,7 @@ import pytest
 
 from litegrip_client.ctl.main import main
 from litegrip_client.ctl.parser import EXIT_CODES
-from litegrip_client.trajectory import write_file
+from litegrip_client.values.trajectory import write_file
 from litegripd.model.errors import ERROR_TABLE
 from tests.client.ctl_commands import LINES, WITHOUT_DAEMON, every_command
 from tests.client.fake_daemon import HELLO, FakeDaemon, Handler, Request

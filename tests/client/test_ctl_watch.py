@@ -11,10 +11,11 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from litegrip_client.ctl.commands.state import state_line
+from litegrip_client.ctl.commands import COMMANDS
 from litegrip_client.ctl.live import Interruptions, Scene, picture
 from litegrip_client.ctl.parser import for_gripper
-from litegrip_client.feeds import Event
+from litegrip_client.ctl.state_view import state_line
+from litegrip_client.line.feeds import Event
 from tests.client.ctl_terminal import Terminal
 from tests.client.fake_daemon import HELLO, STATE, FakeDaemon
 from tests.client.live_daemon import HEALTH, OWNER, live, streaming
@@ -32,7 +33,7 @@ def _terminal(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def shown(scene: Scene, call: str = "litegripctl") -> str:
     console = Console(file=io.StringIO(), width=80, force_terminal=False)
-    console.print(picture(scene, "can0", partial(for_gripper, call)))
+    console.print(picture(scene, "can0", partial(for_gripper, call, COMMANDS)))
     assert isinstance(console.file, io.StringIO)
     return console.file.getvalue()
 

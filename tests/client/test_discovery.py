@@ -7,11 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegrip_client import GripperConfig, LiteGrip, blocking, discovery
+from litegrip_client import GripperConfig, LiteGrip
 from litegrip_client.aio import LiteGrip as AioLiteGrip
-from litegrip_client.blocking import connect
-from litegrip_client.discovery import check_channel, socket_paths
-from litegrip_client.errors import CommandError, ConnectError
+from litegrip_client.core import discovery
+from litegrip_client.core.discovery import check_channel, socket_paths
+from litegrip_client.threads import blocking
+from litegrip_client.threads.blocking import connect
+from litegrip_client.values.errors import CommandError, ConnectError
 from tests.client.fake_daemon import FakeDaemon
 
 

@@ -6,7 +6,7 @@ import pytest
 
 import litegrip_client
 from litegrip_client import LiteGrip
-from litegrip_client.errors import (
+from litegrip_client.values.errors import (
     OWN_REASONS,
     CommandError,
     ConnectError,

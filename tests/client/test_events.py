@@ -3,7 +3,7 @@ import gc
 import pytest
 
 from litegrip_client import CommandError, ConnectError, Event, LiteGrip
-from litegrip_client.connection import Connection
+from litegrip_client.line.connection import Connection
 from tests.client.fake_daemon import STATE, FakeDaemon, Request
 from tests.client.helpers import event, in_thread, sample, until_read
 

@@ -42,15 +42,15 @@ def test_what_is_stale_or_missing_is_named_and_then_written(tmp_path: Path) -> N
     (root / "docs/errors.md").unlink()
     shutil.rmtree(root / "man")
     (root / "litegrip_client/data/litegripctl.zsh").unlink()
-    with (root / "litegrip_client/_error_table.py").open("a") as table:
+    with (root / "litegrip_client/values/error_table.py").open("a") as table:
         table.write("# old\n")
-    with (root / "litegrip_client/actions.py").open("a") as made_from_the_core:
+    with (root / "litegrip_client/threads/actions.py").open("a") as made_from_the_core:
         made_from_the_core.write("# old\n")
     stale = generate(root, "--check")
     assert stale.returncode == 1
     assert stale.stdout.split("\n") == [
-        "litegrip_client/_error_table.py is stale",
-        "litegrip_client/actions.py is stale",
+        "litegrip_client/values/error_table.py is stale",
+        "litegrip_client/threads/actions.py is stale",
         "docs/errors.md is stale",
         "litegrip_client/data/litegripctl.zsh is stale",
         "man/litegripctl.1 is stale",

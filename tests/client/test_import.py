@@ -1,11 +1,14 @@
 """What importing the client brings in, and how long it takes."""
 
+import importlib
 import os
 import statistics
 import subprocess
 import sys
 import sysconfig
 from pathlib import Path
+
+import pytest
 
 import litegrip_client
 from tests.client.helpers import processor_time_of_children_s
@@ -25,8 +28,8 @@ def run(code: str, cache: Path) -> str:
 
 def test_only_the_standard_library_is_imported(tmp_path: Path) -> None:
     code = (
-        "import sys; before = set(sys.modules); import litegrip_client, litegrip_client.results, "
-        "litegrip_client.feeds, litegrip_client.ctl.main; "
+        "import sys; before = set(sys.modules); import litegrip_client, "
+        "litegrip_client.values.results, litegrip_client.line.feeds, litegrip_client.ctl.main; "
         "print(*sorted({name.partition('.')[0] for name in set(sys.modules) - before}))"
     )
     names = set(run(code, tmp_path).split())
@@ -111,3 +114,20 @@ def test_a_copy_that_is_not_installed_has_the_version_of_a_source(tmp_path: Path
         "print(litegrip_client.__version__)"
     )
     assert run(code, tmp_path).strip() == "0.0.0+source"
+
+
+@pytest.mark.parametrize(
+    "module",
+    ["errors", "results", "calibration", "motion_config", "trajectory", "core.discovery"],
+)
+def test_former_places_of_modules_have_the_same_names(module: str) -> None:
+    room = "" if "." in module else "values."
+    now = importlib.import_module(f"litegrip_client.{room}{module}")
+    former = importlib.import_module(f"litegrip_client.{module.rpartition('.')[2]}")
+    own = {
+        name: one
+        for name, one in vars(now).items()
+        if name[0] != "_" and getattr(one, "__module__", None) == now.__name__
+    }
+    assert own
+    assert all(getattr(former, name) is one for name, one in own.items())

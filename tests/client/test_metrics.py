@@ -10,7 +10,7 @@ from prometheus_client.metrics_core import Metric
 from prometheus_client.openmetrics.parser import text_string_to_metric_families as open_metrics
 from prometheus_client.parser import text_string_to_metric_families as classic
 
-from litegrip_client import metrics
+from litegrip_client.ctl import metrics
 from tests.client.fake_daemon import FakeDaemon
 from tests.client.helpers import Ctl
 
@@ -117,8 +117,8 @@ def test_without_the_library_a_line_says_what_to_install(
     daemon: FakeDaemon, ctl: Ctl, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     daemon.handlers["health"] = lambda request: HEALTH
-    monkeypatch.delitem(sys.modules, "litegrip_client.metrics")
-    monkeypatch.delattr("litegrip_client.metrics")
+    monkeypatch.delitem(sys.modules, "litegrip_client.ctl.metrics")
+    monkeypatch.delattr("litegrip_client.ctl.metrics")
     monkeypatch.setitem(sys.modules, "prometheus_client", None)
     code, out, err = ctl("metrics")
     assert (code, out) == (4, "")

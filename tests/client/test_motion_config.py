@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from litegrip_client import CommandError, LiteGrip, MotionConfig
-from litegrip_client.motion_config import DAEMON_FIELDS
+from litegrip_client.values.motion_config import DAEMON_FIELDS
 from litegripd.model.motion_config import MotionConfig as DaemonsConfig
 from tests.client.fake_daemon import MOVE, STATE, FakeDaemon
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from litegrip_client.ctl.commands import COMMANDS, OF_THIS_MACHINE
+from litegrip_client.ctl.commands import COMMANDS
 from litegrip_client.ctl.parser import UsageError, for_gripper, parse
 from litegripd.app import main as daemon
 from tests.client.doctor.test_checks import failing
@@ -117,7 +117,7 @@ def test_there_are_commands_of_each_kind() -> None:
 
 def parse_help(words: list[str]) -> None:
     with pytest.raises(SystemExit) as ended:
-        parse(words)
+        parse(words, COMMANDS)
     assert ended.value.code == 0
 
 
@@ -128,7 +128,7 @@ def test_litegripctl_takes_its_own(line: str) -> None:
         words = [*words[:-1], "7"]
     is_name = not any(word.startswith("-") for word in words)
     try:
-        parse(words)
+        parse(words, COMMANDS)
     except UsageError:
         assert is_name, "not the name of a command either, in a sentence"
         parse_help([*words, "--help"])
@@ -156,5 +156,5 @@ def test_a_command_is_for_the_gripper_that_was_named() -> None:
     call = "litegripctl -c lab.left"
     for line in commands(OF_CLIENT):
         name = line.split()[1]
-        is_for_all = name in ("-c", *OF_THIS_MACHINE)
-        assert for_gripper(call, line) == (line if is_for_all else f"{call} {line[12:]}")
+        is_for_all = name == "-c" or any(row.is_local for row in COMMANDS if row.name == name)
+        assert for_gripper(call, COMMANDS, line) == (line if is_for_all else f"{call} {line[12:]}")

@@ -16,7 +16,7 @@ from litegrip_client import (
     SetZeroResult,
 )
 from litegrip_client.aio import LiteGrip as AioLiteGrip
-from litegrip_client.results import NEWER_FIELDS
+from litegrip_client.values.results import NEWER_FIELDS
 from tests.client.fake_daemon import GRASP, MOVE, STATE
 
 PROGRESS = {

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from litegrip_client import CommandError, ConnectError, LiteGrip, StoppedError, aio
-from litegrip_client.discovery import is_taken_as_meant
+from litegrip_client.core.stop import is_taken_as_meant
 from tests.client.aio_helpers import arrived, cancel, run
 from tests.client.fake_daemon import HELLO, STATE, FakeDaemon, Request
 from tests.client.helpers import in_thread

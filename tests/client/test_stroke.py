@@ -19,8 +19,8 @@ from litegrip_client import (
     UnitConversion,
 )
 from litegrip_client.aio import LiteGrip as AioLiteGrip
-from litegrip_client.calibration import CALIBRATION_KEYS
-from litegrip_client.voices import in_python, in_shell
+from litegrip_client.values.calibration import CALIBRATION_KEYS
+from litegrip_client.values.voices import in_python, in_shell
 from litegripd.model.calibration import NOMINAL
 from tests.client.aio_helpers import run
 from tests.client.fake_daemon import CALIBRATION, CONTENT, HELLO, STATE, ZERO, FakeDaemon

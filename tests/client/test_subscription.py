@@ -3,9 +3,9 @@ from typing import Any
 
 import pytest
 
-from litegrip_client.connection import Connection
-from litegrip_client.errors import CommandError, ConnectError
-from litegrip_client.feeds import StateSample
+from litegrip_client.line.connection import Connection
+from litegrip_client.line.feeds import StateSample
+from litegrip_client.values.errors import CommandError, ConnectError
 from tests.client.fake_daemon import STATE, FakeDaemon, Request
 from tests.client.helpers import (
     in_thread,

@@ -19,7 +19,7 @@ from litegrip_client.ctl.commands.recorder import block_chart
 from litegrip_client.ctl.commands.trajectories import played_text, recorded_text
 from litegrip_client.ctl.main import main
 from litegrip_client.ctl.plot.drawing import draw_trajectory, png
-from litegrip_client.errors import TrajectoryFormatError
+from litegrip_client.values.errors import TrajectoryFormatError
 from tests.client.aio_helpers import with_gripper
 from tests.client.fake_daemon import FakeDaemon
 from tests.client.fake_trajectories import CONTENT, PLAYED, FakeTrajectories

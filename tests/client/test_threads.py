@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from litegrip_client.connection import Connection
-from litegrip_client.errors import ConnectError, LiteGripError
+from litegrip_client.line.connection import Connection
+from litegrip_client.values.errors import ConnectError, LiteGripError
 from tests.client.fake_daemon import DEADLINE_S, STATE, FakeDaemon, Request
 from tests.client.helpers import in_thread, interrupt_main_thread
 

@@ -7,8 +7,12 @@ from typing import Any
 import pytest
 
 from litegrip_client import CommandError, Trajectory, TrajectorySample
-from litegrip_client.calibration import NOMINAL_CLOSED_RAD, NOMINAL_OPEN_RAD, NOMINAL_RAD_TO_MM
-from litegrip_client.protocol.trajectory import MAX_SAMPLES
+from litegrip_client.values.calibration import (
+    NOMINAL_CLOSED_RAD,
+    NOMINAL_OPEN_RAD,
+    NOMINAL_RAD_TO_MM,
+)
+from litegrip_client.values.trajectory_format import MAX_SAMPLES
 from tests.mutations import MUTATIONS, mutated
 from tests.trajectories import HEADER_BYTES, SAMPLE_BYTES, lgt, points_of
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from litegrip_client import CommandError, Trajectory, TrajectorySample, list_trajectories
-from litegrip_client.trajectory import path_of
+from litegrip_client.values.trajectory import path_of
 from tests.trajectories import lgt
 
 

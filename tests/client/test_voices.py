@@ -11,9 +11,10 @@ import pytest
 
 import litegrip_client
 from litegrip_client import LiteGrip, LiteGripError
+from litegrip_client.ctl import commands as ctl
 from litegrip_client.ctl.parser import LateParser, Parser, whole_parser
-from litegrip_client.errors import from_error_object
-from litegrip_client.voices import ARGUMENTS, CALLS, in_python, in_shell, is_said
+from litegrip_client.values.errors import from_error_object
+from litegrip_client.values.voices import ARGUMENTS, CALLS, in_python, in_shell, is_said
 from litegripd.app.build import METHODS
 from litegripd.control.admission import NOT_CALIBRATED, NOT_ENABLED, ZERO_MOVED, busy_with
 from litegripd.control.authority import StopLatch
@@ -48,7 +49,7 @@ def commands() -> Iterator[tuple[str, list[Action]]]:
                 for word, inner in action.choices.items():
                     yield from walk(inner, f"{name} {word}")
 
-    return walk(whole_parser(), "litegripctl")
+    return walk(whole_parser(ctl.COMMANDS), "litegripctl")
 
 
 COMMANDS = dict(commands())

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from litegrip_client.protocol.trajectory import TaughtGrip, pack_grips
+from litegrip_client.values.trajectory_format import TaughtGrip, pack_grips
 from litegripd.control.holds import LARGEST, Slack
 from litegripd.control.limiter import DEFAULT_GAINS, torque_bound_nm
 from litegripd.control.motions.grasp import FIRM_NM, TOUCH_SHARE

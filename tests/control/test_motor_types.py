@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from litegrip_client.protocol.trajectory import MOST_FORCE_N
+from litegrip_client.values.trajectory_format import MOST_FORCE_N
 from litegripd.control.limiter import torque_bound_nm
 from litegripd.model.calibration import NOMINAL, Calibration
 from litegripd.model.gripper import (

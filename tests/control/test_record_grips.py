@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from litegrip_client.protocol.trajectory import MOST_GRIPS, grips_of
+from litegrip_client.values.trajectory_format import MOST_GRIPS, grips_of
 from litegripd.control.events import JobBook
 from litegripd.control.holds import Grip, GripSettings
 from litegripd.model.calibration import NOMINAL

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from litegrip_client.ctl.commands.state import state_rows
+from litegrip_client.ctl.state_view import state_rows
 from litegripd.model.motor import UP, BusCondition, CanFrame, MotorPhase, Status
 from litegripd.motor import codec
 from tests.control.held import WIDTH_MM, Held

@@ -8,6 +8,7 @@ import pytest
 
 import litegrip_client
 from litegrip_client import LiteGrip
+from litegrip_client.ctl.commands import COMMANDS
 from litegrip_client.ctl.parser import parse
 from litegripd.model.errors import ERROR_TABLE
 from litegripd.model.motor import Status, status_name
@@ -75,7 +76,7 @@ def test_commands_are_ones_that_litegripctl_takes(
             continue
         is_name = len(words) == 1  # the name of a command, in a sentence
         try:
-            parse([*words, "--help"] if is_name else words)
+            parse([*words, "--help"] if is_name else words, COMMANDS)
         except SystemExit as ended:
             if ended.code != 0:
                 pytest.fail(f"{line}: {capsys.readouterr().err}")

@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 
-from litegrip_client.discovery import SOCKET_VARIABLE, stop_path
+from litegrip_client.core.discovery import SOCKET_VARIABLE
+from litegrip_client.core.stop import stop_path
 from litegrip_fleet import daemon
 from litegrip_fleet.dead_man import DeadMansSwitch
 from litegrip_fleet.keys import Place

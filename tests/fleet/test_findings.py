@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from litegrip_client.doctor.findings import Finding
+from litegrip_client.ctl.doctor.findings import Finding
 from litegrip_fleet import findings
 from litegrip_fleet.certificates import DAY_S, Certificate
 from litegrip_fleet.config import FleetConfig, load

@@ -8,7 +8,7 @@ from typing import Any, cast
 import pytest
 import zenoh
 
-from litegrip_client.errors import LiteGripError
+from litegrip_client.values.errors import LiteGripError
 from litegrip_fleet.far_session import FarSession
 from litegrip_fleet.gateway import (
     MOST_OF_A_USER,

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from litegrip_client import calibration_files
-from litegrip_client.errors import CommandError, TrajectoryFormatError
-from litegrip_client.protocol.text import cause, hidden, text_of
-from litegrip_client.protocol.trajectory import SAMPLE, check_length, parse_grips
+from litegrip_client.values import calibration_files
+from litegrip_client.values.errors import CommandError, TrajectoryFormatError
+from litegrip_client.values.text import cause, hidden, text_of
+from litegrip_client.values.trajectory_format import SAMPLE, check_length, parse_grips
 from litegrip_fleet.config import FleetConfigError
 from litegrip_fleet.config import load as load_fleet
 from litegripd.app.config import ConfigError

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from litegrip_client.protocol.trajectory import MAX_BYTES
+from litegrip_client.values.trajectory_format import MAX_BYTES
 from litegripd.io.helper.atomic_file import FileSystem
 from litegripd.io.helper.child import MAX_PACKET_BYTES, start_here
 from litegripd.model.calibration import NOMINAL

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegrip_client.errors import TrajectoryFormatError
-from litegrip_client.protocol.trajectory import (
+from litegrip_client.values.errors import TrajectoryFormatError
+from litegrip_client.values.trajectory_format import (
     MAX_GRIP_BYTES,
     MOST_FORCE_N,
     MOST_GRIPS,

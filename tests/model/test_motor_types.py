@@ -83,7 +83,7 @@ def test_a_further_type_touches_two_files() -> None:
     naming = {path for path in sources if re.search(rf"\b({further})\b", path.read_text("utf-8"))}
     assert {str(path.relative_to(ROOT)) for path in naming} == {
         "litegripd/model/gripper.py",
-        "litegrip_client/doctor/gripper_checks.py",
+        "litegrip_client/ctl/doctor/gripper_checks.py",
     }
 
 

@@ -9,8 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegrip_client.errors import TrajectoryFormatError
-from litegrip_client.protocol.trajectory import HEADER, MAX_SAMPLES, SAMPLE, Header, read_header
+from litegrip_client.values.errors import TrajectoryFormatError
+from litegrip_client.values.trajectory_format import (
+    HEADER,
+    MAX_SAMPLES,
+    SAMPLE,
+    Header,
+    read_header,
+)
 from litegripd.model.calibration import NOMINAL
 from litegripd.model.gripper import Mount
 from litegripd.trajectories.values import csv_line, name_problem, read, summarize

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import tomli
 
-from litegrip_client.units import install
+from litegrip_client.ctl import install
 
 SOURCES = Path(__file__).parents[2]
 PACKAGING = SOURCES / "packaging/debian"

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 from prometheus_client.openmetrics.parser import text_string_to_metric_families
 
-from litegrip_client import metrics
-from litegrip_client.doctor import gather
+from litegrip_client.ctl import metrics
+from litegrip_client.ctl.doctor import gather
 from tests.process.daemon_process import CTL, DEADLINE_S, DaemonProcess
 
 NO_METRICS = {

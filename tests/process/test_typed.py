@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 from litegrip_client import ConnectError
-from litegrip_client.blocking import connect
+from litegrip_client.threads.blocking import connect
 from tests.process.daemon_process import DEADLINE_S
 
 ROOT = Path(__file__).parents[2]

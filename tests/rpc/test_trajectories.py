@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from litegrip_client.protocol.trajectory import MAX_BYTES, MAX_GRIP_BYTES
+from litegrip_client.values.trajectory_format import MAX_BYTES, MAX_GRIP_BYTES
 from litegripd.rpc.jsonrpc import MAX_LINE_BYTES
 from litegripd.rpc.sessions import Peer
 from litegripd.trajectories.file_methods import MOST_BYTES, MOST_PER_CONNECTION, MOST_PIECES

@@ -10,7 +10,8 @@ from argparse import Namespace
 from importlib import import_module
 from pathlib import Path
 
-from litegrip_client.ctl.run import Command, Fill
+from litegrip_client.ctl.parser import Fill
+from litegrip_client.ctl.run import Command
 
 
 class CommandRow:
@@ -19,11 +20,17 @@ class CommandRow:
     A module has `COMMANDS`: the functions of its commands, and what adds their arguments.
     """
 
-    __slots__ = ("_module", "name", "text")
+    __slots__ = ("_module", "is_local", "name", "reads", "text")
 
-    def __init__(self, name: str, text: str, module: str) -> None:
+    def __init__(
+        self, name: str, text: str, module: str, *, reads: bool = False, is_local: bool = False
+    ) -> None:
         self.name = name
         self.text = text
+        self.reads = reads
+        """True if it changes nothing: it may go to the only daemon that runs."""
+        self.is_local = is_local
+        """True if it asks no daemon for anything."""
         self._module = module
 
     def command(self) -> Command:
@@ -41,9 +48,9 @@ class CommandRow:
 
 
 COMMANDS = (
-    CommandRow("state", "show the state once", "state"),
-    CommandRow("watch", "show the state again and again", "state"),
-    CommandRow("events", "show what has happened, and with -f what happens", "state"),
+    CommandRow("state", "show the state once", "state", reads=True),
+    CommandRow("watch", "show the state again and again", "state", reads=True),
+    CommandRow("events", "show what has happened, and with -f what happens", "state", reads=True),
     CommandRow("enable", "enable the motor; it stays enabled", "motions"),
     CommandRow("disable", "disable the motor: no torque", "motions"),
     CommandRow("clear-fault", "clear a fault of the motor; it stays disabled", "motions"),
@@ -58,10 +65,10 @@ COMMANDS = (
     CommandRow("teleop", "lead another gripper by hand, or follow one", "teleop"),
     CommandRow("stop", "stop the gripper, whichever client moves it, until 'clear'", "state"),
     CommandRow("clear", "clear a stop; moves nothing", "state"),
-    CommandRow("clients", "list who is connected, and what each has cost", "state"),
+    CommandRow("clients", "list who is connected, and what each has cost", "state", reads=True),
     CommandRow("lease", "show who has the gripper to itself, or take it away", "state"),
-    CommandRow("jobs", "list the running motions and the last ended ones", "motions"),
-    CommandRow("job", "show one motion: how it ended, or where it is", "motions"),
+    CommandRow("jobs", "list the running motions and the last ended ones", "motions", reads=True),
+    CommandRow("job", "show one motion: how it ended, or where it is", "motions", reads=True),
     CommandRow("cancel", "cancel a motion; the jaws then hold", "motions"),
     CommandRow("zero", "measure the travel: moves to both stops", "calibration"),
     CommandRow(
@@ -75,32 +82,41 @@ COMMANDS = (
     CommandRow("dump", "write the last minute, tick by tick, to a file", "recorder"),
     CommandRow("plot", "draw a dump or a trajectory, as a picture or as text", "recorder"),
     CommandRow(
-        "doctor", "check link, daemon, motor and calibration; say what corrects them", "machine"
+        "doctor",
+        "check link, daemon, motor and calibration; say what corrects them",
+        "machine",
+        is_local=True,
     ),
-    CommandRow("health", "show how the daemon is; the exit code is the verdict", "daemon"),
     CommandRow(
-        "metrics", "print the figures of health as OpenMetrics text, for Prometheus", "daemon"
+        "health", "show how the daemon is; the exit code is the verdict", "daemon", reads=True
     ),
-    CommandRow("fleet", "list the grippers of other machines, or stop a whole site", "fleet"),
+    CommandRow(
+        "metrics",
+        "print the figures of health as OpenMetrics text, for Prometheus",
+        "daemon",
+        reads=True,
+    ),
+    CommandRow(
+        "fleet", "list the grippers of other machines, or stop a whole site", "fleet", is_local=True
+    ),
     CommandRow("restart", "restart the daemon without letting go of what is held", "daemon"),
-    CommandRow("install-units", "install what lets systemd run the daemons", "machine"),
-    CommandRow("info", "show what does not change: versions, motor, calibration", "daemon"),
-    CommandRow("sim", "change the world of a simulated gripper: object, hand, faults", "sim"),
-    CommandRow("completion", "print what completes command lines in a shell", "machine"),
     CommandRow(
-        "discover", "list the methods of the daemon (with --json: its OpenRPC document)", "daemon"
+        "install-units", "install what lets systemd run the daemons", "machine", is_local=True
+    ),
+    CommandRow(
+        "info", "show what does not change: versions, motor, calibration", "daemon", reads=True
+    ),
+    CommandRow("sim", "change the world of a simulated gripper: object, hand, faults", "sim"),
+    CommandRow(
+        "completion", "print what completes command lines in a shell", "machine", is_local=True
+    ),
+    CommandRow(
+        "discover",
+        "list the methods of the daemon (with --json: its OpenRPC document)",
+        "daemon",
+        reads=True,
     ),
 )
-
-
-OF_THIS_MACHINE = ("doctor", "completion", "fleet", "install-units")
-"""Commands that ask no daemon for anything."""
-
-
-READING = (
-    "state", "watch", "events", "clients", "jobs", "job", "health", "metrics", "info", "discover",
-)  # fmt: skip
-"""Commands that change nothing: they may go to the only daemon that runs, whatever its channel."""
 
 
 def needs_daemon(options: Namespace) -> bool:
@@ -109,7 +125,7 @@ def needs_daemon(options: Namespace) -> bool:
         return is_name(options.file) and not options.local
     if options.command == "trajectories":
         return not options.local
-    return options.command not in OF_THIS_MACHINE
+    return not _row(options.command).is_local
 
 
 def is_name(text: str) -> bool:
@@ -120,4 +136,8 @@ def is_name(text: str) -> bool:
 
 def find(name: str) -> Command:
     """Return the command of that name, which the command line has checked."""
-    return next(row for row in COMMANDS if row.name == name).command()
+    return _row(name).command()
+
+
+def _row(name: str) -> CommandRow:
+    return next(row for row in COMMANDS if row.name == name)

@@ -30,10 +30,10 @@ from litegrip_client.ctl.run import (
     refuse_existing,
     say,
 )
-from litegrip_client.errors import CancelledError, CommandError, LiteGripError
-from litegrip_client.protocol.text import cause, text_of
-from litegrip_client.sdk.fields import SPAN_INSET_MM
-from litegrip_client.voices import in_shell
+from litegrip_client.values.errors import CancelledError, CommandError, LiteGripError
+from litegrip_client.values.fields import SPAN_INSET_MM
+from litegrip_client.values.text import cause, text_of
+from litegrip_client.values.voices import in_shell
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow

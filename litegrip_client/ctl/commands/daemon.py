@@ -10,8 +10,8 @@ from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.ctl.parser import NUMBER, LateParser
 from litegrip_client.ctl.render import Data, figure, plain
 from litegrip_client.ctl.run import OK, Commands, Run, connected, installing
-from litegrip_client.errors import CommandError, LiteGripError, ParameterError
-from litegrip_client.voices import in_shell
+from litegrip_client.values.errors import CommandError, LiteGripError, ParameterError
+from litegrip_client.values.voices import in_shell
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
@@ -134,7 +134,7 @@ def _health_text(data: Data) -> str:
 def metrics(run: Run) -> int:
     """Show the daemon's figures as OpenMetrics text."""
     try:
-        from litegrip_client import metrics as exposition  # noqa: PLC0415 - needs another library
+        from litegrip_client.ctl import metrics as exposition  # noqa: PLC0415 - needs another library
     except ImportError as error:
         raise CommandError(
             f"metrics needs the library prometheus_client: {error}",

@@ -10,10 +10,11 @@ import os
 import subprocess
 import sys
 
+from litegrip_client.core.discovery import FLEET_PROGRAM, program_of
+from litegrip_client.core.stop import STOP_LEVELS
 from litegrip_client.ctl.parser import LateParser
 from litegrip_client.ctl.run import WRONG_USAGE, Commands, Run, installing
-from litegrip_client.discovery import FLEET_PROGRAM, STOP_LEVELS, program_of
-from litegrip_client.errors import CommandError, ConnectError, ProtocolError
+from litegrip_client.values.errors import CommandError, ConnectError, ProtocolError
 
 STOP = "stop"
 _NO_NETWORK = 3

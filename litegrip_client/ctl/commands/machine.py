@@ -8,16 +8,16 @@ from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
-from litegrip_client.can_managers import uses_networkd
+from litegrip_client.ctl import install
+from litegrip_client.ctl.doctor import daemon_checks, fleet_checks, gripper_checks, link_checks
+from litegrip_client.ctl.doctor.findings import Check, Finding, as_data, examine
+from litegrip_client.ctl.doctor.gather import gather, scan
+from litegrip_client.ctl.install import Done, Wanted
 from litegrip_client.ctl.parser import LateParser
 from litegrip_client.ctl.render import plain
 from litegrip_client.ctl.run import NOT_OK, OK, Commands, Run
-from litegrip_client.doctor import daemon_checks, fleet_checks, gripper_checks, link_checks
-from litegrip_client.doctor.findings import Check, Finding, as_data, examine
-from litegrip_client.doctor.gather import gather, scan
-from litegrip_client.units import install
-from litegrip_client.units.install import Done, Wanted
-from litegrip_client.voices import in_shell
+from litegrip_client.socketcan.managers import uses_networkd
+from litegrip_client.values.voices import in_shell
 
 _LEVEL_WIDTH = 9
 _NAME_WIDTH = 14

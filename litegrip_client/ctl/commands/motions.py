@@ -25,8 +25,8 @@ from litegrip_client.ctl.render import (
     words,
 )
 from litegrip_client.ctl.run import ENDING, NOT_OK, OK, Commands, Run
-from litegrip_client.errors import CommandError, HardwareError
-from litegrip_client.voices import in_shell
+from litegrip_client.values.errors import CommandError, HardwareError
+from litegrip_client.values.voices import in_shell
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow

@@ -16,16 +16,16 @@ from litegrip_client.ctl.commands import is_name
 from litegrip_client.ctl.parser import LateParser, positive
 from litegrip_client.ctl.render import figure, plain
 from litegrip_client.ctl.run import OK, Commands, Run, installing, put_file, refuse_existing
-from litegrip_client.errors import CommandError
-from litegrip_client.protocol.trajectory import MAGIC
-from litegrip_client.trajectory import Trajectory
+from litegrip_client.values.errors import CommandError
+from litegrip_client.values.trajectory import Trajectory
+from litegrip_client.values.trajectory_format import MAGIC
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from types import ModuleType
     from typing import Any
 
-    from litegrip_client.protocol.trajectory import TaughtGrip
+    from litegrip_client.values.trajectory_format import TaughtGrip
 
 
 _EIGHTHS = " ▁▂▃▄▅▆▇█"

@@ -7,7 +7,7 @@ from argparse import ArgumentTypeError
 from litegrip_client.ctl.parser import LateParser, not_negative, number, positive
 from litegrip_client.ctl.render import Data, figure
 from litegrip_client.ctl.run import OK, Commands, Run
-from litegrip_client.errors import CommandError
+from litegrip_client.values.errors import CommandError
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import partial
 from itertools import chain, islice
 
+from litegrip_client.core.discovery import socket_paths
+from litegrip_client.core.stop import STOP_LEVELS, is_taken_as_meant, stop_at
 from litegrip_client.ctl import render
 from litegrip_client.ctl.parser import LateParser, count, positive
-from litegrip_client.ctl.render import Data, figure, owner, plain
+from litegrip_client.ctl.render import Data, plain
 from litegrip_client.ctl.run import (
     NOT_OK,
     OK,
@@ -21,9 +23,9 @@ from litegrip_client.ctl.run import (
     installing,
     may_ask,
 )
-from litegrip_client.discovery import STOP_LEVELS, is_taken_as_meant, socket_paths, stop_at
-from litegrip_client.errors import CommandError
-from litegrip_client.voices import in_shell
+from litegrip_client.ctl.state_view import age, is_unheard, state_line, state_rows
+from litegrip_client.values.errors import CommandError
+from litegrip_client.values.voices import in_shell
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
@@ -202,15 +204,6 @@ def clear(run: Run) -> int:
 Show: TypeAlias = "Callable[[Iterable[Scene], str, Callable[[str], str]], None]"
 
 _LABEL_WIDTH = 12
-_DOUBTS = {
-    "superseded": "WRONG: all millimetres are those of earlier versions, which took the travel for"
-    " 120 mm; correct them with: litegripctl calibration rescale",
-    "unusual": "DOUBTFUL: no gripper with such millimetres was seen; measure the travel again:"
-    " litegripctl zero",
-}
-"""By the doubt of a calibration's scale: what it means, and what to do."""
-_MEASURED = {"opening", "position", "command", "velocity", "torque", "temperature", "status"}
-"""Rows that say nothing of a motor that has never answered."""
 
 
 def state(run: Run) -> int:
@@ -228,156 +221,6 @@ def _state_text(data: Data) -> str:
     elif data.get("stale"):
         lines.insert(0, f"{age(data)}: these are the last known figures")
     return "\n".join(lines)
-
-
-def state_rows(data: Data) -> list[tuple[str, str]]:
-    """Return a state as labels and texts; the texts may hold anything.
-
-    What is measured is left out while the motor has never answered.
-    """
-    rows = _rows(data)
-    if is_unheard(data):
-        rows = [(label, text) for label, text in rows if label not in _MEASURED]
-    return rows
-
-
-def is_unheard(data: Data) -> bool:
-    """Return True if the motor has never answered: no figure is known, not even an old one."""
-    return "feedback_s" in data and data["feedback_s"] is None and data.get("age_s") is None
-
-
-def _rows(data: Data) -> list[tuple[str, str]]:
-    doubt = data.get("scale_doubt")
-    rows = [
-        *([("SCALE", _DOUBTS.get(str(doubt), str(doubt)))] if doubt else ()),
-        ("mode", f"{data.get('mode')} (motor {data.get('motor')}, bus {data.get('bus')})"),
-        ("opening", f"{figure(data.get('opening_mm'), '.2f', 'mm')}, {_openness(data)} open"),
-        ("position", figure(data.get("position_rad"), "+.4f", "rad")),
-        ("command", _command(data, "command")),
-        ("velocity", figure(data.get("velocity_rad_s"), "+.4f", "rad/s")),
-        ("torque", _torque(data)),
-        ("temperature", _temperature(data)),
-        ("status", _status(data)),
-        ("calibrated", f"yes, mount {data.get('mount')}" if data.get("calibrated") else "no"),
-        ("age", age(data)),
-    ]
-    if data.get("work_stroke_mm") is not None:
-        rows.append(("work stroke", f"open goes to {figure(data['work_stroke_mm'], '.2f', 'mm')}"))
-    if data.get("force_set_n") is not None:
-        rows.append(("squeezing", _squeezing(data)))
-    if data.get("pressing_n") is not None:
-        rows.append(("pressing", f"with about {figure(data['pressing_n'], '.1f', 'N')}"))
-    if data.get("limited"):
-        rows.append(("limited", ", ".join(map(str, data["limited"]))))
-        rows.append(("requested", _command(data, "requested")))
-    if data.get("job"):
-        rows.append(("job", _job(data["job"])))
-    if data.get("stop"):
-        rows.append(("stop", _stop(data["stop"])))
-    return rows
-
-
-_RESTING = {
-    "communication_lost": "normal after a second without commands, enabling clears it",
-    "under_voltage": "no supply while unused: see that its 24 V are on before you enable it",
-}
-"""What a disabled motor takes by itself while nobody uses it."""
-
-
-def _status(data: Data) -> str:
-    status = str(data.get("status"))
-    meaning = _RESTING.get(status) if data.get("motor") == "disabled" else None
-    return status if meaning is None else f"{status} ({meaning})"
-
-
-def age(data: Data) -> str:
-    """Return how old a state's feedback is, in capitals when it is too old."""
-    seconds = data.get("age_s")
-    if is_unheard(data):
-        return "no answer yet"
-    if data.get("stale"):
-        return f"STALE, {figure(seconds, '.1f', 's')} old" if seconds is not None else "STALE"
-    return figure(seconds, ".3f", "s")
-
-
-def _openness(data: Data) -> str:
-    openness = data.get("openness")
-    return f"{openness:.0%}" if isinstance(openness, int | float) else "--"
-
-
-def _torque(data: Data) -> str:
-    torque = figure(data.get("torque_nm"), "+.3f", "N·m")
-    return f"{torque}, force about {figure(data.get('force_n'), '+.1f', 'N')}"
-
-
-def _command(data: Data, name: str) -> str:
-    position = figure(data.get(f"{name}_rad"), "+.4f", "rad")
-    torque = data.get(f"{name}_torque_nm")
-    return position if torque is None else f"{position}, {figure(torque, '+.3f', 'N·m')}"
-
-
-def _squeezing(data: Data) -> str:
-    if data.get("motor") in ("silent", "unknown"):
-        held = "no object was held then, as far as was known"
-        if data.get("is_grasped") is None:
-            held = (
-                "an object was held then; whether it still is, is not known: without power or"
-                " commands the motor lets go by itself"
-            )
-        when = f"{figure(data.get('age_s'), '.1f', 's')} ago, when the motor last answered"
-        return f"was with {figure(data['force_set_n'], '.1f', 'N')} {when}; {held}"
-    held = "an object is held" if data.get("is_grasped") else "no object is held"
-    clamp_n = data.get("clamp_n")
-    felt = ""
-    if isinstance(clamp_n, Sequence) and len(clamp_n) == 2:
-        low, high = (figure(bound, ".1f", "").rstrip() for bound in clamp_n)
-        felt = f" ({low} to {high} N on the object)"
-    unnoticed = ""
-    if data.get("loss_detection") is False:
-        from_n = figure(data.get("loss_detection_from_n"), ".1f", "N")
-        unnoticed = f"; its loss would be noticed from {from_n} on"
-    return f"with {figure(data['force_set_n'], '.1f', 'N')}{felt}, {held}{unnoticed}"
-
-
-def _temperature(data: Data) -> str:
-    driver = figure(data.get("driver_temperature_c"), ".0f", "°C")
-    return f"driver {driver}, coil {figure(data.get('coil_temperature_c'), '.0f', '°C')}"
-
-
-def _job(job: Data) -> str:
-    by = owner(job.get("owner") or {})
-    return f"{job.get('job')} {job.get('kind')}, {job.get('phase')}, by {by}"
-
-
-def _stop(stop: Data) -> str:
-    by = stop.get("by")
-    who = owner(by) if isinstance(by, Mapping) else by
-    why = f": {stop['why']}" if stop.get("why") else ""
-    return f"{stop.get('level')}, by {who}{why} (clear it with: litegripctl clear)"
-
-
-def state_line(data: Data) -> str:
-    """Return a state in one line."""
-    parts = [
-        f"{data.get('mode')!s:<9}",
-        f"{figure(data.get('opening_mm'), '7.2f', 'mm'):>10}",
-        f"{figure(data.get('position_rad'), '+.4f', 'rad'):>12}",
-        f"{figure(data.get('torque_nm'), '+.3f', 'N·m'):>11}",
-        f"{figure(data.get('coil_temperature_c'), '.0f', '°C'):>6}",
-    ]
-    if data.get("job"):
-        job = data["job"]
-        phase = f" {job.get('phase')}" if job.get("kind") == "teleop" and job.get("phase") else ""
-        parts.append(f"job {job.get('job')} {job.get('kind')}{phase}")
-    if data.get("stop"):
-        parts.append(f"STOP {data['stop'].get('level')}")
-    if data.get("pressing_n") is not None:
-        parts.append(f"pressing {figure(data['pressing_n'], '.1f', 'N')}")
-    if data.get("scale_doubt"):
-        parts.append(f"SCALE {data['scale_doubt']}, see: litegripctl state")
-    if data.get("stale") or is_unheard(data):
-        parts.append(age(data))
-    return plain("  ".join(parts))
 
 
 _WATCH = """\

@@ -7,7 +7,6 @@ import contextlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict
 
-from litegrip_client.blocking import BlockingWire, complete, pause
 from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.core.trajectories import Recording, fetch, fetch_grips, send
 from litegrip_client.ctl.parser import LateParser, count, positive
@@ -33,8 +32,9 @@ from litegrip_client.ctl.run import (
     refuse_existing,
     say,
 )
-from litegrip_client.errors import CancelledError, CommandError
-from litegrip_client.trajectory import (
+from litegrip_client.threads.blocking import BlockingWire, complete, pause
+from litegrip_client.values.errors import CancelledError, CommandError
+from litegrip_client.values.trajectory import (
     Trajectory,
     directory,
     grips_counted,
@@ -512,7 +512,7 @@ def played_text(data: Data) -> str:
 
 def _uploaded(run: Run) -> int:
     from litegrip_client.core.trajectories import send  # noqa: PLC0415 - seldom needed
-    from litegrip_client.trajectory import read_file, read_grips  # noqa: PLC0415
+    from litegrip_client.values.trajectory import read_file, read_grips  # noqa: PLC0415
 
     wire, content = BlockingWire(run.connection), read_file(run.options.name)
     grips = b"" if run.options.force == "path" else read_grips(run.options.name)

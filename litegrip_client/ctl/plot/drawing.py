@@ -24,9 +24,9 @@ from mcap.exceptions import McapError
 from mcap.reader import McapReader, make_reader
 
 from litegrip_client.ctl.render import date
-from litegrip_client.errors import CommandError
-from litegrip_client.protocol.trajectory import TaughtGrip
-from litegrip_client.trajectory import Trajectory
+from litegrip_client.values.errors import CommandError
+from litegrip_client.values.trajectory import Trajectory
+from litegrip_client.values.trajectory_format import TaughtGrip
 
 STALE_AFTER_S = 0.15
 """A disabled motor is asked at 20 Hz; one that has missed three questions is silent."""

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from litegrip_client.protocol.text import text_of
+from litegrip_client.values.text import text_of
 
 _FILE_MODE = 0o644
 _DIRECTORY_MODE = 0o755

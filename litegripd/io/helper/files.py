@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from litegrip_client.protocol.text import cause
+from litegrip_client.values.text import cause
 from litegripd.io.helper import atomic_file
 from litegripd.io.helper.atomic_file import REAL, FileError, FileSystem
 from litegripd.model.calibration import (

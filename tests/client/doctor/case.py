@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from litegrip_client.doctor.findings import Facts
+from litegrip_client.ctl.doctor.findings import Facts
 
 
 class Case(NamedTuple):

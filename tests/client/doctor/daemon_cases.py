@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from litegrip_client.doctor.findings import Configuration, Socket, User
+from litegrip_client.ctl.doctor.findings import Configuration, Socket, User
 from tests.client.doctor.case import Case
 from tests.client.doctor.known import SOCKETS, facts, with_daemon
 

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from litegrip_client.doctor.findings import Configuration, Scan
+from litegrip_client.ctl.doctor.findings import Configuration, Scan
 from tests.client.doctor.case import Case
 from tests.client.doctor.known import daemon, facts, with_daemon
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from litegrip_client.can_link import Link, from_ip
-from litegrip_client.doctor.findings import Daemon, Facts, Socket, System, User
+from litegrip_client.ctl.doctor.findings import Daemon, Facts, Socket, System, User
+from litegrip_client.socketcan.link import Link, from_ip
 
 LINKS = Path(__file__).parent / "links"
 NOW_S = 1_800_000_000.0

@@ -3,9 +3,9 @@
 from dataclasses import replace
 from typing import Any
 
-from litegrip_client.can_link import HARMFUL, HINDERING
-from litegrip_client.can_managers import Setting
-from litegrip_client.doctor.findings import Device, Facts
+from litegrip_client.ctl.doctor.findings import Device, Facts
+from litegrip_client.socketcan.link import HARMFUL, HINDERING
+from litegrip_client.socketcan.managers import Setting
 from tests.client.doctor.case import Case
 from tests.client.doctor.known import daemon, facts, link, system, with_daemon
 

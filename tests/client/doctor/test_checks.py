@@ -6,16 +6,16 @@ from collections import defaultdict
 import damiao_motor
 import pytest
 
-from litegrip_client.can_link import BITRATE
 from litegrip_client.ctl.commands.machine import CHECKS
-from litegrip_client.doctor.findings import Finding
-from litegrip_client.doctor.gripper_checks import (
+from litegrip_client.ctl.doctor.findings import Finding
+from litegrip_client.ctl.doctor.gripper_checks import (
     CAN_BR_1_MBIT_S,
     IMPLAUSIBLE_OUTSIDE_RAD,
     LONGEST_WATCHDOG_S,
     MODEL_RANGES,
     TIMEOUT_UNIT_S,
 )
+from litegrip_client.socketcan.link import BITRATE
 from litegripd.control import admission
 from litegripd.model.gripper import MOTOR_TYPES
 from litegripd.motor import codec, identity

@@ -9,10 +9,10 @@ import pytest
 
 import litegrip_client
 from litegrip_client.ctl.commands.machine import findings_text
+from litegrip_client.ctl.doctor import gather
+from litegrip_client.ctl.doctor.findings import Configuration, System, User, error, ok, warning
+from litegrip_client.ctl.doctor.link_checks import _IF_LOST
 from litegrip_client.ctl.main import main
-from litegrip_client.doctor import gather
-from litegrip_client.doctor.findings import Configuration, System, User, error, ok, warning
-from litegrip_client.doctor.link_checks import _IF_LOST
 from tests.client.doctor.known import HEALTH, HELLO, INFO, STATE, changed, link
 from tests.client.fake_daemon import FakeDaemon, Handler
 from tests.client.helpers import Ctl
@@ -161,8 +161,8 @@ def test_on_a_robot_with_stable_names_those_are_named_and_not_can0(
     monkeypatch.delenv("LITEGRIPD_SOCKET", raising=False)
     monkeypatch.delenv("LITEGRIP_CHANNEL", raising=False)
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    monkeypatch.setattr("litegrip_client.discovery.SYSTEM_DIRECTORY", str(tmp_path / "run"))
-    monkeypatch.setattr("litegrip_client.discovery.ENABLED_DIRECTORY", str(tmp_path / "wants"))
+    monkeypatch.setattr("litegrip_client.core.discovery.SYSTEM_DIRECTORY", str(tmp_path / "run"))
+    monkeypatch.setattr("litegrip_client.core.discovery.ENABLED_DIRECTORY", str(tmp_path / "wants"))
     for path in ("run/left.sock", "run/left.stop.sock", "wants/litegripd@right.service"):
         (tmp_path / path).parent.mkdir(exist_ok=True)
         (tmp_path / path).touch()

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from litegrip_client.ctl.doctor import fleet_checks, gather
+from litegrip_client.ctl.doctor.findings import Fleet, error, ok, warning
 from litegrip_client.ctl.main import main
-from litegrip_client.doctor import fleet_checks, gather
-from litegrip_client.doctor.findings import Fleet, error, ok, warning
 from tests.client.doctor.known import facts
 
 FOUND: list[dict[str, str | None]] = [

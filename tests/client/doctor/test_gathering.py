@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from litegrip_client import can_link
-from litegrip_client.can_link import Link
-from litegrip_client.doctor import gather
-from litegrip_client.doctor.findings import Configuration, Device, Socket, System
+from litegrip_client.ctl.doctor import gather
+from litegrip_client.ctl.doctor.findings import Configuration, Device, Socket, System
+from litegrip_client.socketcan import link as can_link
+from litegrip_client.socketcan.link import Link
 from tests.client.doctor.known import LINKS, link
 
 
@@ -63,7 +63,7 @@ def test_whether_systemd_has_the_unit_is_asked(
     tmp_path: Path, programs: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     directories = (str(tmp_path / "a"), str(programs))
-    monkeypatch.setattr("litegrip_client.discovery.UNIT_DIRECTORIES", directories)
+    monkeypatch.setattr("litegrip_client.core.discovery.UNIT_DIRECTORIES", directories)
     assert not gather.gather("can4", None, channel_chosen=True).is_unit_installed
     (programs / "litegripd@.service").touch()
     assert gather.gather("can4", None, channel_chosen=True).is_unit_installed
@@ -72,8 +72,8 @@ def test_whether_systemd_has_the_unit_is_asked(
 def test_whether_systemd_should_run_the_daemon_is_asked(
     tmp_path: Path, programs: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("litegrip_client.discovery.ENABLED_DIRECTORY", str(programs))
-    monkeypatch.setattr("litegrip_client.discovery.SYSTEM_DIRECTORY", str(tmp_path))
+    monkeypatch.setattr("litegrip_client.core.discovery.ENABLED_DIRECTORY", str(programs))
+    monkeypatch.setattr("litegrip_client.core.discovery.SYSTEM_DIRECTORY", str(tmp_path))
     (programs / "litegripd@can3.service").symlink_to("/usr/lib/litegripd@.service")
     assert gather.gather("can3", None, channel_chosen=True).is_unit_enabled
     assert not gather.gather("can4", None, channel_chosen=True).is_unit_enabled

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from litegrip_client.can_managers import Setting, settings_of
+from litegrip_client.socketcan.managers import Setting, settings_of
 
 RUNS = {
     "systemd-networkd": "run/systemd/netif/links/",

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from litegrip_client.can_link import HARMFUL, HINDERING, Link, from_files, from_ip
+from litegrip_client.socketcan.link import HARMFUL, HINDERING, Link, from_files, from_ip
 from tests.client.doctor.known import LINKS, link
 
 NOTHING = dict.fromkeys(

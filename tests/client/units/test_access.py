@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from litegrip_client.errors import CommandError
-from litegrip_client.units import install
-from litegrip_client.units.install import Reader, obstacle, reader_of
+from litegrip_client.ctl import install
+from litegrip_client.ctl.install import Reader, obstacle, reader_of
+from litegrip_client.values.errors import CommandError
 
 OWNER = Reader(os.getuid(), frozenset(os.getgroups()))
 FOLDERS = {"scripts": "bin", "purelib": "lib", "platlib": "lib"}

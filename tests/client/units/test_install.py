@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from litegrip_client.ctl import install
+from litegrip_client.ctl.install import Wanted
 from litegrip_client.ctl.main import main
-from litegrip_client.errors import CommandError
-from litegrip_client.units import install
-from litegrip_client.units.install import Wanted
+from litegrip_client.values.errors import CommandError
 from litegripd.app.main import EXIT_NO_PACKAGES, EXIT_USAGE
 
 PROGRAMS = "/opt/grippers/bin"

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from litegrip_client.ctl import install
+from litegrip_client.ctl.install import Wanted
 from litegrip_client.ctl.main import main
-from litegrip_client.errors import CommandError
-from litegrip_client.units import install
-from litegrip_client.units.install import Wanted
+from litegrip_client.values.errors import CommandError
 
 RULES = "usr/local/lib/udev/rules.d/85-litegrip.rules"
 SERIAL = "usr/local/lib/systemd/system/litegripd@.service.d/serial.conf"

@@ -13,8 +13,8 @@ from typing import Any
 
 import pytest
 
+from litegrip_client.ctl.doctor import gather
 from litegrip_client.ctl.main import main
-from litegrip_client.doctor import gather
 from litegrip_fleet.check import examine
 from litegrip_fleet.main import main as fleet_main
 from tests.process.daemon_process import DEADLINE_S, SIMULATED, Client, daemon

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from litegrip_client.blocking import complete
+from litegrip_client.threads.blocking import complete
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # importing typing and dataclasses is slow
     import os
     from typing import Any, Literal
 
-    from litegrip_client.calibration import CalibrationData, GripperConfig
     from litegrip_client.core import actions as core_actions
     from litegrip_client.core import calibrations as core_calibrations
     from litegrip_client.core import gripper as core_gripper
     from litegrip_client.core import motion as core_motion
     from litegrip_client.core import session as core_session
     from litegrip_client.core.actions import ProgressCallback
-    from litegrip_client.motion_config import MotionConfig
-    from litegrip_client.results import (
+    from litegrip_client.values.calibration import CalibrationData, GripperConfig
+    from litegrip_client.values.motion_config import MotionConfig
+    from litegrip_client.values.results import (
         EnableResult,
         GraspResult,
         GripperState,
@@ -25,7 +25,7 @@ if TYPE_CHECKING:  # importing typing and dataclasses is slow
         PlayResult,
         SetZeroResult,
     )
-    from litegrip_client.trajectory import Trajectory
+    from litegrip_client.values.trajectory import Trajectory
 
 
 class Lease:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from litegrip_client.doctor.findings import Facts, Finding, Fleet, error, ok, warning
+from litegrip_client.ctl.doctor.findings import Facts, Finding, Fleet, error, ok, warning
 
 SHORT_S = 30 * 86_400.0
 """A certificate that is good for less is about to be over."""

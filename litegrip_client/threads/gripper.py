@@ -7,19 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from litegrip_client.actions import GripperActions
-from litegrip_client.blocking import BlockingSession, without_us
-from litegrip_client.errors import LiteGripError
-from litegrip_client.sdk.gripper import SdkGripper
+from litegrip_client.threads.actions import GripperActions
+from litegrip_client.threads.blocking import BlockingSession, without_us
+from litegrip_client.threads.sdk_gripper import SdkGripper
+from litegrip_client.values.errors import LiteGripError
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # importing dataclasses is slow
     from typing import Any, overload
 
-    from litegrip_client.calibration import GripperConfig
-    from litegrip_client.feeds import EventSubscription, Subscription
-    from litegrip_client.motion_config import MotionConfig
-    from litegrip_client.results import GripperState
+    from litegrip_client.line.feeds import EventSubscription, Subscription
+    from litegrip_client.values.calibration import GripperConfig
+    from litegrip_client.values.motion_config import MotionConfig
+    from litegrip_client.values.results import GripperState
 
 
 class LiteGrip(SdkGripper):
@@ -62,7 +62,7 @@ class LiteGrip(SdkGripper):
 
         expected: dict[str, Any] = {}
         if config is not None or not (mst_id is canfd_mode is motor_type is None):
-            from litegrip_client.sdk import expected as sdk  # noqa: PLC0415 - seldom needed
+            from litegrip_client.core import expected as sdk  # noqa: PLC0415 - seldom needed
 
             channel, can_id, expected = sdk.expectations(
                 channel, can_id, mst_id, canfd_mode, motor_type, config
@@ -115,7 +115,7 @@ class LiteGrip(SdkGripper):
         A `batch` of up to 50 states per message costs both sides less work: use it to get every
         state of 200 Hz. The states still come one by one, but not before the last of a batch.
         """
-        from litegrip_client import feeds  # noqa: PLC0415 - see above
+        from litegrip_client.line import feeds  # noqa: PLC0415 - see above
 
         connection = self._session.connection
         if fields is None:

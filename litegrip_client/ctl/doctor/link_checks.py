@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from litegrip_client.can_link import BITRATE, HINDERING, Link, rate_text, switch_off
-from litegrip_client.doctor.findings import SIMULATED, Facts, Finding, error, ok, warning
-from litegrip_client.results import USABLE_BUS
+from litegrip_client.ctl.doctor.findings import SIMULATED, Facts, Finding, error, ok, warning
+from litegrip_client.socketcan.link import BITRATE, HINDERING, Link, rate_text, switch_off
+from litegrip_client.values.results import USABLE_BUS
 
 SAMPLE_POINTS = (0.7, 0.9)
 """0.75 is what Linux takes above 800 kbit/s (CiA 301), and 0.875 what many set; within these limits

@@ -18,8 +18,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from litegrip_client import atomic_file
-from litegrip_client.errors import CommandError
+from litegrip_client.values import atomic_file
+from litegrip_client.values.errors import CommandError
 
 USER = "litegrip"
 

@@ -13,11 +13,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
-from litegrip_client.checks import integer, number
-from litegrip_client.errors import ConnectError, ParameterError
-from litegrip_client.exchange import Key, Message, unsubscribing
-from litegrip_client.results import STATE_FIELDS, GripperState
-from litegrip_client.voices import Voice, in_python
+from litegrip_client.line.exchange import Key, Message, unsubscribing
+from litegrip_client.values.checks import integer, number
+from litegrip_client.values.errors import ConnectError, ParameterError
+from litegrip_client.values.results import STATE_FIELDS, GripperState
+from litegrip_client.values.voices import Voice, in_python
 
 _Item = TypeVar("_Item")
 

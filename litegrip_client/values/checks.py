@@ -9,7 +9,7 @@ import math
 import operator
 from collections.abc import Mapping
 
-from litegrip_client.errors import CommandError, ParameterError, ProtocolError
+from litegrip_client.values.errors import CommandError, ParameterError, ProtocolError
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow

@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from litegrip_client.doctor.findings import Daemon, Facts, Finding, error, ok, warning
-from litegrip_client.results import USABLE_BUS
-from litegrip_client.sdk.fields import SPAN_INSET_MM, STROKE_MM
+from litegrip_client.ctl.doctor.findings import Daemon, Facts, Finding, error, ok, warning
+from litegrip_client.values.fields import SPAN_INSET_MM, STROKE_MM
+from litegrip_client.values.results import USABLE_BUS
 
 MIT_MODE = 1
 CAN_BR_1_MBIT_S = 4

@@ -8,7 +8,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from litegrip_client.doctor.findings import SIMULATED, Daemon, Facts, Finding, error, ok, warning
+from litegrip_client.ctl.doctor.findings import (
+    SIMULATED,
+    Daemon,
+    Facts,
+    Finding,
+    error,
+    ok,
+    warning,
+)
 
 STANDSTILL_US = 100_000
 """From so late a tick on some motors report "communication lost", others later."""

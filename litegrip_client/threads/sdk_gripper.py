@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import time
 
-from litegrip_client.actions import BlockingGripper
-from litegrip_client.checks import number
-from litegrip_client.errors import CANTimeoutError, CommandError, ParameterError
-from litegrip_client.sdk.fields import NM_TO_N, SPAN_INSET_MM
 from litegrip_client.sdk.refused import refusal
+from litegrip_client.threads.actions import BlockingGripper
+from litegrip_client.values.checks import number
+from litegrip_client.values.errors import CANTimeoutError, CommandError, ParameterError
+from litegrip_client.values.fields import NM_TO_N, SPAN_INSET_MM
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
-    from typing import NoReturn
+    from typing import Any, NoReturn
 
-    from litegrip_client.calibration import CalibrationData
-    from litegrip_client.gripper import LiteGrip
-    from litegrip_client.results import GripperState, MoveResult
     from litegrip_client.sdk.names import GripperInfo
+    from litegrip_client.values.calibration import CalibrationData
+    from litegrip_client.values.results import GripperState, MoveResult
 
 _STEP_S = 0.005
 
@@ -30,6 +29,9 @@ class SdkGripper(BlockingGripper):
     """
 
     _polled_s: float | None = None
+
+    if TYPE_CHECKING:
+        states: Any  # an iterator over states; the class that is made of this one has it
 
     # What it is
 
@@ -253,9 +255,6 @@ class SdkGripper(BlockingGripper):
 
         Raises `CommandError` when no mount is known, or the jaws were hardly moved.
         """
-        from litegrip_client.gripper import LiteGrip  # noqa: PLC0415 - which is made of this class
-
-        assert isinstance(self, LiteGrip)  # noqa: S101 - only that has states()
         return calibrate_by_hand(
             self,
             number("duration", duration),
@@ -270,7 +269,7 @@ _HZ = 200.0
 
 
 def calibrate_by_hand(
-    gripper: LiteGrip, duration_s: float, settle_s: float, sample_interval_s: float
+    gripper: SdkGripper, duration_s: float, settle_s: float, sample_interval_s: float
 ) -> CalibrationData:
     """Let the jaws go for a while, and use the extremes; raises `CommandError`."""
     for name, value, least in (
@@ -298,7 +297,7 @@ def calibrate_by_hand(
     closed_rad, open_rad = (high_rad, low_rad) if mount == "normal" else (low_rad, high_rad)
     travel_rad = high_rad - low_rad
     present = gripper.config
-    from litegrip_client.calibration import CalibrationData  # noqa: PLC0415 - see above
+    from litegrip_client.values.calibration import CalibrationData  # noqa: PLC0415 - see above
 
     data = CalibrationData(
         channel=present.channel,
@@ -320,7 +319,7 @@ def calibrate_by_hand(
     return data
 
 
-def _extremes(gripper: LiteGrip, duration_s: float) -> tuple[float, float]:
+def _extremes(gripper: SdkGripper, duration_s: float) -> tuple[float, float]:
     """Return the least and the largest position (rad) while the jaws are loose."""
     gripper.zero_gravity()
     try:

@@ -16,7 +16,7 @@ from prometheus_client.metrics_core import Metric
 from prometheus_client.openmetrics.exposition import CONTENT_TYPE_LATEST, generate_latest
 from prometheus_client.registry import Collector
 
-from litegrip_client.results import USABLE_BUS
+from litegrip_client.values.results import USABLE_BUS
 
 CONTENT_TYPE = CONTENT_TYPE_LATEST
 VERDICTS = ("ok", "degraded", "down")

@@ -5,11 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Coroutine, Mapping
 
-from litegrip_client.connection import Connection
+from litegrip_client.core.discovery import reach
 from litegrip_client.core.session import DaemonSession
-from litegrip_client.discovery import reach
-from litegrip_client.errors import LiteGripError
-from litegrip_client.exchange import DEFAULT_TIMEOUT_S
+from litegrip_client.line.connection import Connection
+from litegrip_client.line.exchange import DEFAULT_TIMEOUT_S
+from litegrip_client.values.errors import LiteGripError
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
@@ -17,11 +17,11 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, TypeVar
 
     from litegrip_client.core.session import Wire
-    from litegrip_client.exchange import Call
+    from litegrip_client.line.exchange import Call
 
     _Result = TypeVar("_Result")
 
-_PACKAGE = __file__.rpartition("/")[0]
+_PACKAGE = __file__.rsplit("/", 2)[0]  # this room is a folder of it
 
 
 def complete(coroutine: Coroutine[Any, Any, _Result]) -> _Result:

@@ -10,17 +10,17 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from litegrip_client import atomic_file
-from litegrip_client.calibration import CALIBRATION_KEYS
-from litegrip_client.errors import CommandError, ParameterError
-from litegrip_client.protocol.text import cause, text_of
-from litegrip_client.warn import warn
+from litegrip_client.values import atomic_file
+from litegrip_client.values.calibration import CALIBRATION_KEYS
+from litegrip_client.values.errors import CommandError, ParameterError
+from litegrip_client.values.text import cause, text_of
+from litegrip_client.values.warn import warn
 
 CALIB_VARIABLE = "LITEGRIP_CALIB"
 MAX_FILE_BYTES = 16_000
 """What fits into one line to the daemon; a calibration has some 400 bytes."""
 
-_DATA = Path(__file__).resolve().parent / "data"
+_DATA = Path(__file__).resolve().parents[1] / "data"
 
 CALIB_TEMPLATES: dict[str, str] = {
     name: str(_DATA / f"{name}.json") for name in ("normal", "reverse")

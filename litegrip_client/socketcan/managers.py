@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from litegrip_client.can_link import BITRATE, HARMFUL, HINDERING, rate_text
+from litegrip_client.socketcan.link import BITRATE, HARMFUL, HINDERING, rate_text
 
 NETWORKD, IFUPDOWN, NETWORK_MANAGER = "systemd-networkd", "ifupdown", "NetworkManager"
 

@@ -23,14 +23,21 @@ import time
 from collections import deque
 from collections.abc import Mapping, Sequence
 
-from litegrip_client.errors import CommandError, ConnectError, LiteGripError
-from litegrip_client.exchange import DEFAULT_TIMEOUT_S, Call, Exchange, Progress, Router, no_answer
+from litegrip_client.line.exchange import (
+    DEFAULT_TIMEOUT_S,
+    Call,
+    Exchange,
+    Progress,
+    Router,
+    no_answer,
+)
+from litegrip_client.values.errors import CommandError, ConnectError, LiteGripError
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, TypeVar
 
-    from litegrip_client.feeds import EventSubscription, Feed, StateSample, Subscription
+    from litegrip_client.line.feeds import EventSubscription, Feed, StateSample, Subscription
 
     _Item = TypeVar("_Item")
 
@@ -388,13 +395,13 @@ class Connection(Exchange):
 
         Up to 50 samples may come as a `batch`; each is still a `StateSample`.
         """
-        from litegrip_client.feeds import StateFeed  # noqa: PLC0415 - see above
+        from litegrip_client.line.feeds import StateFeed  # noqa: PLC0415 - see above
 
         return self.subscribe(StateFeed(hz, fields, lambda sample: sample, batch=batch))
 
     def subscribe_events(self, kinds: Sequence[str] | None = None) -> EventSubscription:
         """Subscribe to the gripper's events, or only to some `kinds`."""
-        from litegrip_client.feeds import EventFeed, EventSubscription  # noqa: PLC0415
+        from litegrip_client.line.feeds import EventFeed, EventSubscription  # noqa: PLC0415
 
         feed = EventFeed(kinds)
         self._begin(feed)
@@ -402,7 +409,7 @@ class Connection(Exchange):
 
     def subscribe(self, feed: Feed[_Item]) -> Subscription[_Item]:
         """Begin the subscription of a feed."""
-        from litegrip_client.feeds import Subscription  # noqa: PLC0415 - see above
+        from litegrip_client.line.feeds import Subscription  # noqa: PLC0415 - see above
 
         self._begin(feed)
         return Subscription(self, feed)

@@ -13,7 +13,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 
-from litegrip_client.errors import (
+from litegrip_client.values.errors import (
     CommandError,
     ConnectError,
     LiteGripError,
@@ -34,8 +34,22 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
         def deliver(self, message: Message) -> None:
             """Take a notification's parameters; the same notification may come twice."""
 
-    from litegrip_client.feeds import Feed
-    from litegrip_client.voices import Voice
+    class Subscribing(Listener, Protocol):
+        """A listener with what begins its subscription, see `feeds.Feed`."""
+
+        notification: str
+        method: str
+        params: Message
+        voice: Voice | None
+
+        @property
+        def key(self) -> Key:
+            """The name under which its notifications come, once it has begun."""
+
+        def begin(self, result: Message) -> None:
+            """Take the answer to the subscription; again does nothing."""
+
+    from litegrip_client.values.voices import Voice
 
 MAX_LINE_BYTES = 16_384
 """A longer line makes the daemon close the connection."""
@@ -427,7 +441,7 @@ class Exchange:
 
     # Subscriptions
 
-    def _subscribing(self, feed: Feed[Any]) -> Call:
+    def _subscribing(self, feed: Subscribing) -> Call:
         """Return the call that begins `feed`."""
         from weakref import ref  # noqa: PLC0415 - only subscriptions need it
 
@@ -441,7 +455,7 @@ class Exchange:
         call.keep = True  # for `_abandon_subscribing`
         return call
 
-    def _abandon_subscribing(self, call: Call, feed: Feed[Any]) -> None:
+    def _abandon_subscribing(self, call: Call, feed: Subscribing) -> None:
         """End a subscription whose caller was interrupted, now or when its number comes."""
         self._router.listeners.pop(feed.key, None)
         self.abandon(call, lambda result: unsubscribing(feed.notification, result["subscription"]))

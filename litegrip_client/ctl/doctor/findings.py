@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
-from litegrip_client.can_link import Link
-from litegrip_client.can_managers import Setting
+from litegrip_client.socketcan.link import Link
+from litegrip_client.socketcan.managers import Setting
 
 SIMULATED = ("litegrip_sim", "virtual")
 """Interfaces of python-can without an adapter."""

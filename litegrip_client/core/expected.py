@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
-from litegrip_client.calibration import GripperConfig
-from litegrip_client.errors import CommandError, ParameterError
 from litegrip_client.sdk.names import DM_Motor_Type
+from litegrip_client.values.calibration import GripperConfig
+from litegrip_client.values.errors import CommandError, ParameterError
 
 _TOLERANCE = 1e-3
 """Of figures: a file's rounding is no difference."""

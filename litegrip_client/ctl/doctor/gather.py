@@ -16,17 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import litegrip_client
-from litegrip_client.blocking import connect
-from litegrip_client.can_link import (
-    ARPHRD_CAN,
-    IpError,
-    Link,
-    ask_ip,
-    from_files,
-    from_ip,
-)
-from litegrip_client.can_managers import settings_of
-from litegrip_client.discovery import (
+from litegrip_client.core.discovery import (
     FLEET_PROGRAM,
     GROUP,
     enabled_channels,
@@ -37,8 +27,8 @@ from litegrip_client.discovery import (
     running_channels,
     socket_paths,
 )
-from litegrip_client.doctor import fleet_checks
-from litegrip_client.doctor.findings import (
+from litegrip_client.ctl.doctor import fleet_checks
+from litegrip_client.ctl.doctor.findings import (
     SIMULATED,
     Configuration,
     Daemon,
@@ -50,7 +40,17 @@ from litegrip_client.doctor.findings import (
     System,
     User,
 )
-from litegrip_client.errors import LiteGripError
+from litegrip_client.socketcan.link import (
+    ARPHRD_CAN,
+    IpError,
+    Link,
+    ask_ip,
+    from_files,
+    from_ip,
+)
+from litegrip_client.socketcan.managers import settings_of
+from litegrip_client.threads.blocking import connect
+from litegrip_client.values.errors import LiteGripError
 
 DIRECTORY = Path("/etc/litegripd")
 CHECK_WITHIN_S = 10.0

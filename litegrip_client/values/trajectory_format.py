@@ -14,9 +14,9 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any, BinaryIO, Literal, TypeAlias
 
-from litegrip_client.errors import TrajectoryFormatError
-from litegrip_client.protocol import strict_json
-from litegrip_client.protocol.text import cause, text_of
+from litegrip_client.values import strict_json
+from litegrip_client.values.errors import TrajectoryFormatError
+from litegrip_client.values.text import cause, text_of
 
 MAGIC = b"LGRTRJ01"
 ENDING = ".lgt"

@@ -1,0 +1,233 @@
+"""Which sockets belong to a channel, and what to say when no daemon answers."""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+import stat
+import sys
+from collections.abc import Awaitable, Callable, Mapping
+
+from litegrip_client.values.errors import ConnectError, ParameterError
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see the package: importing typing is slow
+    from typing import TypeVar
+
+    _Connected = TypeVar("_Connected")
+
+SOCKET_VARIABLE = "LITEGRIPD_SOCKET"
+CHANNEL_VARIABLE = "LITEGRIP_CHANNEL"
+DEFAULT_CHANNEL = "can0"
+SYSTEM_DIRECTORY = "/run/litegripd"
+PORTAL_DIRECTORY = "/run/litegripd-portal"
+"""The sockets of grippers of other machines, which are called SITE.GRIPPER. The directory is the
+portal's own: it must not be able to pose as a daemon of this machine."""
+
+ENABLED_DIRECTORY = "/etc/systemd/system/litegripd.target.wants"
+UNIT_DIRECTORIES = (
+    "/etc/systemd/system",
+    "/run/systemd/system",
+    "/usr/local/lib/systemd/system",
+    "/usr/lib/systemd/system",
+    "/lib/systemd/system",
+)
+GROUP = "litegrip"
+FLEET_PROGRAM = "litegripd-fleet"
+"""Gateway, portal and router; this package starts it, and does not import it."""
+
+_CHANNEL = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_.-]{0,63}")
+
+
+def chosen_channel(channel: str | None) -> str:
+    """Return `channel`, or else that of LITEGRIP_CHANNEL, or can0; raises `CommandError`."""
+    if channel is None:
+        channel = os.environ.get(CHANNEL_VARIABLE) or DEFAULT_CHANNEL
+    return check_channel(channel)
+
+
+def check_channel(channel: str) -> str:
+    """Return `channel` if it can be one; raises `CommandError`.
+
+    A channel becomes part of a path, so it must not be able to leave the directory.
+    """
+    if not isinstance(channel, str) or _CHANNEL.fullmatch(channel) is None:
+        raise ParameterError(
+            f"{channel!r:.80} cannot be a channel: 1 to 64 letters, digits, '_', '-' and '.', "
+            "and no '.' in front",
+            reason="invalid_params",
+            data={"hint": "name the daemon's channel, can0 for example"},
+        )
+    return channel
+
+
+def socket_paths(
+    channel: str, path: str | None = None, environment: Mapping[str, str] | None = None
+) -> list[str]:
+    """Return the paths where the daemon of `channel` may be found, in the order to try.
+
+    An explicit `path` or else `LITEGRIPD_SOCKET` is the only one when given.
+    """
+    check_channel(channel)
+    environment = os.environ if environment is None else environment
+    chosen = path if path is not None else environment.get(SOCKET_VARIABLE)
+    if chosen:
+        return [os.fspath(chosen)]
+    directories = _directories(environment)
+    if "." in channel:
+        directories = (*directories, PORTAL_DIRECTORY)
+    return [f"{directory}/{channel}.sock" for directory in directories]
+
+
+def is_socket_given(path: str | None = None) -> bool:
+    """Return True if `path` or `LITEGRIPD_SOCKET` names a socket; its channel is unknown then."""
+    return bool(path if path is not None else os.environ.get(SOCKET_VARIABLE))
+
+
+def running_channels(environment: Mapping[str, str] | None = None) -> list[str]:
+    """Return the channels that have a socket, as far as this user can see.
+
+    A daemon that was killed may have left one: only connecting shows if a daemon answers.
+    """
+    environment = os.environ if environment is None else environment
+    directories = (*_directories(environment), PORTAL_DIRECTORY)
+    names = {name for directory in directories for name in _names(directory)}
+    return sorted(
+        name.removesuffix(".sock")
+        for name in names
+        if name.endswith(".sock") and not name.endswith(".stop.sock")
+    )
+
+
+def is_enabled(channel: str) -> bool:
+    """Return True if systemd starts a channel's daemon; one that is down was stopped or failed."""
+    return os.path.lexists(f"{ENABLED_DIRECTORY}/litegripd@{channel}.service")
+
+
+def enabled_channels() -> list[str]:
+    """Return the channels whose daemons systemd starts."""
+    ends = ("litegripd@", ".service")
+    names = [name for name in _names(ENABLED_DIRECTORY) if name.startswith(ends[0])]
+    return sorted(name.removeprefix(ends[0]).removesuffix(ends[1]) for name in names)
+
+
+def is_unit_installed() -> bool:
+    """Return True if systemd has the daemons' unit; without it, it can start none."""
+    paths = [f"{directory}/litegripd@.service" for directory in UNIT_DIRECTORIES]
+    return any(os.path.exists(path) for path in paths)  # noqa: PTH110 - see _names
+
+
+def program_of(name: str) -> str | None:
+    """Find a program beside the Python that runs this one, else where a shell finds it."""
+    import shutil  # noqa: PLC0415 - seldom needed
+
+    beside = shutil.which(name, path=os.path.dirname(sys.executable))  # noqa: PTH120 - see _names
+    return beside or shutil.which(name)
+
+
+def _names(directory: str) -> list[str]:
+    try:
+        return os.listdir(directory)  # noqa: PTH208 - pathlib takes long to import
+    except OSError:
+        return []  # there is none, or it is not for this user
+
+
+def _directories(environment: Mapping[str, str]) -> tuple[str, ...]:
+    own = environment.get("XDG_RUNTIME_DIR") or f"/run/user/{os.getuid()}"
+    return SYSTEM_DIRECTORY, f"{own}/litegripd"
+
+
+async def reach(
+    channel: str, path: str | None, attempt: Callable[[str], Awaitable[_Connected]]
+) -> _Connected:
+    """Connect to the daemon of `channel` by `attempt`, which raises `OSError` where none answers.
+
+    Raises `ConnectError` that lists the attempts.
+    """
+    failures: list[tuple[str, OSError]] = []
+    for candidate in socket_paths(channel, path):
+        try:
+            return await attempt(candidate)
+        except OSError as error:  # noqa: PERF203 - two turns at most
+            failures.append((candidate, error))
+    raise _no_daemon(channel, failures, is_by_variable=path is None)
+
+
+def _no_daemon(
+    channel: str, failures: list[tuple[str, OSError]], *, is_by_variable: bool
+) -> ConnectError:
+    """Return the error with all attempts; a single one was by a given path, not by the channel."""
+    of_channel = f" for channel {channel}" if len(failures) > 1 else ""
+    tried = "; ".join(f"{path}: {_why(path, error)}" for path, error in failures)
+    unit = f"'systemctl start litegripd@{channel}' or " if is_unit_installed() else ""
+    hint = (
+        f"start one with {unit}'litegripd {channel}', or try "
+        f"without hardware: 'litegripd {channel} --simulate'"
+    )
+    if not of_channel:  # which channel the socket is of, and so which unit, is not known
+        path = failures[0][0]
+        hint = (
+            f"start its daemon: 'litegripd CHANNEL --socket {path}', without hardware with"
+            " --simulate"
+        )
+        if is_by_variable:
+            hint = f"{SOCKET_VARIABLE} names that socket, whatever the channel: unset it, or {hint}"
+    elif "." in channel and not is_enabled(channel):
+        hint = (
+            "a gripper of another machine needs a portal on this one:"
+            f" 'litegripctl -c {channel} doctor' says what is missing"
+        )
+    elif is_enabled(channel):
+        hint = f"see why it does not run: systemctl status litegripd@{channel}"
+    elif others := [other for other in running_channels() if other != channel]:
+        hint = f"there is one for {', '.join(others)}: name that; or {hint}"
+    files = [path for path, error in failures if error.errno == errno.ECONNREFUSED]
+    if files := [path for path in files if not _is_socket(path)]:
+        hint = f"move {files[0]} away, for no daemon can listen there before; then {hint}"
+    denied = [path for path, error in failures if error.errno in (errno.EACCES, errno.EPERM)]
+    if denied:
+        group = _group_of(denied[0])
+        hint = (  # a daemon is there: another one for this channel could not be started
+            f"join the group {group} ('sudo usermod -aG {group} $USER', then log in again);"
+            " 'litegripctl doctor' says what else is missing"
+        )
+    return ConnectError(
+        f"no daemon can be reached{of_channel} ({tried})",
+        reason="no_daemon",
+        data={"retryable": True, "hint": hint, "tried": [path for path, _ in failures]},
+    )
+
+
+def _group_of(path: str) -> str:
+    """Return the group that may open a socket, as far as this user can see it."""
+    import grp  # noqa: PLC0415 - seldom needed
+
+    try:
+        name = grp.getgrgid(os.stat(path).st_gid).gr_name  # noqa: PTH116 - see _names
+    except (OSError, KeyError):
+        return GROUP
+    return GROUP if name == "root" else name  # nobody is advised to join that one
+
+
+def _why(path: str, error: OSError) -> str:
+    if error.errno in (errno.EACCES, errno.EPERM):
+        return f"permission denied: only for the group {_group_of(path)}"
+    if error.errno == errno.ECONNREFUSED and not _is_socket(path):
+        return "not a socket, but a file or folder: nobody can listen there"
+    known = {
+        errno.ENOENT: "missing",
+        errno.ECONNREFUSED: "refused: nobody listens",
+        errno.EAGAIN: "the daemon accepts no connection in time",
+    }
+    return known.get(error.errno or 0, error.strerror or str(error))
+
+
+def _is_socket(path: str) -> bool:
+    """Return True for a socket; what cannot be looked at counts as one."""
+    if path.startswith("\0"):
+        return True
+    try:
+        return stat.S_ISSOCK(os.stat(path).st_mode)  # noqa: PTH116 - see _names
+    except OSError:
+        return True

@@ -1,0 +1,134 @@
+"""The stop, which goes by the daemon's own socket for stops: no flood of requests delays it.
+
+It is a software stop all the same: no replacement for the switch that cuts the power.
+"""
+
+from __future__ import annotations
+
+import json
+import socket
+from collections.abc import Mapping
+
+from litegrip_client.line.exchange import request_line
+from litegrip_client.values.errors import (
+    ConnectError,
+    LiteGripError,
+    ProtocolError,
+    from_error_object,
+)
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see the package: importing typing is slow
+    from typing import Any
+
+    from litegrip_client.core.session import DaemonSession, Wire
+
+STOP_LEVELS = ("hold", "relax", "disable")
+WHY_CHARACTERS = 80
+"""So many of a stop's reason are shown by the daemon."""
+_MAX_ANSWER_BYTES = 65_536
+_MAX_REQUEST_BYTES = 1024
+
+STOP_WITHIN_S = 1.0
+"""Stops are served in every tick. Who has no answer by then is stopped by a request as well."""
+
+
+def stop_path(path: str) -> str:
+    """Return the socket for stops that belongs to the socket at `path`."""
+    return f"{path.removesuffix('.sock')}.stop.sock"
+
+
+def is_taken_as_meant(params: Mapping[str, Any]) -> bool:
+    """Return True if the stop socket understands these parameters; it takes others for a hold."""
+    why = params.get("why")
+    if params.get("level") not in STOP_LEVELS or not (why is None or isinstance(why, str)):
+        return False
+    return len(request_line(1, "stop", params)) <= _MAX_REQUEST_BYTES
+
+
+def stop_at(path: str, level: str, why: str | None, timeout_s: float) -> dict[str, Any]:
+    """Stop the gripper whose daemon listens at `path`; return the latched level and the generation.
+
+    Raises `OSError` when nobody listens for stops there, `ConnectError` when the answer does not
+    come in time: the stop may be in force then all the same.
+    """
+    params = {"level": level} if why is None else {"level": level, "why": why}
+    request = request_line(1, "stop", params)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connected:
+        connected.settimeout(timeout_s)
+        connected.connect(stop_path(path))
+        received = b""
+        try:
+            connected.sendall(request)
+            while not received.endswith(b"\n") and len(received) < _MAX_ANSWER_BYTES:
+                piece = connected.recv(_MAX_ANSWER_BYTES)
+                if not piece:
+                    break
+                received += piece
+        except OSError as error:
+            text = f"the stop was sent, but its answer did not come: {error}"
+            raise ConnectError(text, reason="connection_lost") from error
+    return _result(received)
+
+
+def _result(received: bytes) -> dict[str, Any]:
+    try:
+        answer = json.loads(received)
+        error = answer.get("error")
+        result: dict[str, Any] = answer["result"] if error is None else {}
+    except (ValueError, KeyError, TypeError, AttributeError) as problem:
+        text = f"the daemon answered the stop with {received[:80]!r}"
+        raise ProtocolError(text) from problem
+    if error is not None:
+        raise from_error_object(error)
+    return result
+
+
+async def stop(session: DaemonSession, params: dict[str, str]) -> dict[str, Any]:
+    """Stop; return the latched level, the generation and the state after it.
+
+    The session's next requests know of the stop, whichever socket it went by. Raises
+    `LiteGripError` if both sockets fail, or if the stop is in force and the state cannot be read.
+    """
+    wire = session.wire
+    result: dict[str, Any] = {}
+
+    async def give() -> None:
+        result.update(
+            await _by_stop_socket(session, wire, params) or await session.ask("stop", params)
+        )
+        wire.connection.note_stops(result)
+
+    await wire.finish(give())  # who cancels a stop on its way has stopped all the same
+    if "state" not in result:
+        try:
+            result["state"] = await session.ask("state.get")
+        except LiteGripError as error:
+            error.message = f"stopped ({result.get('level')}), but no state came: {error.message}"
+            raise
+    return result
+
+
+async def _by_stop_socket(
+    session: DaemonSession, wire: Wire, params: dict[str, str]
+) -> dict[str, Any] | None:
+    """Stop by the socket that the daemon named; None where that did not work for sure.
+
+    The path is the daemon's. Here, behind a forwarded socket or in a container, it may lead to
+    the daemon of another gripper: so only to the very process that the session is connected to.
+    """
+    if wire.connection.stop_socket is None or not is_taken_as_meant(params):
+        return None
+    try:
+        stops = await session.reach(wire.connection.stop_socket, STOP_WITHIN_S)
+    except OSError:
+        return None
+    try:
+        pid = stops.connection.daemon_pid
+        if pid == 0 or pid != wire.connection.daemon_pid:
+            return None
+        return await stops.call("stop", params)
+    except LiteGripError:
+        return None
+    finally:
+        await stops.close()

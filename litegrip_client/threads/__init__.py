@@ -1,0 +1,1 @@
+"""The core for threads: a blocking `LiteGrip`, its actions (generated), and the SDK's members."""
