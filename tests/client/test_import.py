@@ -127,7 +127,9 @@ def test_former_places_of_modules_have_the_same_names(module: str) -> None:
     own = {
         name: one
         for name, one in vars(now).items()
-        if name[0] != "_" and getattr(one, "__module__", None) == now.__name__
+        if name in getattr(now, "__all__", vars(now))
+        and name[0] != "_"
+        and getattr(one, "__module__", None) == now.__name__
     }
     assert own
     assert all(getattr(former, name) is one for name, one in own.items())
