@@ -622,9 +622,9 @@ class GripperActions:
 
         After `watchdog_s` (0.2) without a frame a slave holds its last target. At or over
         `torque_limit_nm` (0: off) for 60 ms it lets go, until the master has reopened by 0.05.
-        With `force_limit_n` it pushes by no more. `kp` and `kd` are the calibration's by default;
-        `dq_max` (10 rad/s) bounds the velocity that is fed forward. `fake_leader` follows a
-        synthetic sweep instead of a master.
+        With `force_limit_n` it pushes by no more; more than 20 N, or 2 N·m, counts as that. `kp`
+        and `kd` are the calibration's by default; `dq_max` (10 rad/s) bounds the velocity that is
+        fed forward. `fake_leader` follows a synthetic sweep instead of a master.
 
         With `reflect` a slave sends its force, and a master with `reflect_n` (0, off, to 10 N)
         pushes back with the share `reflect_gain` (0.5) of it: the hand feels what is gripped. Over

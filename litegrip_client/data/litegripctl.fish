@@ -182,7 +182,7 @@ complete -c litegripctl -n '_shtab_litegripctl_using teleop slave' -l detach -d 
 complete -c litegripctl -n '_shtab_litegripctl_using teleop slave' -l host -x -d 'the leader'"'"'s machine'
 complete -c litegripctl -n '_shtab_litegripctl_using teleop slave' -l fake-leader -d 'follow a synthetic sweep, without a network'
 complete -c litegripctl -n '_shtab_litegripctl_using teleop slave' -l torque-limit -x -d 'let go at this torque or more, in N·m (default: never)'
-complete -c litegripctl -n '_shtab_litegripctl_using teleop slave' -l force-limit -x -d 'push by no more than this, in newtons'
+complete -c litegripctl -n '_shtab_litegripctl_using teleop slave' -l force-limit -x -d 'push by no more than this, in newtons; more than 20 (2 N·m) counts as that'
 complete -c litegripctl -n '_shtab_litegripctl_using teleop slave' -l reflect -d 'report that force to the leader'
 complete -c litegripctl -n '_shtab_litegripctl_using teleop slave' -l watchdog -x -d 'hold after so long without a frame (0.2)'
 complete -c litegripctl -n '_shtab_litegripctl_using teleop; and test $_shtab_litegripctl_npos -eq 0' -a status -d 'show how it goes'

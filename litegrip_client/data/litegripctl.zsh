@@ -784,7 +784,7 @@ _shtab_litegripctl_teleop_slave_options=(
   "--host[the leader\'s machine]:host:"
   "--fake-leader[follow a synthetic sweep, without a network]"
   "--torque-limit[let go at this torque or more, in N\·m (default\: never)]:NM:"
-  "--force-limit[push by no more than this, in newtons]:N:"
+  "--force-limit[push by no more than this, in newtons\; more than 20 (2 N\·m) counts as that]:N:"
   "--reflect[report that force to the leader]"
   "--watchdog[hold after so long without a frame (0.2)]:S:"
 )

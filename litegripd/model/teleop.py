@@ -119,7 +119,8 @@ class TeleopSettings:
     """How to lead or to follow.
 
     `rate_hz` is the leader's; None means every tick. `torque_limit_nm` 0 turns the guard off. With
-    `force_limit_n` None the gains alone bound the force. Gains that are None are the calibration's.
+    `force_limit_n` None a follower eases to the torque of a press; `MOST_PUSH_NM` bounds it in any
+    case. Gains that are None are the calibration's.
     A leader pushes back with the share `reflect_gain` of its followers' force, `reflect_n` at most.
     """
 

@@ -16,8 +16,13 @@ from litegripd.control.admission import (
 from litegripd.control.controller import Controller
 from litegripd.control.limiter import Gains
 from litegripd.model.errors import Refusal
-from litegripd.model.gripper import FASTEST_RAD_S, Geometry
-from litegripd.model.motion_config import MotionConfig, damping_conflict, fast_conflict
+from litegripd.model.gripper import FASTEST_RAD_S, FORCE_PER_TORQUE_N_NM, Geometry
+from litegripd.model.motion_config import (
+    MOST_PUSH_NM,
+    MotionConfig,
+    damping_conflict,
+    fast_conflict,
+)
 from litegripd.model.state import Event, Job, Owner
 from litegripd.model.teleop import (
     DEFAULT_DQ_MAX_RAD_S,
@@ -205,6 +210,8 @@ _HOST = re.compile(r"[A-Za-z0-9_.:%-]{1,253}")
 _HOSTS = re.compile(r"[A-Za-z0-9_.:%,\[\] -]{1,1000}")
 """Excludes "/", "#", "?" and "*", which have a meaning in a key or an endpoint."""
 
+MOST_PUSH_N = MOST_PUSH_NM * FORCE_PER_TORQUE_N_NM
+
 _LONGEST_LABEL = 63
 """Of a part of a name between two dots (RFC 1035)."""
 
@@ -279,8 +286,10 @@ _HOW = (
     Param(
         "force_limit_n",
         "number",
-        "A slave pushes by no more (default: as its gains and the lead's cap make it, and after"
-        " 0.5 s on the same thing by no more than the torque of a press, stop_lead_mm).",
+        "A slave pushes by no more, for as long as it takes. No slave pushes with more than"
+        f" {MOST_PUSH_NM:g} N·m, {MOST_PUSH_N:g} N unless the calibration has another nm_to_n:"
+        f" more counts as that (default: {MOST_PUSH_NM:g} N·m, and after 0.5 s on the same thing"
+        " no more than the torque of a press, stop_lead_mm).",
         minimum=1,
         maximum=55,
     ),

@@ -6,14 +6,14 @@ The frames of a script are packed by `struct` alone, as the facts describe them.
 import math
 import struct
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from litegripd.app.build import build_service
-from litegripd.model.calibration import NOMINAL
+from litegripd.model.calibration import NOMINAL, Calibration
 from litegripd.model.motion_config import MOVING_KP_NM_RAD, MotionConfig
 from litegripd.model.teleop import Arrival, LinkOptions, LinkStatus
-from litegripd.sim.plant import SimulatorParameters, limits_of_mount
+from litegripd.sim.plant import MOUNTS, SimulatorParameters, limits_of_mount
 from tests.world import PERIOD_S, Client, FixedFacts, World
 
 MM_RAD = NOMINAL[0].rad_to_mm
@@ -158,10 +158,17 @@ class Follower:
 
 
 def following(
-    mount: str = "normal", opening_mm: float = HALF_MM, aligned: bool = True, **params: Any
+    mount: str = "normal",
+    opening_mm: float = HALF_MM,
+    aligned: bool = True,
+    nm_to_n: float | None = None,
+    **params: Any,
 ) -> Follower:
     """Return a follower that has aligned to a leader as open as itself."""
     world = TeleopWorld(mount, opening_mm)
+    if nm_to_n is not None:
+        geometry = replace(NOMINAL[MOUNTS.index(mount)], nm_to_n=nm_to_n)
+        world.controller.use_calibration(Calibration(geometry))
     client = world.enabled()
     client.result("events.subscribe", kinds=["teleop"])
     client.result("teleop.start", mode="slave", host="leader", **params)

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from litegripd.control.limiter import CommandLimiter, bounds_of
+from litegripd.control.limiter import DEFAULT_GAINS, CommandLimiter, bounds_of, lead_within
 from litegripd.model.calibration import NOMINAL, Calibration
 from litegripd.model.gripper import DM4310, FASTEST_MM_S, MotorType
 from litegripd.model.motion_config import MotionConfig, fastest_mm_s
@@ -124,3 +124,25 @@ def test_the_limiter_lets_no_command_be_faster(motor_type: MotorType, sign: floa
         assert sent.velocity_rad_s == sign * most_rad_s
         assert ("speed" in limited) == (asked_rad_s > most_rad_s)
         assert sent.position_rad == wanted.position_rad
+
+
+@pytest.mark.parametrize("rate_hz", [100, 200, 1000])
+@pytest.mark.parametrize("method", ["motion.open", "motion.close"])
+def test_a_small_lead_is_no_reason_to_refuse_a_speed(method: str, rate_hz: int) -> None:
+    """At 100 Hz the jaws travel 1.5 mm in a period: the lead grows, not what it presses with."""
+    world = World(period_s=1.0 / rate_hz)
+    client = world.enabled()
+    number, fastest_rad_s = client.send(method, speed_mm_s=150.0, config={"max_lead_mm": 1.0}), 0.0
+    while not client.has_answer(number):
+        world.tick()
+        fastest_rad_s = max(fastest_rad_s, abs(world.gripper.velocity_rad_s))
+    assert client.answers[number]["result"]["outcome"] == "pressed_home"
+    assert fastest_rad_s * NOMINAL[0].rad_to_mm > 0.9 * 150.0
+    assert fastest_rad_s < OVERSHOOT * DM4310.fastest_rad_s
+
+
+def test_a_lead_is_at_least_the_travel_of_a_period() -> None:
+    push_nm, speed_rad_s, period_s = 0.94, DM4310.fastest_rad_s, 0.01
+    gains, lead_rad = lead_within(push_nm, DEFAULT_GAINS, speed_rad_s, period_s)
+    assert lead_rad >= speed_rad_s * period_s
+    assert gains.kp_nm_rad * lead_rad == pytest.approx(push_nm)

@@ -8,10 +8,11 @@ from typing import Any
 
 import pytest
 
+from litegripd.app.build import BY_NAME
 from litegripd.control.limiter import Gains
 from litegripd.model.calibration import NOMINAL, SUPERSEDED
 from litegripd.model.gripper import FASTEST_RAD_S
-from litegripd.model.motion_config import REACHING_KP_NM_RAD, MotionConfig
+from litegripd.model.motion_config import MOST_PUSH_NM, REACHING_KP_NM_RAD, MotionConfig
 from litegripd.model.motor import Feedback, Status
 from litegripd.teleop.follower import FollowerCommand
 from tests.control.teleop_scene import (
@@ -268,6 +269,20 @@ def test_a_force_limit_holds_at_the_contact_as_well(limit_n: float, gains: dict[
         follower.world.gripper.put_object(width_mm=HALF_MM)
         course = sweep(WIDE_MM / TRAVEL_MM, 0.1, duration_s)
         assert 10.0 * most_nm(follower, course, duration_s + 0.5) < 1.05 * limit_n + 0.5
+
+
+@pytest.mark.parametrize("nm_to_n", [10.0, 19.0])
+def test_a_force_limit_beyond_what_any_motion_pushes_with_counts_as_that(nm_to_n: float) -> None:
+    """As the parameter's description, the command's help and the page on teleoperation say."""
+    pressed: list[float] = []
+    for limit_n in (MOST_PUSH_NM * nm_to_n, 55.0):
+        follower = following(force_limit_n=limit_n, nm_to_n=nm_to_n)
+        follower.world.gripper.put_object(width_mm=OBJECT_MM)
+        follower.lead(sweep(0.5, 0.1, 0.8), 2.5)
+        pressed.append(abs(follower.world.state.torque_nm or 0.0))
+    assert pressed[0] == pressed[1] == pytest.approx(MOST_PUSH_NM, abs=0.1)
+    (param,) = (one for one in BY_NAME["teleop.start"].params if one.name == "force_limit_n")
+    assert f"more than {MOST_PUSH_NM:g} N·m, 20 N unless" in param.description
 
 
 @pytest.mark.parametrize("more", [{"force_limit_n": 5.0}, {"force_limit_n": 10.0}, {"kp": 300.0}])

@@ -6,11 +6,12 @@ random gripper, as its owner would, and returns what went wrong, in words.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 from litegripd.model.calibration import Calibration
 from litegripd.model.gripper import Geometry
+from litegripd.model.motor import MotorPhase
 from tests.plants.parameters import LIMITS_RAD, MM_RAD, Item, PlantParameters
 from tests.plants.scenes import EASY_NM
 from tests.plants.world import PlantWorld
@@ -60,12 +61,12 @@ class Course:
 def course(
     parameters: PlantParameters,
     mount: str,
-    kp: float,
-    kd: float,
+    kp: float | None,
+    kd: float | None,
     work_stroke_mm: float = 0.0,
     rate_hz: int = 200,
 ) -> Course:
-    """Return an enabled gripper with a file of these gains."""
+    """Return an enabled gripper with a file of these gains, None for one that has none."""
     world = PlantWorld(parameters, mount, rate_hz, opening_mm=45.0)
     geometry = Geometry(*LIMITS_RAD[mount], MM_RAD)
     file = Calibration(
@@ -179,12 +180,15 @@ STEPS: Mapping[str, Callable[[Course], None]] = {
 def play_all(
     parameters: PlantParameters,
     mount: str,
-    kp: float,
-    kd: float,
+    kp: float | None,
+    kd: float | None,
     work_stroke_mm: float = 0.0,
     steps: Mapping[str, Callable[[Course], None]] = STEPS,
 ) -> list[str]:
-    """Return what went wrong, in words; each step begins with jaws that are half open."""
+    """Return what went wrong, in words; each step begins with jaws that are half open.
+
+    The motor is enabled before, and disabled after all steps.
+    """
     here = course(parameters, mount, kp, kd, work_stroke_mm)
     for step in steps.values():
         here.call("motion.move", opening_mm=45.0)
@@ -192,9 +196,7 @@ def play_all(
             step(here)
         except AssertionError as error:
             here.wrong.append(f"{step.__name__}: {error}"[:200])
+    here.call("motor.disable")
+    if not here.world.in_phase(MotorPhase.DISABLED):
+        here.wrong.append("disable: the motor is not disabled")
     return here.wrong
-
-
-def gentle(parameters: PlantParameters) -> PlantParameters:
-    """Return the same gripper, with a closing side that does not stick."""
-    return replace(parameters, stick_nm=max(parameters.breakaway_nm, 0.3))

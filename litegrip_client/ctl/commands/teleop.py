@@ -104,7 +104,10 @@ def _slave_options(parser: LateParser) -> None:
         help="let go at this torque or more, in N·m (default: never)",
     )
     parser.add_argument(
-        "--force-limit", type=positive, metavar="N", help="push by no more than this, in newtons"
+        "--force-limit",
+        type=positive,
+        metavar="N",
+        help="push by no more than this, in newtons; more than 20 (2 N·m) counts as that",
     )
     parser.add_argument("--reflect", action="store_true", help="report that force to the leader")
     parser.add_argument(

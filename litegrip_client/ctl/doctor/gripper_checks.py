@@ -262,18 +262,20 @@ def calibration(facts: Facts) -> Finding | None:
         f"mount {gripper.get('mount')}, travel {gripper.get('travel_mm', 0.0):.1f} mm"
         f"{_work_stroke(gripper)}"
     )
-    doubt = daemon.state.get("scale_doubt")
+    file = source.get("file")
+    doubt, where = daemon.state.get("scale_doubt"), "" if file is None else f", {file}"
     if doubt == "superseded":
         return warning(
-            f"{text}: the scale of earlier versions, which took the travel for 120 mm; all mm are"
-            " too large",
+            f"{text}{where}: the scale of earlier versions, which took the travel for 120 mm; all"
+            " mm are too large",
             f"{facts.ctl} calibration rescale",
             "that needs no other measurement; if a caliper says that the jaws do not open"
             f" {gripper.get('stroke_mm', STROKE_MM):g} mm, add --stroke-mm MM",
         )
     if doubt == "unusual":
         return warning(
-            f"{text}: {gripper.get('rad_to_mm', 0.0):.4g} mm/rad, as no gripper was seen to have",
+            f"{text}{where}: {gripper.get('rad_to_mm', 0.0):.4g} mm/rad, as no gripper was seen to"
+            " have",
             f"{facts.ctl} enable && {facts.ctl} zero",
             "its limits are probably wrong; if a caliper says that the jaws do not open"
             f" {gripper.get('stroke_mm', STROKE_MM):g} mm, then:"
@@ -284,7 +286,6 @@ def calibration(facts: Facts) -> Finding | None:
             f"{text}, nominal: it was not measured on this gripper",
             f"{facts.ctl} enable && {facts.ctl} zero",
         )
-    file = source.get("file")
     if file is None:
         return warning(f"{text}, in no file: lost at a restart", f"{facts.ctl} calibration save")
     return ok(f"{text}, {_age(facts.now_s, source.get('saved_s'))}, {file}")

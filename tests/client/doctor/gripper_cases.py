@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from litegrip_client.ctl.doctor.findings import Configuration, Scan
 from tests.client.doctor.case import Case
-from tests.client.doctor.known import daemon, facts, with_daemon
+from tests.client.doctor.known import FILE, daemon, facts, with_daemon
 
 ZERO = "litegripctl -c can0 enable && litegripctl -c can0 zero"
 
@@ -274,8 +274,8 @@ GRIPPER_CASES = [
         "calibration",
         with_daemon(state_scale_doubt="superseded", hello_gripper__travel_mm=120.05),
         "warning",
-        "travel 120.0 mm, open goes to 80 mm: the scale of earlier versions, which took the travel"
-        " for 120 mm; all mm are too large",
+        f"travel 120.0 mm, open goes to 80 mm, {FILE}: the scale of earlier versions, which took"
+        " the travel for 120 mm; all mm are too large",
         "litegripctl -c can0 calibration rescale",
         "no other measurement; if a caliper says that the jaws do not open 85 mm, add --stroke-mm",
     ),
@@ -285,6 +285,7 @@ GRIPPER_CASES = [
             state_scale_doubt="superseded",
             hello_gripper__travel_mm=120.05,
             info_calibration__nominal=True,
+            info_calibration__file=None,
         ),
         "warning",
         "travel 120.0 mm, open goes to 80 mm: the scale of earlier versions, which took the travel",
@@ -295,7 +296,7 @@ GRIPPER_CASES = [
         "calibration",
         with_daemon(state_scale_doubt="unusual", hello_gripper__rad_to_mm=84.31),
         "warning",
-        "84.31 mm/rad, as no gripper was seen to have",
+        f", {FILE}: 84.31 mm/rad, as no gripper was seen to have",
         ZERO,
         "its limits are probably wrong; if a caliper says that the jaws do not open 85 mm, then:",
     ),
