@@ -13,6 +13,7 @@ from typing import Any
 from litegrip_client import atomic_file
 from litegrip_client.calibration import CALIBRATION_KEYS
 from litegrip_client.errors import CommandError, ParameterError
+from litegrip_client.protocol import strict_json
 from litegrip_client.protocol.text import cause, text_of
 from litegrip_client.warn import warn
 
@@ -82,7 +83,7 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
     except ValueError as error:
         raise _unreadable(path, str(error)) from error
     try:
-        content = json.loads(text)
+        content = strict_json.decode(text)
     except (ValueError, RecursionError) as error:
         raise _unreadable(path, f"it is not JSON: {error}{cause(text)}") from error
     if not isinstance(content, dict):

@@ -103,7 +103,7 @@ def from_ip(text: str) -> Link:
 
 def _modes(told: object, mtu: int | None) -> tuple[str, ...]:
     """Return the modes that are on; an interface of the size of FD frames is in FD mode."""
-    modes = [str(mode) for mode in told] if isinstance(told, list) else []
+    modes = [str(mode).upper() for mode in told] if isinstance(told, list) else []
     if mtu == _FD_MTU and "FD" not in modes:
         modes.append("FD")
     return tuple(modes)
