@@ -184,7 +184,7 @@ def teleop(facts: Facts) -> Finding | None:
 
 def _not_answering(facts: Facts) -> Finding:
     if facts.blocked is not None:
-        return error(str(facts.failure), advice=f"{facts.blocked}; then start the daemon anew")
+        return error(str(facts.failure), advice=f"{facts.blocked}; then start the daemon again")
     return _no_daemon(facts)
 
 
