@@ -257,7 +257,15 @@ def test_a_mute_port_is_doubted_until_something_comes(line: Line, rig: Rig) -> N
     rig.until(lambda: "nothing has come" in (rig.bus.condition.error or ""))
     assert rig.bus.condition.state == "up"
     line.send(GOOD)
-    rig.until(lambda: rig.bus.condition.error is None)
+    rig.until(lambda: "nothing has come" not in (rig.bus.condition.error or ""))
+
+
+def test_a_program_that_takes_all_that_comes_is_named(line: Line, rig: Rig) -> None:
+    """Nothing is damaged then: nothing comes at all."""
+    line.begin()
+    rig.until(lambda: f"(pid {os.getpid()})" in (rig.bus.condition.error or ""))
+    assert "nothing has come" in (rig.bus.condition.error or "")
+    assert rig.bus.counters.ignored == 0
 
 
 def test_another_program_at_the_port_is_named_when_lines_are_damaged(line: Line, rig: Rig) -> None:

@@ -86,12 +86,13 @@ def _read_lines(bus: SlcanBus, peer: socket.socket) -> None:
         if frames:
             _report(peer, b"f" + pack_frames(frames))
         now_s = time.monotonic()
-        if lines.ignored > ignored:
+        is_damaged, doubt = lines.ignored > ignored, lines.doubt(now_s)
+        if is_damaged:
             _report(peer, b"i%d" % (lines.ignored - ignored))
             ignored = lines.ignored
-            if now_s - looked_s >= _LOOK_EVERY_S:
-                looked_s, others = now_s, _others()
-        doubt = others or lines.doubt(now_s)
+        if (is_damaged or doubt) and now_s - looked_s >= _LOOK_EVERY_S:
+            looked_s, others = now_s, _others()
+        doubt = "; ".join(filter(None, (doubt, others)))
         if doubt != told:
             _report(peer, b"?" + doubt.encode())
             told = doubt
