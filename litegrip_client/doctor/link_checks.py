@@ -35,6 +35,7 @@ _OPENING = (
     ("No module named", "install that module for the daemon's Python, then restart"),
     ("not configure port", "that is no serial adapter: correct [bus] channel, then restart"),
     ("ermission denied", "a daemon of systemd needs: litegripctl install-units --serial"),
+    ("No such file", "plug the adapter in, or correct [bus] channel: ls -l /dev/serial/by-id/"),
     ("another program", "end that program; the line serial says if one opens it at every plug"),
     ("busy", "another program has it: end that one; the daemon then opens it by itself"),
     ("1 Mbit/s", "use another adapter, or another firmware for this one"),
@@ -203,12 +204,12 @@ def bus_state(facts: Facts) -> Finding | None:
     if found.state == "ERROR-ACTIVE":
         return ok(text)
     if found.state == "ERROR-WARNING":
-        return warning(text, advice=_WIRING)
+        return warning(text, advice=_wiring(found))
     if found.state == "BUS-OFF" and (not found.restart_ms or facts.system.driver in _NO_RESTART):
-        return error(text, _down_and_up(found), _WIRING)
+        return error(text, _down_and_up(found), _wiring(found))
     if found.state in ("STOPPED", "SLEEPING"):
         return error(f"{text}: the adapter takes no part in the bus", _down_and_up(found), _IF_LOST)
-    return error(text, None, _WIRING)
+    return error(text, None, _wiring(found))
 
 
 def errors(facts: Facts) -> Finding | None:
@@ -223,7 +224,7 @@ def errors(facts: Facts) -> Finding | None:
     ]
     if not seen:
         return ok("none since the driver was loaded")
-    return warning(f"since the driver was loaded: {', '.join(seen)}", advice=_WIRING)
+    return warning(f"since the driver was loaded: {', '.join(seen)}", advice=_wiring(found))
 
 
 def adapter(facts: Facts) -> Finding | None:
@@ -364,6 +365,15 @@ def _set_up(facts: Facts, text: str) -> Finding:
         return error(text, _anew(facts, settings), f"{_IF_LOST}{again}")
     advice = f"{_IF_LOST}; {_IF_REFUSED}{again}"
     return error(text, _anew(facts, f"{settings} restart-ms 100"), advice)
+
+
+def _wiring(found: Link) -> str:
+    """Return where to look when frames are damaged."""
+    if found.termination_ohm != 0:
+        return _WIRING
+    switch_on = f"sudo ip link set {found.name} type can termination 120"
+    own = "this adapter's own 120 ohms are off; where it is an end of the bus"
+    return f"{_WIRING}; {own}: {switch_on}"
 
 
 def _down_and_up(found: Link) -> str:

@@ -276,6 +276,12 @@ def test_another_program_at_the_port_is_named_when_lines_are_damaged(line: Line,
     assert rig.bus.condition.state == "up"
 
 
+@pytest.mark.parametrize("channel", ["/dev/ttyACM0@fast", "/dev/ttyACM0@", "/dev/ttyACM0@1e6"])
+def test_a_baud_rate_that_is_none_is_named(channel: str) -> None:
+    with pytest.raises(ValueError, match="must be the adapter's baud rate"):
+        slcan.SlcanBus(channel)
+
+
 def test_a_program_that_has_a_file_open_is_found_and_oneself_is_not(tmp_path: Path) -> None:
     path = tmp_path / "port"
     path.touch()

@@ -48,24 +48,26 @@ if words[:2] == ["link", "show"]:
     sys.exit(print(json.dumps([link])))
 name, words = words[2], words[3:]
 data, flags = link["linkinfo"].get("info_data", {{}}), link["flags"]
+heals = "up" in words or "termination" in words
 while words:
     word = words.pop(0)
     if word == "down":
         flags[:] = [flag for flag in flags if flag not in ("UP", "LOWER_UP")]
         data["state"] = "STOPPED"
     elif word == "up":
-        up = True
         flags.append("UP")
     elif word == "txqueuelen":
         link["txqlen"] = int(words.pop(0))
     elif word == "type":
         words.pop(0)
-        if data.get("state") not in ("STOPPED", None):
+        if words[0] != "termination" and data.get("state") not in ("STOPPED", None):
             sys.exit("RTNETLINK answers: Device or resource busy")
     elif word == "bitrate":
         data["bittiming"] = {{"bitrate": int(words.pop(0)), "sample_point": "0.750"}}
     elif word == "sample-point":
         data["bittiming"]["sample_point"] = f"{{float(words.pop(0)):.3f}}"
+    elif word == "termination":
+        data["termination"] = int(words.pop(0))
     elif word == "restart-ms":
         data["restart_ms"] = int(words.pop(0))
     elif words and words[0] in ("on", "off"):
@@ -75,7 +77,7 @@ while words:
             link["mtu"] = 16
     else:
         sys.exit(f"the double does not know {{word}}")
-if "UP" in flags and data:
+if heals and "UP" in flags and data:
     if not data.get("bittiming", {{}}).get("bitrate"):
         sys.exit("RTNETLINK answers: Invalid argument")
     data.update(state="ERROR-ACTIVE", berr_counter={{"tx": 0, "rx": 0}})

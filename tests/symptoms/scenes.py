@@ -90,6 +90,11 @@ def restart_set(bench: Bench) -> None:
         bench.carry_out(f"sudo ip link set can0 {words}")
 
 
+def end_of_bus(bench: Bench) -> None:
+    advice = bench.doctor()["bus-state"].advice or ""
+    bench.carry_out(advice.rpartition(": ")[2])
+
+
 def named_wrongly(bench: Bench) -> None:
     bench.link("dummy")
     bench.put("net/can0/type", "1\n")
@@ -171,6 +176,30 @@ def a_port(bench: Bench) -> None:
 def a_plain_file(bench: Bench) -> None:
     serial()(bench)
     bench.put("dev/ttyACM0")
+
+
+def no_path(bench: Bench) -> None:
+    bench.bus = BusSettings("slcan", "COM3", 1_000_000)
+    bench.world.condition = opened(bench.bus)
+
+
+def opened(settings: BusSettings) -> BusCondition:
+    """Return what the daemon's own pump finds when it opens this."""
+    bus, ends_s = PumpedBus(settings, 0.005), time.monotonic() + WITHIN_S
+    try:
+        while not has_told(bus.condition):
+            assert time.monotonic() < ends_s
+            bus.receive(time.monotonic())
+            time.sleep(0.01)
+        return bus.condition
+    finally:
+        bus.close()
+
+
+def a_port_by_its_path(bench: Bench) -> None:
+    serial()(bench)
+    a_port(bench)
+    well_again(bench)
 
 
 def with_modem_manager(bench: Bench) -> None:
@@ -381,6 +410,8 @@ SCENES = [
     Scene("old commands arrive when a dead bus comes back", "queue", link("long_queue")),
     Scene("nobody acknowledges: plug, wires, or 24 V", "bus-state", link("error_passive"),
           link("healthy")),
+    Scene("the same, with an adapter that has a resistor of its own", "bus-state",
+          link("error_passive", termination=0, termination_const=[0, 120]), end_of_bus),
     Scene("the adapter has left the bus", "bus-state", link("bus_off", restart_ms=0)),
     Scene("the link is up, and nothing is sent", "bus-state", link(state="STOPPED")),
     Scene("faults now and then", "bus-errors", link("bus_off"), link("healthy")),
@@ -388,6 +419,7 @@ SCENES = [
           lambda bench: bench.driver(None), adapter(b"V1013\r" + GOOD, sends=GOOD),
           remains="none"),
     Scene("the serial adapter is not found", "device", serial(), a_port),
+    Scene("the same, with a name of another system", "device", no_path, a_port_by_its_path),
     Scene("its file is no device", "device", a_plain_file, tty_left),
     Scene("a console or a modem is at the port, or its plug loops back", "device",
           adapter(b"", echoes=True), well_again),

@@ -171,6 +171,12 @@ class SlcanBus(slcanBus):
     def __init__(self, channel: str, **options: object) -> None:
         self._commands: set[bytes] = set()
         self._sends_commands = True
+        baud_rate = channel.partition("@")[2]
+        if "@" in channel and not baud_rate.isdecimal():
+            raise ValueError(
+                f"behind the @ of [bus] channel stands {baud_rate!r}, and it must be the adapter's"
+                " baud rate, 115200 for example"
+            )
         super().__init__(channel, **options)  # type: ignore[arg-type]
         self._write("V")
         self._sends_commands = False
