@@ -6,8 +6,7 @@ So many bytes come to each reader: noise, and what it usually reads with some by
 removed or added. Behind each piece comes a good one. A piece is refused by the reader's own error,
 or counted, or taken where the damage has left something that may be; anything else ends the run.
 `lost` are good pieces that were not read as they are, `closed` counts connections and adapters that
-were given up. A datagram and a connection have a checksum each, so that the damage of "the leader
-itself" is what hardly ever passes.
+were given up.
 """
 
 import asyncio
