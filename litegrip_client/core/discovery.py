@@ -33,6 +33,9 @@ UNIT_DIRECTORIES = (
     "/usr/lib/systemd/system",
     "/lib/systemd/system",
 )
+LONGEST_PATH = 107
+"""Bytes of a Unix socket's address (sun_path less one)."""
+
 GROUP = "litegrip"
 FLEET_PROGRAM = "litegripd-fleet"
 """Gateway, portal and router; this package starts it, and does not import it."""
@@ -182,9 +185,9 @@ def _no_daemon(
         hint = f"see why it does not run: systemctl status litegripd@{channel}"
     elif others := [other for other in running_channels() if other != channel]:
         hint = f"there is one for {', '.join(others)}: name that; or {hint}"
-    files = [path for path, error in failures if error.errno == errno.ECONNREFUSED]
-    if files := [path for path in files if not _is_socket(path)]:
-        hint = f"move {files[0]} away, for no daemon can listen there before; then {hint}"
+    blocked = next(filter(None, (_unblocked(path, error) for path, error in failures)), None)
+    if blocked is not None:
+        hint = f"{blocked}; then {hint}"
     denied = [path for path, error in failures if error.errno in (errno.EACCES, errno.EPERM)]
     if denied:
         group = _group_of(denied[0])
@@ -195,7 +198,12 @@ def _no_daemon(
     return ConnectError(
         f"no daemon can be reached{of_channel} ({tried})",
         reason="no_daemon",
-        data={"retryable": True, "hint": hint, "tried": [path for path, _ in failures]},
+        data={
+            "retryable": True,
+            "hint": hint,
+            "tried": [path for path, _ in failures],
+            "blocked": blocked,
+        },
     )
 
 
@@ -215,12 +223,32 @@ def _why(path: str, error: OSError) -> str:
         return f"permission denied: only for the group {_group_of(path)}"
     if error.errno == errno.ECONNREFUSED and not _is_socket(path):
         return "not a socket, but a file or folder: nobody can listen there"
+    if error.errno == errno.ENOENT and os.path.islink(path):  # noqa: PTH114 - see _names
+        return f"a link to {os.readlink(path)}, which is missing: nobody can listen there"  # noqa: PTH115
+    if error.errno is None and len(os.fsencode(path)) > LONGEST_PATH:
+        return f"too long: a socket's path has {LONGEST_PATH} bytes at most"
     known = {
+        errno.ELOOP: "links that lead to one another: nobody can listen there",
+        errno.ENOTDIR: "a part of this path is a file, no folder: nobody can listen there",
+        errno.EPROTOTYPE: "a socket of another program, not of a daemon",
         errno.ENOENT: "missing",
         errno.ECONNREFUSED: "refused: nobody listens",
         errno.EAGAIN: "the daemon accepts no connection in time",
     }
     return known.get(error.errno or 0, error.strerror or str(error))
+
+
+def _unblocked(path: str, error: OSError) -> str | None:
+    """Return what to do first where no daemon can listen at a path, or None."""
+    if error.errno is None and len(os.fsencode(path)) > LONGEST_PATH:
+        return "name a shorter path"
+    if error.errno == errno.ENOTDIR:
+        return "name a path in a folder"
+    is_dangling = error.errno == errno.ENOENT and os.path.islink(path)  # noqa: PTH114 - see _names
+    is_file = error.errno == errno.ECONNREFUSED and not _is_socket(path)
+    if is_dangling or is_file or error.errno in (errno.ELOOP, errno.EPROTOTYPE):
+        return f"move {path} away, for no daemon can listen there before"
+    return None
 
 
 def _is_socket(path: str) -> bool:

@@ -61,6 +61,9 @@ class Link:
     rx_errors: int | None = None
     history: Mapping[str, int] = field(default_factory=dict)
     """What has happened since the driver was loaded: bus_off, bus_error, error_passive, ..."""
+    termination_ohm: int | None = None
+    """Of the adapter's own resistor between the wires, 0 where it is off; None where it has none
+    that can be switched."""
     modes: tuple[str, ...] = ()
     """The controller's modes that are on, as iproute2 names them: LISTEN-ONLY, FD, ..."""
 
@@ -96,6 +99,7 @@ def from_ip(text: str) -> Link:
         state=data.get("state"),
         tx_errors=_integer(errors.get("tx")),
         rx_errors=_integer(errors.get("rx")),
+        termination_ohm=_integer(data.get("termination")),
         history={name: value for name, value in counters.items() if isinstance(value, int)},
         modes=_modes(data.get("ctrlmode"), _integer(link.get("mtu")) if kind == "can" else None),
     )
@@ -103,7 +107,7 @@ def from_ip(text: str) -> Link:
 
 def _modes(told: object, mtu: int | None) -> tuple[str, ...]:
     """Return the modes that are on; an interface of the size of FD frames is in FD mode."""
-    modes = [str(mode) for mode in told] if isinstance(told, list) else []
+    modes = [str(mode).upper() for mode in told] if isinstance(told, list) else []
     if mtu == _FD_MTU and "FD" not in modes:
         modes.append("FD")
     return tuple(modes)

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from litegrip_client.values import atomic_file
+from litegrip_client.values import atomic_file, strict_json
 from litegrip_client.values.calibration import CALIBRATION_KEYS
 from litegrip_client.values.errors import CommandError, ParameterError
 from litegrip_client.values.text import cause, text_of
@@ -82,7 +82,7 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
     except ValueError as error:
         raise _unreadable(path, str(error)) from error
     try:
-        content = json.loads(text)
+        content = strict_json.decode(text)
     except (ValueError, RecursionError) as error:
         raise _unreadable(path, f"it is not JSON: {error}{cause(text)}") from error
     if not isinstance(content, dict):

@@ -12,7 +12,9 @@ def _no_constant(name: str) -> NoReturn:
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     value = dict(pairs)
     if len(value) != len(pairs):
-        raise ValueError("an object has the same key twice")
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ValueError(f"an object has the same key twice: {twice!r:.80}")
     return value
 
 
@@ -26,4 +28,8 @@ def decode(text: str) -> Any:
         value, end = _scan(text, 0)
     except StopIteration:
         return _decoder.decode(text)  # blanks before it, or nothing at all
+    except ValueError as error:
+        if "digits" in str(error):  # CPython's text is advice for programmers
+            raise ValueError("a number has more digits than any number needs") from None
+        raise
     return value if end == len(text) else _decoder.decode(text)

@@ -57,8 +57,12 @@ ZERO_MOVED = Refusal(
 
 
 _BUSY_BY: Mapping[JobKind, str] = {"teleop": "teleop_busy"}
-_ENDED_BY: Mapping[JobKind, str] = {"teleop": "end it by teleop.stop"}
-"""How to end a job that does not end by itself; its refusal has a name of its own."""
+_ENDED_BY: Mapping[JobKind, str] = {
+    "teleop": "end it by teleop.stop",
+    "record": "end it by trajectory.record_stop",
+}
+"""How to end a job that does not end by itself. A recording outlasts its job if that is cancelled,
+and then refuses what it has refused before."""
 
 
 def busy_refusal(running: Job | None) -> Refusal | None:

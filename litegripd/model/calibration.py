@@ -3,16 +3,17 @@
 Files are interchangeable with the SDK's, so unknown keys are kept.
 """
 
-import json
 import math
 import reprlib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any, Literal, TypeAlias, TypedDict
 
+from litegrip_client.values import strict_json
 from litegripd.model.gripper import (
     FORCE_PER_TORQUE_N_NM,
     MOTOR_TYPES,
+    NUMBERED_TYPES,
     SPAN_INSET_MM,
     SUPERSEDED_STROKE_MM,
     Geometry,
@@ -337,13 +338,15 @@ def foreign_warning(
         marks.append(f"channel {reprlib.repr(calibration.channel)}, and this is {channel}")
     file_id, file_master = _id(told, "can_id"), _id(told, "mst_id")
     if file_id not in (None, can_id):
-        marks.append(f"can_id 0x{file_id:02X}, and this motor is 0x{can_id:02X}")
+        marks.append(f"can_id {_shown_id(file_id)}, and this motor is 0x{can_id:02X}")
     if file_master and master_id and file_master != master_id:
-        marks.append(f"mst_id 0x{file_master:02X}, and this motor answers on 0x{master_id:02X}")
-    if told.get("canfd_mode") is True:
+        marks.append(
+            f"mst_id {_shown_id(file_master)}, and this motor answers on 0x{master_id:02X}"
+        )
+    if str(told.get("canfd_mode")).lower() in ("true", "1"):
         marks.append("canfd_mode (CAN FD), and this motor is driven by classic CAN")
-    file_type = told.get("motor_type")
-    if isinstance(file_type, str) and file_type not in ("", motor_type) and not calibration.nominal:
+    file_type = _type_name(told)
+    if file_type not in (None, motor_type) and not calibration.nominal:
         marks.append(f"motor_type {reprlib.repr(file_type)}, and this motor is a {motor_type}")
     if not marks:
         return None
@@ -354,9 +357,27 @@ def foreign_warning(
     )
 
 
-def _id(content: Mapping[str, Any], key: str) -> int | None:
+def _id(content: Mapping[str, Any], key: str) -> int | str | None:
+    """Return the id under a key, also one written as text, "0x08"; as it is if it is none."""
     value = content.get(key)
-    return value if isinstance(value, int) and not isinstance(value, bool) else None
+    if value in (None, ""):
+        return None
+    try:
+        return int(value, 0) if isinstance(value, str) else int(value)
+    except (TypeError, ValueError):
+        return reprlib.repr(value)
+
+
+def _shown_id(value: int | str) -> str:
+    return value if isinstance(value, str) else f"0x{value:02X}"
+
+
+def _type_name(content: Mapping[str, Any]) -> str | None:
+    """Return the type of motor that a file has, also by the maker's number; None if it has none."""
+    value = content.get("motor_type")
+    if isinstance(value, int) and not isinstance(value, bool):
+        return NUMBERED_TYPES[value] if 0 <= value < len(NUMBERED_TYPES) else str(value)
+    return value if isinstance(value, str) and value else None
 
 
 def to_plain(calibration: Calibration) -> dict[str, Any]:
@@ -387,7 +408,7 @@ _CARRIED = (
 def parse_calibration(text: str) -> Calibration:
     """Return the calibration in a file's text; raises `CalibrationError` with the reason."""
     try:
-        content = json.loads(text)
+        content = strict_json.decode(text)
     except (ValueError, RecursionError) as error:
         raise CalibrationError(f"not valid JSON: {error}") from None
     return read_content(content)
@@ -411,7 +432,7 @@ def read_content(content: object) -> Calibration:
         geometry = Geometry(closed_rad, open_rad, rad_to_mm, nm_to_n)
     except ValueError as error:
         raise CalibrationError(str(error)) from None
-    _check_motor_type(content.get("motor_type"))
+    _check_motor_type(_type_name(content))
     kp_nm_rad, kd_nm_s_rad = _gains(content)
     return Calibration(
         geometry=geometry,
@@ -424,9 +445,9 @@ def read_content(content: object) -> Calibration:
     )
 
 
-def _check_motor_type(motor_type: object) -> None:
-    """Raise for a file of a motor that no daemon drives; what is no name counts as none."""
-    why_not = why_not_driven(motor_type) if isinstance(motor_type, str) and motor_type else None
+def _check_motor_type(motor_type: str | None) -> None:
+    """Raise for a file of a motor that no daemon drives."""
+    why_not = None if motor_type is None else why_not_driven(motor_type)
     if why_not is not None:
         raise CalibrationError(f"motor_type is {reprlib.repr(motor_type)}, {why_not}")
 

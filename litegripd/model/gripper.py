@@ -331,6 +331,9 @@ MOTOR_FAMILY: Mapping[str, MotorType | IncompleteType] = MappingProxyType(
 """All types that the maker's drivers name (their enumeration, and DM4310P, DM4340P), with what is
 known of them. The ranges that an incomplete type has are from there, too."""
 
+NUMBERED_TYPES = tuple(name for name in MOTOR_FAMILY if name not in ("DM4310P", "DM4340P"))
+"""The types by the numbers that the maker's drivers give them: 0 is a DM3507, 1 a DM4310."""
+
 MOTOR_TYPES: Mapping[str, MotorType] = MappingProxyType(
     {name: row for name, row in MOTOR_FAMILY.items() if isinstance(row, MotorType)}
 )

@@ -76,7 +76,7 @@ class Intake:
     """Takes frames of one leader; `latest` is None until the first.
 
     `begins` counts the starts: the first frame, one after a silence, and one whose time leaps
-    ahead. A follower then has to align.
+    ahead, which counts once the next one confirms that time. A follower then has to align.
     """
 
     def __init__(self, watchdog_s: float) -> None:
@@ -93,6 +93,7 @@ class Intake:
         self._rate_1_s = 0.0
         self._rate_at_s = 0.0
         self._backlog = Backlog(watchdog_s)
+        self._leapt: tuple[TeleopFrame, Arrival] | None = None
 
     def take(self, arrival: Arrival) -> None:
         """Take a payload that has arrived, or count why it is rejected."""
@@ -114,7 +115,7 @@ class Intake:
         elif later_s < 0.0:
             self.out_of_order += 1
         elif later_s > _SAME_CLOCK_S + arrival.at_s - self._arrived_s:
-            self._begin(frame, arrival)
+            self._leap(frame, arrival)
         elif later_s == 0.0 and frame.openness == latest.openness:
             self._arrived_s = arrival.at_s  # a leader that stands still, without a clock
             self._backlog.accept(offset_s, arrival.at_s)
@@ -139,12 +140,29 @@ class Intake:
         """Return how fast the openness changes; valid until the next frame, but not for long."""
         return self._rate_1_s if now_s - self._rate_at_s <= MAX_FRAME_GAP_S else 0.0
 
+    def _leap(self, frame: TeleopFrame, arrival: Arrival) -> None:
+        """Begin with a frame of another time once a second one confirms it: one may be damaged."""
+        before, self._leapt = self._leapt, (frame, arrival)
+        if before is None:
+            return
+        first, arrived = before
+        later_s = frame.timestamp_s - first.timestamp_s
+        if 0.0 <= later_s <= _SAME_CLOCK_S + arrival.at_s - arrived.at_s:
+            self._leapt = None
+            self._begin(first, arrived)
+            self.take(arrival)
+        else:
+            self.out_of_order += 1
+
     def _begin(self, frame: TeleopFrame, arrival: Arrival) -> None:
         self.begins += 1
         self._backlog.begin(arrival.at_s - frame.timestamp_s, arrival.at_s)
         self._accept(frame, arrival, 0.0)
 
     def _accept(self, frame: TeleopFrame, arrival: Arrival, rate_1_s: float) -> None:
+        if self._leapt is not None:  # nothing has confirmed it
+            self._leapt = None
+            self.out_of_order += 1
         self.latest, self._source = frame, arrival.source
         self._arrived_s = self._rate_at_s = arrival.at_s
         self._rate_1_s = rate_1_s

@@ -456,6 +456,8 @@ def _of_names(options: LinkOptions) -> _Problem:
         return None
     if options.mode == "master" and options.kind == "udp":
         return _of_targets(options)
+    if re.fullmatch(r"\[[0-9A-Fa-f:.%\w]+\]", options.host):
+        return "host", f"is {options.host!r}, in brackets: give {options.host[1:-1]!r} as host"
     if not _HOST.fullmatch(options.host):
         return "host", f"is {options.host!r}; it must be a host's name or address, without a port"
     return _of_host(options.host, is_leader=options.mode == "slave")

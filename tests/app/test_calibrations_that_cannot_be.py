@@ -302,6 +302,13 @@ def test_limits_are_judged_by_what_the_motor_itself_reports_at_most() -> None:
 
 FOREIGN = [
     pytest.param({"can_id": 7}, "can_id 0x07, and this motor is 0x08", id="can_id"),
+    pytest.param({"can_id": "0x07"}, "can_id 0x07, and this motor is 0x08", id="can_id as text"),
+    pytest.param({"can_id": [8]}, "can_id [8], and this motor is 0x08", id="can_id of no kind"),
+    pytest.param({"mst_id": "18"}, "mst_id 0x12, and this motor answers", id="mst_id as text"),
+    pytest.param({"canfd_mode": "true"}, "canfd_mode (CAN FD), and", id="canfd_mode as text"),
+    pytest.param(
+        {"motor_type": 3}, "'DM4340', and this motor is a DM4310", id="motor_type's number"
+    ),
     pytest.param({"mst_id": 0x12}, "mst_id 0x12, and this motor answers on 0x18", id="mst_id"),
     pytest.param(
         {"canfd_mode": True}, "canfd_mode (CAN FD), and this motor is driven by", id="canfd_mode"
@@ -338,7 +345,14 @@ def test_another_grippers_is_taken_and_said_to_be_one_wherever_somebody_looks(
 
 @pytest.mark.parametrize(
     "marks",
-    [{}, OWN_MARKS, {"mst_id": 0}, {"mst_id": None, "can_id": None}, {"motor_type": "DM4310"}],
+    [
+        {},
+        OWN_MARKS,
+        {"mst_id": 0},
+        {"mst_id": None, "can_id": None},
+        {"motor_type": "DM4310"},
+        {"motor_type": 1, "can_id": "0x08", "mst_id": 24.0},
+    ],
     ids=str,
 )
 def test_a_file_that_bears_no_other_mark_is_taken_without_a_word(marks: dict[str, Any]) -> None:

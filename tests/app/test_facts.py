@@ -1,6 +1,7 @@
 """What the daemon tells: where its calibration is from, and how it fares."""
 
 import math
+from collections.abc import Callable, Mapping
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -24,8 +25,10 @@ def info(world: World) -> Any:
     return facts(world).info()
 
 
-def facts(world: World) -> DaemonFacts:
-    config = Config("can0", BusSettings("socketcan", "can0", 1_000_000))
+OWN = Config("can0", BusSettings("socketcan", "can0", 1_000_000))
+
+
+def facts(world: World, config: Config = OWN) -> DaemonFacts:
     return DaemonFacts(config, world.machine)
 
 
@@ -36,7 +39,14 @@ def verdict(
     return judged(world, helper_runs=helper_runs, late_s=late_s).verdict()
 
 
-def judged(world: World, *, helper_runs: bool = True, late_s: float = 0.0) -> DaemonFacts:
+def judged(
+    world: World,
+    *,
+    helper_runs: bool = True,
+    late_s: float = 0.0,
+    config: Config = OWN,
+    figures: Callable[[float, Any], Mapping[str, Any]] | None = None,
+) -> DaemonFacts:
     """Return the facts of a daemon with these parts, whose latest tick was late."""
     lateness = RecentLateness(30.0)
     lateness.add(0.0, late_s)
@@ -52,8 +62,9 @@ def judged(world: World, *, helper_runs: bool = True, late_s: float = 0.0) -> Da
         ),
         links=SimpleNamespace(status=None),
         reactor=reactor,
+        figures=figures,
     )
-    made = facts(world)
+    made = facts(world, config)
     made.attach(cast(Any, parts))
     return made
 

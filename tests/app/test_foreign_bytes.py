@@ -1,7 +1,8 @@
-"""Bytes from outside at each reader of the daemon: damage is refused by its own error, or passed.
+"""Bytes from outside at each reader: damage is refused by its own error, or passed.
 
-SLCAN lines: tests/io/test_slcan.py; requests: tests/rpc/test_fuzz.py; trajectories:
-tests/model/test_trajectory.py; messages of a fleet: tests/fleet/test_messages.py.
+`bench.foreign_bytes` has all readers and more bytes. SLCAN lines: tests/io/test_slcan.py; requests:
+tests/rpc/test_fuzz.py; trajectories: tests/model/test_trajectory.py; messages of a fleet:
+tests/fleet/test_messages.py.
 """
 
 import contextlib
@@ -12,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bench.foreign_bytes import all_figures
 from litegripd.app.config import ConfigError, load
 from litegripd.io.helper import atomic_file, files
 from litegripd.io.helper.atomic_file import FileError
@@ -66,6 +68,20 @@ def test_a_calibration_is_read_or_refused(folder: Path, content: bytes) -> None:
 def test_a_teleoperation_packet_is_a_frame_or_nothing(payload: bytes) -> None:
     assert decode_frame(payload) is None or len(payload) == 32
     assert decode_force(payload) is None or len(payload) == 40
+
+
+FLAT_KB = 4000.0
+"""A million bytes grow the memory by less, wherever they go; what leaks grows with them."""
+
+
+def test_each_reader_bears_damage_and_reads_what_comes_behind_it() -> None:
+    for one in all_figures(20_000):
+        assert one.bytes >= 20_000, one
+        assert one.refused > 0.4 * one.damaged, one
+        assert one.lost == 0, one
+        assert one.good > 0, one
+        assert one.closed == 0, one
+        assert one.grown_kb < FLAT_KB, one
 
 
 def test_a_hundred_thousand_random_frames_leave_a_hold_as_it_is() -> None:

@@ -101,6 +101,27 @@ def test_where_no_socket_can_be_it_says_so_and_what_to_move(
         assert caught.value.data["hint"].startswith(f"move {blocked} away")
 
 
+def test_what_no_daemon_can_listen_at_is_no_place_to_start_one(tmp_path: Path) -> None:
+    """Each remedy is another one than to start the daemon there, which would end at once."""
+    paths = {name: tmp_path / f"{name}.sock" for name in ("dangling", "loop", "datagrams", "file")}
+    paths["dangling"].symlink_to(tmp_path / "nowhere")
+    paths["loop"].symlink_to(paths["loop"])
+    paths["file"].touch()
+    long = tmp_path / ("x" * 150)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as other:
+        other.bind(str(paths["datagrams"]))
+        for path, why, remedy in (
+            (paths["dangling"], "a link to", "move"),
+            (paths["loop"], "lead to one another", "move"),
+            (paths["datagrams"], "another program", "move"),
+            (paths["file"] / "can0.sock", "a file, no folder", "name a path"),
+            (long, "107 bytes at most", "name a shorter path"),
+        ):
+            with pytest.raises(ConnectError, match=why) as caught:
+                connect("can0", str(path))
+            assert caught.value.data["hint"].startswith(remedy)
+
+
 def test_a_socket_that_is_named_is_of_no_known_unit(monkeypatch: pytest.MonkeyPatch) -> None:
     start = (
         "start its daemon: 'litegripd CHANNEL --socket /no/such.sock', without hardware with"

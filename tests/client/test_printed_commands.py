@@ -29,7 +29,7 @@ OF_SYSTEM = re.compile(
 )
 KNOWN = re.compile(
     r"systemctl (start|stop|status|restart|reload|enable|disable|edit|daemon-reload)\b"
-    r"|ip link (set [\w{}]+ (up|down|txqueuelen 10|type can (bitrate|restart-ms) \d+)"
+    r"|ip link (set [\w{}]+ (up|down|txqueuelen 10|type can (bitrate|termination|restart-ms) \d+)"
     r"|add dev \w+ type)"
     r"|(udevadm (control|trigger) --|modprobe \w|journalctl (-u litegripd@can0|-t litegripd)$)"
     r"|(usermod (-aG|--append --groups) \w+ |groupadd --system \w|networkctl reload$)"

@@ -330,6 +330,7 @@ def test_leader_and_follower_of_one_process_meet() -> None:
 @pytest.mark.parametrize(
     ("host", "why"),
     [
+        ("[::1]", "in brackets: give '::1' as host"),
         ("10.0.0.2:17448", "with a port in it: give that as port, and '10.0.0.2' as host"),
         ("leader.local:17448", "with a port in it: give that as port, and 'leader.local' as host"),
         ("256.1.1.1", "which is no address of IPv4 or IPv6"),

@@ -32,8 +32,16 @@ def taken(one: AdapterLines, data: bytes, now_s: float = 0.0) -> list[CanFrame]:
 
 @pytest.mark.parametrize(
     "line",
-    [GOOD, b"\n" + GOOD, GOOD[:-1] + b"12AB\r", b"\0" + GOOD, GOOD.lower(), b"z\r" + GOOD],
-    ids=["plain", "CR LF", "time stamp", "zero", "small letters", "after an answer"],
+    [
+        GOOD,
+        b"\n" + GOOD,
+        GOOD[:-1] + b"\n",
+        GOOD[:-1] + b"12AB\r",
+        b"\0" + GOOD,
+        GOOD.lower(),
+        b"z\r" + GOOD,
+    ],
+    ids=["plain", "CR LF", "LF", "time stamp", "zero", "small letters", "after an answer"],
 )
 def test_a_frame_is_read_however_the_adapter_writes_it(line: bytes) -> None:
     one = lines()
@@ -109,7 +117,48 @@ def test_what_is_no_adapter_is_named(data: bytes, why: str) -> None:
 def test_the_answers_of_an_adapter_are_no_reason_for_a_verdict() -> None:
     one = lines()
     taken(one, b"\r\r\a\rV1013\r" + b"z\r" * 1000 + b"N1234\rF00\r")
-    assert (one.ignored, one.is_mute, one.verdict(60.0)) == (0, False, None)
+    assert (one.ignored, one.doubt(60.0), one.verdict(60.0)) == (0, "", None)
+
+
+@pytest.mark.parametrize(
+    ("data", "why"),
+    [
+        (b"", "nothing has come"),
+        (b"\r\a\r\r\aV1013\r", "refuses 1 Mbit/s"),
+        (b"\a\a\r\aV1013\r", "refuses 1 Mbit/s"),
+        (b"\a\r\a\a\aV1013\r", "refuses to open the bus"),
+        (b"\r\r\a\av0101\r", "refuses to open the bus"),
+        (b"\xf1\x00\x01\x02" * 8, "does not speak SLCAN"),
+        (b"\0" * 40, "does not speak SLCAN"),
+        (b"echo:Unknown command\nok\n", "does not speak SLCAN"),
+    ],
+)
+def test_an_adapter_of_no_use_is_doubted_until_a_frame_comes(data: bytes, why: str) -> None:
+    one = lines()
+    assert taken(one, data) == []
+    assert why in one.doubt(1.0)
+    assert one.verdict(1.0) is None
+    taken(one, b"\r" + GOOD)
+    assert one.doubt(1.0) == ""
+
+
+@pytest.mark.parametrize("data", [b"\r\r\r\r\aV1013\r", b"\a\r\a\r\aV1013\r", b"V1\r", b"\a\a\r"])
+def test_what_an_adapter_answers_to_its_opening_is_not_doubted(data: bytes) -> None:
+    one = lines()
+    taken(one, data + b"z\r" * 5)
+    assert one.doubt(60.0) == ""
+    one = lines()
+    taken(one, b"\a\r\a\a\a")
+    assert one.doubt(0.5) == ""  # its version may yet come
+
+
+def test_nothing_but_zeros_is_no_adapter() -> None:
+    """As a line gives at a wrong baud rate, or one that is held low."""
+    one = lines()
+    for _ in range(100):
+        taken(one, b"\0" * 100)
+    assert one.ignored > 20
+    assert "does not speak SLCAN" in (one.verdict(1.0) or "")
 
 
 def test_refusals_between_frames_that_were_sent_are_no_verdict() -> None:
@@ -208,7 +257,15 @@ def test_a_mute_port_is_doubted_until_something_comes(line: Line, rig: Rig) -> N
     rig.until(lambda: "nothing has come" in (rig.bus.condition.error or ""))
     assert rig.bus.condition.state == "up"
     line.send(GOOD)
-    rig.until(lambda: rig.bus.condition.error is None)
+    rig.until(lambda: "nothing has come" not in (rig.bus.condition.error or ""))
+
+
+def test_a_program_that_takes_all_that_comes_is_named(line: Line, rig: Rig) -> None:
+    """Nothing is damaged then: nothing comes at all."""
+    line.begin()
+    rig.until(lambda: f"(pid {os.getpid()})" in (rig.bus.condition.error or ""))
+    assert "nothing has come" in (rig.bus.condition.error or "")
+    assert rig.bus.counters.ignored == 0
 
 
 def test_another_program_at_the_port_is_named_when_lines_are_damaged(line: Line, rig: Rig) -> None:
@@ -217,6 +274,12 @@ def test_another_program_at_the_port_is_named_when_lines_are_damaged(line: Line,
     line.send(b"t0188AABB1E20\r" + GOOD)  # as where another one has taken some bytes
     rig.until(lambda: f"(pid {os.getpid()})" in (rig.bus.condition.error or ""))
     assert rig.bus.condition.state == "up"
+
+
+@pytest.mark.parametrize("channel", ["/dev/ttyACM0@fast", "/dev/ttyACM0@", "/dev/ttyACM0@1e6"])
+def test_a_baud_rate_that_is_none_is_named(channel: str) -> None:
+    with pytest.raises(ValueError, match="must be the adapter's baud rate"):
+        slcan.SlcanBus(channel)
 
 
 def test_a_program_that_has_a_file_open_is_found_and_oneself_is_not(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from litegrip_client import DM_Motor_Type
 from litegripd.model.calibration import (
     NOMINAL,
     SUPERSEDED,
@@ -21,7 +22,7 @@ from litegripd.model.calibration import (
     to_plain,
     unfitting,
 )
-from litegripd.model.gripper import DM4310, SPAN_INSET_MM, STROKE_MM, Geometry
+from litegripd.model.gripper import DM4310, NUMBERED_TYPES, SPAN_INSET_MM, STROKE_MM, Geometry
 
 FACTORY: dict[str, object] = {
     "channel": "can0",
@@ -79,8 +80,12 @@ def test_unknown_keys_are_kept_and_a_template_brings_direction_only() -> None:
         (changed(rad_to_mm="74.8"), "rad_to_mm"),
         (changed(rad_to_mm=True), "rad_to_mm"),
         (changed(rad_to_mm=0), "rad_to_mm"),
-        (changed(rad_to_mm=float("nan")), "rad_to_mm"),
-        (changed(zero_position_rad=float("inf")), "zero_position_rad"),
+        (changed(rad_to_mm=float("nan")), "NaN is not JSON"),
+        (changed(zero_position_rad=float("inf")), "Infinity is not JSON"),
+        (
+            changed(zero_position_rad=7).replace("7", "1e999", 1),
+            "zero_position_rad is not a finite",
+        ),
         (changed(zero_position_rad=10**400), "zero_position_rad"),
         (changed(zero_position_rad=NOMINAL[0].open_rad), "equal"),
         (changed(kp=501), "kp"),
@@ -95,7 +100,7 @@ def test_unknown_keys_are_kept_and_a_template_brings_direction_only() -> None:
         (changed(channel=3), "channel"),
         (changed(work_stroke_mm=-0.1), "work_stroke_mm is -0.1, it must be the opening"),
         (changed(work_stroke_mm="80"), "work_stroke_mm"),
-        (changed(work_stroke_mm=float("nan")), "work_stroke_mm"),
+        (changed(work_stroke_mm=float("nan")), "NaN is not JSON"),
         (changed(nm_to_n=4.9), "nm_to_n is 4.9, it must be 5 to 30"),
         (changed(nm_to_n=30.1), "nm_to_n is 30.1, it must be 5 to 30"),
         (changed(nm_to_n="10"), "nm_to_n"),
@@ -155,7 +160,26 @@ def test_a_file_of_a_motor_that_cannot_be_driven_is_refused(motor_type: str, why
         parse_calibration(changed(motor_type=motor_type))
 
 
-@pytest.mark.parametrize("motor_type", ["DM4310", "DM4340", "", None, 1])
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ('{"rad_to_mm": 74.8, "rad_to_mm": 54.4}', "the same key twice: 'rad_to_mm'"),
+        ('{"rad_to_mm": ' + "9" * 5000 + "}", "more digits"),
+        ('{"rad_to_mm": NaN}', "NaN is not JSON"),
+    ],
+)
+def test_a_file_that_readers_would_read_differently_is_refused(text: str, why: str) -> None:
+    with pytest.raises(CalibrationError, match=why):
+        parse_calibration(text)
+
+
+def test_a_type_that_cannot_be_driven_is_refused_by_its_number_too() -> None:
+    assert tuple(one.name for one in DM_Motor_Type) == NUMBERED_TYPES
+    with pytest.raises(CalibrationError, match=r"motor_type is 'DM6006', .*missing"):
+        parse_calibration(changed(motor_type=int(DM_Motor_Type.DM6006)))
+
+
+@pytest.mark.parametrize("motor_type", ["DM4310", "DM4340", "", None, 1, 3])
 def test_any_other_file_is_taken_whatever_it_says_of_its_motor(motor_type: object) -> None:
     assert parse_calibration(changed(motor_type=motor_type)).content["motor_type"] == motor_type
 

@@ -30,6 +30,7 @@ from litegrip_client.ctl.run import (
     refuse_existing,
     say,
 )
+from litegrip_client.values import strict_json
 from litegrip_client.values.errors import CancelledError, CommandError, LiteGripError
 from litegrip_client.values.fields import SPAN_INSET_MM
 from litegrip_client.values.text import cause, text_of
@@ -414,16 +415,12 @@ def _read_file(path: str) -> dict[str, Any]:
     except (OSError, ValueError) as error:
         raise _unreadable(path, getattr(error, "strerror", None) or str(error)) from error
     try:
-        content = json.loads(text, parse_constant=_no_number)
+        content = strict_json.decode(text)
     except (ValueError, RecursionError) as error:
         raise _unreadable(path, f"not valid JSON: {error}{cause(text)}") from error
     if not isinstance(content, dict):
         raise _unreadable(path, "not a JSON object")
     return content
-
-
-def _no_number(text: str) -> float:
-    raise ValueError(f"{text} is no number")
 
 
 def _unreadable(path: str, why: str) -> CommandError:

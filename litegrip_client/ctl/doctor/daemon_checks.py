@@ -49,7 +49,7 @@ def daemon(facts: Facts) -> Finding | None:
     """Check that a daemon answers, and that it is the right one."""
     answering = facts.daemon
     if answering is None:
-        return _no_daemon(facts)
+        return _not_answering(facts)
     channel = answering.hello.get("channel")
     if facts.asked_channel not in (None, channel):
         return error(
@@ -188,6 +188,12 @@ def teleop(facts: Facts) -> Finding | None:
         "the same command on the leader's machine says if it leads, and at which port; both ends"
         " need the same port, and a firewall must let it through",
     )
+
+
+def _not_answering(facts: Facts) -> Finding:
+    if facts.blocked is not None:
+        return error(str(facts.failure), advice=f"{facts.blocked}; then start the daemon again")
+    return _no_daemon(facts)
 
 
 def _no_daemon(facts: Facts) -> Finding:

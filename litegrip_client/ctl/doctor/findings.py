@@ -137,6 +137,8 @@ class Facts:
     sockets: tuple[Socket, ...] = ()
     daemon: Daemon | None = None
     failure: str | None = None
+    blocked: str | None = None
+    """What to do before any daemon can listen at its socket's path."""
     ctl: str = "litegripctl"
     asked_channel: str | None = None
     is_unit_enabled: bool = False

@@ -205,13 +205,15 @@ def sockets(paths: list[str]) -> tuple[Socket, ...]:
     for path in paths:
         for one in (path, f"{path.removesuffix('.sock')}.stop.sock"):
             try:
-                owner_uid = Path(one).stat().st_uid
-            except FileNotFoundError:
-                continue
-            except OSError:  # a directory above is closed to this user
+                status = Path(one).stat()
+            except PermissionError:  # a directory above is closed to this user
                 found.append(Socket(one, is_accessible=False, owner_uid=-1))
                 continue
-            found.append(Socket(one, os.access(one, os.W_OK), owner_uid))
+            except (OSError, ValueError):  # nothing is there, nor can anything be
+                continue
+            if not stat.S_ISSOCK(status.st_mode):
+                continue
+            found.append(Socket(one, os.access(one, os.W_OK), status.st_uid))
     return tuple(found)
 
 
@@ -309,7 +311,7 @@ def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
 
     `channel_chosen` is true if the user named this channel.
     """
-    daemon, failure, hung_pid = _daemon(channel, socket)
+    daemon, failure, hung_pid, blocked = _daemon(channel, socket)
     paths = socket_paths(channel, socket) if daemon is None else [daemon.path]
     asked = channel if channel_chosen and socket is None else None
     others: tuple[str, ...] = ()
@@ -353,6 +355,7 @@ def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
         socket=None if is_channel_known or others else shlex.quote(paths[0]),
         others=others,
         hung_pid=hung_pid,
+        blocked=blocked,
         configuration=file,
         interface=interface,
         bus_channel=bus_channel,
@@ -376,14 +379,17 @@ def scan(facts: Facts) -> Scan:
     return Scan(tuple(told["asked"]), found)
 
 
-def _daemon(channel: str, socket: str | None) -> tuple[Daemon | None, str | None, int | None]:
-    """Return what the daemon says, or why it says nothing, and who listens all the same."""
+def _daemon(
+    channel: str, socket: str | None
+) -> tuple[Daemon | None, str | None, int | None, str | None]:
+    """Return what the daemon says, or why nothing, who listens all the same, and what to move."""
     pid = 0
     try:
         with connect(channel, socket, ANSWER_WITHIN_S) as connection:
             pid = connection.daemon_pid
             hello = connection.greet("litegripctl doctor")
             answers = [connection.call(method) for method in ("info.get", "health", "state.get")]
-            return Daemon(connection.path, hello, *answers), None, None
+            return Daemon(connection.path, hello, *answers), None, None, None
     except LiteGripError as error:
-        return None, error.message, pid if error.reason == "no_answer" else None
+        hung_pid = pid if error.reason == "no_answer" else None
+        return None, error.message, hung_pid, error.data.get("blocked")

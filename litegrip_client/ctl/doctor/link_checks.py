@@ -25,15 +25,26 @@ RATE_HZ = 200.0
 UNOPENED = ("down", "adapter_gone")
 """States of a bus whose adapter the daemon could not open, or has lost."""
 
+_OTHER_PORT = (
+    "correct [bus] channel (ls -l /dev/serial/by-id/), or write the adapter's baud rate behind it:"
+    ' channel = "/dev/ttyUSB0@1000000"'
+)
 _OPENING = (
     ("not supported", "python-can has no such interface: correct [bus] interface, then restart"),
     ("library not found", "install the library that the adapter's maker offers, then restart"),
     ("No module named", "install that module for the daemon's Python, then restart"),
     ("not configure port", "that is no serial adapter: correct [bus] channel, then restart"),
     ("ermission denied", "a daemon of systemd needs: litegripctl install-units --serial"),
+    ("No such file", "plug the adapter in, or correct [bus] channel: ls -l /dev/serial/by-id/"),
+    ("another program", "end that program; the line serial says if one opens it at every plug"),
     ("busy", "another program has it: end that one; the daemon then opens it by itself"),
+    ("1 Mbit/s", "use another adapter, or another firmware for this one"),
+    ("refuses", "look at the motor's 24 V and plug; then unplug the adapter and plug it in again"),
+    ("nothing has come", f"switch the motor's 24 V on; if that is no help: {_OTHER_PORT}"),
+    ("SLCAN", f"{_OTHER_PORT}; then restart"),
+    ("frames waited", "give the daemon real-time rights, or this machine fewer programs"),
 )
-"""What to do about an adapter that cannot be opened, by a part of what its driver says."""
+"""What to do about an adapter, by a part of what its driver or the daemon says of it."""
 
 _OPENING_ELSE = "fix what its driver says, or correct [bus] in the configuration and restart"
 
@@ -193,12 +204,12 @@ def bus_state(facts: Facts) -> Finding | None:
     if found.state == "ERROR-ACTIVE":
         return ok(text)
     if found.state == "ERROR-WARNING":
-        return warning(text, advice=_WIRING)
+        return warning(text, advice=_wiring(found))
     if found.state == "BUS-OFF" and (not found.restart_ms or facts.system.driver in _NO_RESTART):
-        return error(text, _down_and_up(found), _WIRING)
+        return error(text, _down_and_up(found), _wiring(found))
     if found.state in ("STOPPED", "SLEEPING"):
         return error(f"{text}: the adapter takes no part in the bus", _down_and_up(found), _IF_LOST)
-    return error(text, None, _WIRING)
+    return error(text, None, _wiring(found))
 
 
 def errors(facts: Facts) -> Finding | None:
@@ -213,7 +224,7 @@ def errors(facts: Facts) -> Finding | None:
     ]
     if not seen:
         return ok("none since the driver was loaded")
-    return warning(f"since the driver was loaded: {', '.join(seen)}", advice=_WIRING)
+    return warning(f"since the driver was loaded: {', '.join(seen)}", advice=_wiring(found))
 
 
 def adapter(facts: Facts) -> Finding | None:
@@ -281,12 +292,14 @@ def _bus_figures(facts: Facts) -> Mapping[str, Any]:
 
 
 def _unopened(facts: Facts, text: str) -> Finding | None:
-    """Return why the daemon cannot use an adapter that looks right from here, or None."""
+    """Return what the daemon finds wrong with an adapter that looks right from here, or None."""
     figures = _bus_figures(facts)
-    if figures.get("state") not in UNOPENED:
-        return None
     why = str(figures.get("error"))
     advice = next((advice for part, advice in _OPENING if part in why), _OPENING_ELSE)
+    if figures.get("state") in USABLE_BUS and figures.get("error") is not None:
+        return warning(f"{text}: {why}", advice=advice)
+    if figures.get("state") not in UNOPENED:
+        return None
     return error(f"{text}: {why}", advice=advice)
 
 
@@ -352,6 +365,15 @@ def _set_up(facts: Facts, text: str) -> Finding:
         return error(text, _anew(facts, settings), f"{_IF_LOST}{again}")
     advice = f"{_IF_LOST}; {_IF_REFUSED}{again}"
     return error(text, _anew(facts, f"{settings} restart-ms 100"), advice)
+
+
+def _wiring(found: Link) -> str:
+    """Return where to look when frames are damaged."""
+    if found.termination_ohm != 0:
+        return _WIRING
+    switch_on = f"sudo ip link set {found.name} type can termination 120"
+    own = "this adapter's own 120 ohms are off; where it is an end of the bus"
+    return f"{_WIRING}; {own}: {switch_on}"
 
 
 def _down_and_up(found: Link) -> str:

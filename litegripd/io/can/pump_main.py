@@ -20,7 +20,7 @@ import can
 
 from litegripd.io.can.bus import BusSettings, condition_of, describe, open_bus, to_frame, to_message
 from litegripd.io.can.pumped import pack_frames, pack_lateness, unpack_send_request
-from litegripd.io.can.slcan import MUTE_AFTER_S, SlcanBus, holders
+from litegripd.io.can.slcan import SlcanBus, holders
 from litegripd.io.helper.child import inherited_socket, next_packet, use_all_cpus
 from litegripd.model.motor import CanFrame
 
@@ -29,10 +29,6 @@ _QUEUED_AT_MOST = 4  # packets; what comes while the adapter is blocked is dropp
 _LONGEST_TEXT = 4000
 _LOOK_EVERY_S = 10.0
 _TELL_EVERY_S = 1.0
-_MUTE = (
-    "nothing has come from the adapter since it was opened, not even an answer to the question for"
-    " its version: it may be no SLCAN adapter, or speak at another baud rate"
-)
 _CORRUPT_AT_MOST = 50  # in a row; an adapter that gives nothing else is opened again
 
 
@@ -81,7 +77,7 @@ def _is_damage(error: BaseException) -> bool:
 
 def _read_lines(bus: SlcanBus, peer: socket.socket) -> None:
     """Read an SLCAN adapter until it fails, or turns out to be none."""
-    lines, ignored, told, looked_s = bus.lines, 0, "", float("-inf")
+    lines, ignored, others, told, looked_s = bus.lines, 0, "", "", float("-inf")
     while True:
         try:
             frames = bus.read()
@@ -89,16 +85,14 @@ def _read_lines(bus: SlcanBus, peer: socket.socket) -> None:
             _fail(peer, error, "reading")
         if frames:
             _report(peer, b"f" + pack_frames(frames))
-        now_s, doubt = time.monotonic(), told
-        if lines.ignored > ignored:
+        now_s = time.monotonic()
+        is_damaged, doubt = lines.ignored > ignored, lines.doubt(now_s)
+        if is_damaged:
             _report(peer, b"i%d" % (lines.ignored - ignored))
             ignored = lines.ignored
-            if now_s - looked_s >= _LOOK_EVERY_S:
-                looked_s, doubt = now_s, _others()
-        elif lines.is_mute:
-            doubt = _MUTE if now_s - bus.opened_s >= MUTE_AFTER_S else ""
-        elif told == _MUTE:
-            doubt = ""
+        if (is_damaged or doubt) and now_s - looked_s >= _LOOK_EVERY_S:
+            looked_s, others = now_s, _others()
+        doubt = "; ".join(filter(None, (doubt, others)))
         if doubt != told:
             _report(peer, b"?" + doubt.encode())
             told = doubt

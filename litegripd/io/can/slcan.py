@@ -22,7 +22,8 @@ _OTHER_FRAME = re.compile(rb"[TRrxdDbB][0-9A-Fa-f]{4,}")
 _ANSWER = re.compile(rb"[zZ]?|[VvNF][0-9A-Za-z ._-]*")
 """Done; sent; version, serial number, status (Lawicel's protocol)."""
 _SENT = (b"z", b"Z")
-_LINE_END = re.compile(rb"[\r\a]")
+_LINE_END = re.compile(rb"([\r\n\a])")
+"""CR by the protocol, CR LF or LF as others print it; a bell is a line that refuses."""
 _TIME_STAMP = 4  # hex digits that some adapters add to a frame
 _LONGEST_LINE = 256  # a CAN FD frame has 141
 _REFUSED = b"\a"
@@ -33,8 +34,15 @@ _ECHOED_AT_MOST = 2
 _REFUSED_AT_MOST = 20
 _NO_FRAME_S = 5.0
 """For so long damage may hide every frame; then opening the adapter again may help."""
-MUTE_AFTER_S = 1.0
+_MUTE_AFTER_S = 1.0
 """An adapter answers the question for its version in milliseconds."""
+_MUTE = (
+    "nothing has come from the adapter since it was opened, not even an answer to the question for"
+    " its version: it may be no SLCAN adapter, or speak at another baud rate"
+)
+_OPENING = (4, 5)
+"""Answers to the commands that python-can opens an adapter with: C, S8, an empty one, which some
+pass over, O, and O again, which an open adapter may refuse."""
 _SHOWN = 24
 
 
@@ -47,9 +55,12 @@ class AdapterLines:
     def __init__(self, commands: frozenset[bytes], now_s: float) -> None:
         self.ignored = 0
         """Lines that are no data frames of classic CAN, damaged ones included."""
-        self.is_mute = True
-        """True until anything has come."""
         self._commands = commands
+        self._opened_s = now_s
+        self._is_mute = True
+        self._answers: list[bytes] = []
+        self._has_version = False
+        self._refusal: str | None = None
         self._rest = b""
         self._frames = 0
         self._strange = 0
@@ -60,15 +71,12 @@ class AdapterLines:
 
     def take(self, data: bytes, now_s: float) -> Iterator[CanFrame]:
         """Take what has come; yield the frames in it."""
-        self.is_mute = self.is_mute and not data
-        lines = _LINE_END.split(self._rest + data)
+        self._is_mute = self._is_mute and not data
+        parts = _LINE_END.split(self._rest + data)
         self._refused += data.count(_REFUSED)
-        self._rest = lines.pop()
-        if len(self._rest) > _LONGEST_LINE:
-            lines.append(self._rest)
-            self._rest = b""
-        for line in lines:
-            stripped = line.strip(b"\n\0")  # a newline, and what some drivers fill gaps with
+        self._rest = parts.pop()
+        for line, end in zip(parts[::2], parts[1::2], strict=True):
+            stripped = line.strip(b"\0")  # what some drivers fill gaps with
             frame = _frame_in(stripped)
             if frame is not None:
                 self._frames += 1
@@ -79,6 +87,24 @@ class AdapterLines:
                 self._pass_over(stripped)
             elif stripped in _SENT:
                 self._refused = 0
+            elif not self._has_version:
+                self._note_answer(stripped, end)
+        if len(self._rest) > _LONGEST_LINE:
+            self._pass_over(self._rest)
+            self._rest = b""
+
+    def _note_answer(self, line: bytes, end: bytes) -> None:
+        """Keep the answers to the opening; the last of them is the version."""
+        if not line:
+            self._answers = [*self._answers, end][-max(_OPENING) - 1 :]
+            return
+        self._has_version = line[:1] in b"Vv"
+        if not self._has_version or len(self._answers) not in _OPENING:
+            return
+        if self._answers[1] == _REFUSED:
+            self._refusal = "the adapter refuses 1 Mbit/s (S8), the bit rate of the motor"
+        elif self._answers[-2:] == [_REFUSED, _REFUSED]:
+            self._refusal = "the adapter refuses to open the bus (O)"
 
     def _pass_over(self, line: bytes) -> None:
         self.ignored += 1
@@ -88,6 +114,21 @@ class AdapterLines:
             self._echoed.add(line)
         self._strange += 1
         self._last_strange = line
+
+    def doubt(self, now_s: float) -> str:
+        """Return what is doubtful about an adapter that has brought no frame yet, or nothing."""
+        if self._frames:
+            return ""
+        if self._refusal is not None:
+            return self._refusal
+        if now_s - self._opened_s < _MUTE_AFTER_S:
+            return ""
+        if self._is_mute:
+            return _MUTE
+        if self._has_version or not (self._strange or self._rest):
+            return ""
+        shown = _shown(self._rest or self._last_strange)
+        return f"it does not speak SLCAN, or at another baud rate, so far: no frame, but {shown}"
 
     def verdict(self, now_s: float) -> str | None:
         """Return why what is at the other end is of no use, or None while it may be."""
@@ -130,11 +171,16 @@ class SlcanBus(slcanBus):
     def __init__(self, channel: str, **options: object) -> None:
         self._commands: set[bytes] = set()
         self._sends_commands = True
+        baud_rate = channel.partition("@")[2]
+        if "@" in channel and not baud_rate.isdecimal():
+            raise ValueError(
+                f"behind the @ of [bus] channel stands {baud_rate!r}, and it must be the adapter's"
+                " baud rate, 115200 for example"
+            )
         super().__init__(channel, **options)  # type: ignore[arg-type]
         self._write("V")
         self._sends_commands = False
-        self.opened_s = time.monotonic()
-        self.lines = AdapterLines(frozenset(self._commands - {b""}), self.opened_s)
+        self.lines = AdapterLines(frozenset(self._commands - {b""}), time.monotonic())
 
     def read(self) -> list[CanFrame]:
         """Wait for bytes, as long as the port's own time-out says; return the frames in them."""

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from litegrip_client.ctl.doctor import gather
+from litegrip_client.ctl.doctor import daemon_checks, gather
 from litegrip_client.ctl.doctor.findings import Configuration, Device, Socket, System
 from litegrip_client.socketcan import link as can_link
 from litegrip_client.socketcan.link import Link
@@ -309,7 +309,7 @@ def test_sockets_are_looked_at_and_not_connected_to(
     assert gather.sockets([str(path)]) == ()
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(str(path))
-        (tmp_path / "can0.stop.sock").touch()
+        (tmp_path / "can0.stop.sock").symlink_to(path)
         found = gather.sockets([str(path)])
         assert found == (
             Socket(str(path), True, os.getuid()),
@@ -317,5 +317,34 @@ def test_sockets_are_looked_at_and_not_connected_to(
         )
         monkeypatch.setattr("os.access", lambda path, mode: False)
         assert [one.is_accessible for one in gather.sockets([str(path)])] == [False, False]
-    within_a_file = gather.sockets([str(path / "can0.sock")])
-    assert [one.is_accessible for one in within_a_file] == [False, False]
+
+
+@pytest.mark.parametrize("kind", ["file", "folder", "within a file", "loop", "too long"])
+def test_what_is_no_socket_is_closed_to_nobody(tmp_path: Path, kind: str) -> None:
+    path = tmp_path / "can0.sock"
+    if kind == "folder":
+        path.mkdir()
+    elif kind == "loop":
+        path.symlink_to(path)
+    else:
+        path.touch()
+    names = {"within a file": path / "can0.sock", "too long": tmp_path / ("x" * 300)}
+    where = str(names.get(kind, path))
+    assert gather.sockets([where]) == ()
+    found = gather.gather("can0", where, channel_chosen=False)
+    assert (found.daemon, found.sockets) == (None, ())
+    assert str(found.blocked).startswith("name a " if kind in names else f"move {path} away")
+    finding = daemon_checks.daemon(found)
+    assert finding is not None
+    assert str(finding.advice).startswith(str(found.blocked))
+
+
+def test_a_folder_that_is_closed_to_this_user(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def closed(_path: Path) -> os.stat_result:
+        raise PermissionError
+
+    monkeypatch.setattr(Path, "stat", closed)
+    found = gather.sockets([str(tmp_path / "can0.sock")])
+    assert [one.is_accessible for one in found] == [False, False]
