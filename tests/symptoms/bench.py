@@ -20,10 +20,11 @@ from typing import Any
 from unittest.mock import patch
 
 import litegrip_client
-from litegrip_client import can_link, discovery
+from litegrip_client.core import discovery
 from litegrip_client.ctl.commands.machine import CHECKS
 from litegrip_client.ctl.doctor import gather
 from litegrip_client.ctl.doctor.findings import Finding, User, examine
+from litegrip_client.socketcan import link as can_link
 from litegripd.app.build import motor_figures
 from litegripd.app.config import Config
 from litegripd.app.status import DaemonFacts
