@@ -213,8 +213,9 @@ def test_lists_of_processes_show_short_commands(spawner: Spawner) -> None:
         for pid, own in ((spawner.pid, [SPAWNER]), (child.pid, [MODULE, "an argument"])):
             path = Path(f"/proc/{pid}/cmdline")
             until(lambda path=path: b"run.py" in path.read_bytes())  # type: ignore[misc]
-            python, run, *rest = path.read_text(encoding="utf-8").removesuffix("\0").split("\0")
+            _python, run, *rest = path.read_text(encoding="utf-8").removesuffix("\0").split("\0")
             assert rest == own
-            assert "\n" not in run and run.endswith("/litegripd/io/helper/run.py")
+            assert "\n" not in run
+            assert run.endswith("/litegripd/io/helper/run.py")
     finally:
         child.close()
