@@ -24,6 +24,7 @@ from litegripd.io.helper.child import (
     MEMORY_FD,
     inherited_socket,
     module_command,
+    module_environment,
     receive_descriptors,
     spawn,
     use_all_cpus,
@@ -103,7 +104,7 @@ def start_successor(parameters: Parameters) -> dict[str, int]:
     pid = os.posix_spawn(
         command[0],
         command,
-        os.environ,
+        module_environment(),
         file_actions=[
             (os.POSIX_SPAWN_DUP2, inherited, CHILD_FD),
             (os.POSIX_SPAWN_CLOSE, MEMORY_FD),  # it records its own ticks

@@ -12,6 +12,7 @@ import pytest
 
 from litegripd.io.helper.child import Child
 from litegripd.io.helper.helper import Helper
+from litegripd.io.helper.spawner import MODULE as SPAWNER
 from litegripd.io.helper.spawner import Spawner
 
 DEADLINE_S = 30.0
@@ -202,3 +203,19 @@ def test_a_process_that_starts_after_the_end_ends_by_itself(spawner: Spawner) ->
     until(lambda: other.pid is not None)
     until(lambda: children.read_text(encoding="ascii").split() == [str(other.pid)])
     other.close(DEADLINE_S)
+
+
+def test_lists_of_processes_show_short_commands(spawner: Spawner) -> None:
+    """`systemctl status` shows each: interpreter, one file, the module, and its arguments."""
+    child = spawner.start(MODULE, ("an argument",))
+    until(lambda: child.pid is not None)
+    try:
+        for pid, own in ((spawner.pid, [SPAWNER]), (child.pid, [MODULE, "an argument"])):
+            path = Path(f"/proc/{pid}/cmdline")
+            until(lambda path=path: b"run.py" in path.read_bytes())  # type: ignore[misc]
+            _python, run, *rest = path.read_text(encoding="utf-8").removesuffix("\0").split("\0")
+            assert rest == own
+            assert "\n" not in run
+            assert run.endswith("/litegripd/io/helper/run.py")
+    finally:
+        child.close()

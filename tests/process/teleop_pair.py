@@ -74,7 +74,7 @@ def children(pid: int) -> dict[str, int]:
     for path in Path(f"/proc/{pid}/task").iterdir():
         for child in (path / "children").read_text(encoding="ascii").split():
             command = Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0")
-            found[command[3].decode() if len(command) > 3 else "?"] = int(child)
+            found[command[2].decode() if len(command) > 2 else "?"] = int(child)
             found |= children(int(child))
     return found
 

@@ -67,17 +67,20 @@ _PATH = [os.path.realpath(directory) for directory in sys.path]
 """Where this version's interpreter and modules are, without links on the way: one that leads to
 another version from now on must not mix the two."""
 
-_RUN = """import sys; sys.path[:] = {path!r}; import runpy
-runpy.run_module(sys.argv.pop(1), run_name="__main__", alter_sys=True)"""
+_RUN = os.path.realpath(Path(__file__).with_name("run.py"))
 
 
 def module_command(module: str, arguments: Sequence[str] = ()) -> list[str]:
     """Return the command that runs `module` from the folder of this process's modules.
 
-    `python -m module` would look in the current directory first, and run what lies there: any
-    `json.py`, for one.
+    It needs the environment that `module_environment` returns.
     """
-    return [_PYTHON, "-c", _RUN.format(path=_PATH), module, *arguments]
+    return [_PYTHON, _RUN, module, *arguments]
+
+
+def module_environment() -> dict[str, str]:
+    """Return the environment of a child that runs a module: this one's, and where modules are."""
+    return {**os.environ, "LITEGRIPD_MODULES": os.pathsep.join(_PATH)}
 
 
 class Child:
@@ -220,7 +223,7 @@ def spawn(
     return os.posix_spawn(
         _PYTHON,
         module_command(module, arguments),
-        os.environ,
+        module_environment(),
         file_actions=inherited,
         setpgroup=0,  # a Ctrl-C in the terminal is for the daemon, which ends its children
         # For the daemon alone, though sent to all of its processes: a stop, its end, in
