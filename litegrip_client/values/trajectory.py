@@ -26,6 +26,7 @@ from litegrip_client.values.calibration import (
     NOMINAL_RAD_TO_MM,
 )
 from litegrip_client.values.checks import number
+from litegrip_client.values.disk_space import why_not_written
 from litegrip_client.values.errors import (
     CommandError,
     ParameterError,
@@ -388,7 +389,7 @@ def write_file(name: str | os.PathLike[str], content: bytes, grips: bytes = b"")
             path_beside(name).unlink(missing_ok=True)
     except OSError as error:
         raise CommandError(
-            f"the trajectory cannot be written to {path}: {error.strerror or error}",
+            f"the trajectory cannot be written to {path}: {why_not_written(error, path)}",
             reason="not_saved",
             data={"path": str(path)},
         ) from error
