@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from litegrip_client.values import atomic_file
-from litegrip_client.values.disk_space import why_not_written
+from litegrip_client.values.atomic_file import why_not_written
 from litegrip_client.values.errors import CommandError
 
 USER = "litegrip"

@@ -19,7 +19,7 @@ from litegrip_client.core.discovery import DEFAULT_CHANNEL, is_socket_given, run
 from litegrip_client.line.connection import Connection
 from litegrip_client.threads.blocking import connect
 from litegrip_client.values import atomic_file
-from litegrip_client.values.disk_space import why_not_written
+from litegrip_client.values.atomic_file import why_not_written
 from litegrip_client.values.errors import CommandError, LiteGripError
 from litegrip_client.values.voices import in_shell, is_said
 

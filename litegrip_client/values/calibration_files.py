@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from litegrip_client.values import atomic_file, strict_json
+from litegrip_client.values.atomic_file import why_not_written
 from litegrip_client.values.calibration import CALIBRATION_KEYS
-from litegrip_client.values.disk_space import why_not_written
 from litegrip_client.values.errors import CommandError, ParameterError
 from litegrip_client.values.text import cause, text_of
 from litegrip_client.values.warn import warn

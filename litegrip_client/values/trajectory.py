@@ -20,13 +20,13 @@ from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 from litegrip_client.values import atomic_file
+from litegrip_client.values.atomic_file import why_not_written
 from litegrip_client.values.calibration import (
     NOMINAL_CLOSED_RAD,
     NOMINAL_OPEN_RAD,
     NOMINAL_RAD_TO_MM,
 )
 from litegrip_client.values.checks import number
-from litegrip_client.values.disk_space import why_not_written
 from litegrip_client.values.errors import (
     CommandError,
     ParameterError,

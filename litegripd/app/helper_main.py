@@ -18,7 +18,7 @@ from typing import cast
 
 from litegrip_client.socketcan.link import ask_kernel
 from litegrip_client.socketcan.managers import settings_of
-from litegrip_client.values.disk_space import (
+from litegrip_client.values.atomic_file import (
     FULL_BYTES,
     LARGEST_BYTES,
     SYSTEM_DIRECTORIES,

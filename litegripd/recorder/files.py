@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 from mcap.writer import CompressionType, Writer
 
-from litegrip_client.values.disk_space import why_not_written
+from litegrip_client.values.atomic_file import why_not_written
 from litegripd.control.snapshot import mode_of
 from litegripd.io.helper import atomic_file
 from litegripd.io.helper.atomic_file import FileError

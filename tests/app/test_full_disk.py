@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from litegrip_client.ctl.run import put_file
-from litegrip_client.values import calibration_files, disk_space, trajectory
+from litegrip_client.values import atomic_file, calibration_files, trajectory
 from litegrip_client.values.errors import CommandError
 from litegripd.app import helper_main, status
 from litegripd.app.build import LOOK_AT_DISKS_EVERY_S, DiskWatch
@@ -93,7 +93,7 @@ def test_clients_name_it_too(disk: Disk, tmp_path: Path, monkeypatch: pytest.Mon
 
 def test_another_cause_is_told_as_before() -> None:
     error = PermissionError(errno.EACCES, "Permission denied")
-    assert disk_space.why_not_written(error, "/x/y") == "Permission denied"
+    assert atomic_file.why_not_written(error, "/x/y") == "Permission denied"
 
 
 @pytest.mark.parametrize(("free_bytes", "free_files", "says"), [
@@ -107,16 +107,16 @@ def test_full_nearly_full_and_enough(
     disk: Disk, free_bytes: int, free_files: int, says: str | None
 ) -> None:
     disk.free_bytes, disk.free_files = free_bytes, free_files
-    found = disk_space.shortage("/nothere9/deeper", 1_000_000)
+    found = atomic_file.shortage("/nothere9/deeper", 1_000_000)
     assert (None if found is None else found.text) == says
     assert found is None or found.is_full == found.text.startswith("No")
 
 
 def test_file_systems_that_count_no_files_and_those_only_read_are_not_full(disk: Disk) -> None:
     disk.files = disk.free_files = 0
-    assert disk_space.shortage("/") is None
+    assert atomic_file.shortage("/") is None
     disk.free_bytes, disk.is_read_only = 0, True
-    assert disk_space.shortage("/") is None
+    assert atomic_file.shortage("/") is None
 
 
 def look() -> Any:
@@ -130,7 +130,7 @@ def test_the_helper_looks_at_each_file_system_once(disk: Disk, state: Path) -> N
     assert found == {
         "text": f"No space left on {state}: 0 bytes free, free some", "is_full": True
     }  # fmt: skip
-    disk.free_bytes = disk_space.LARGEST_BYTES - 512
+    disk.free_bytes = atomic_file.LARGEST_BYTES - 512
     (found,) = look()
     assert not found["is_full"]
     disk.free_bytes, disk.below = 0, "/"

@@ -25,7 +25,7 @@ from litegrip_client.ctl.commands.machine import CHECKS
 from litegrip_client.ctl.doctor import gather
 from litegrip_client.ctl.doctor.findings import Finding, User, examine
 from litegrip_client.socketcan import link as can_link
-from litegrip_client.values.disk_space import Shortage
+from litegrip_client.values.atomic_file import Shortage
 from litegripd.app.build import motor_figures
 from litegripd.app.config import Config
 from litegripd.app.status import DaemonFacts

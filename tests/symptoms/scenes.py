@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
-from litegrip_client.values.disk_space import Shortage
+from litegrip_client.values.atomic_file import Shortage
 from litegripd.io.can.bus import BusSettings
 from litegripd.io.can.pumped import PumpedBus
 from litegripd.model.motor import UP, BusCondition, CanFrame, Status

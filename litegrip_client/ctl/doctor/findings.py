@@ -12,7 +12,7 @@ from typing import Any, Literal, TypeAlias
 
 from litegrip_client.socketcan.link import Link
 from litegrip_client.socketcan.managers import Setting
-from litegrip_client.values.disk_space import Shortage
+from litegrip_client.values.atomic_file import Shortage
 
 SIMULATED = ("litegrip_sim", "virtual")
 """Interfaces of python-can without an adapter."""

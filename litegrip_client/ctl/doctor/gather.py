@@ -50,7 +50,7 @@ from litegrip_client.socketcan.link import (
 )
 from litegrip_client.socketcan.managers import settings_of
 from litegrip_client.threads.blocking import connect
-from litegrip_client.values.disk_space import (
+from litegrip_client.values.atomic_file import (
     FULL_BYTES,
     LARGEST_BYTES,
     SYSTEM_DIRECTORIES,

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from litegrip_client.values.disk_space import why_not_written
+from litegrip_client.values.atomic_file import why_not_written
 from litegrip_client.values.text import cause
 from litegripd.io.helper import atomic_file
 from litegripd.io.helper.atomic_file import REAL, FileError, FileSystem
