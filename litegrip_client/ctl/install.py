@@ -7,6 +7,8 @@ yet, and then it is as all others.
 
 from __future__ import annotations
 
+import contextlib
+import importlib.metadata
 import importlib.util
 import os
 import pwd
@@ -19,6 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from litegrip_client.values import atomic_file
+from litegrip_client.values.atomic_file import why_not_written
 from litegrip_client.values.errors import CommandError
 
 USER = "litegrip"
@@ -318,6 +321,52 @@ def running(root: Path) -> list[str]:
     return sorted(name.removesuffix(".service") for name in names)
 
 
+@dataclass(frozen=True, slots=True)
+class Lacking:
+    """A unit whose program lacks a package in the environment, and the command that installs it."""
+
+    unit: str
+    package: str
+    remedy: str
+    is_fleet: bool = False
+
+    def is_used(self, root: Path) -> bool:
+        """Return True if the unit is enabled or runs."""
+        name = self.unit.partition("@")[0]
+        return any(one.startswith(name) for one in (*enabled(root), *running(root)))
+
+
+_NEEDS = (("litegripd-web", "websockets", "websockets.asyncio.server"),
+          ("litegripd-fleet@", "eclipse-zenoh", "zenoh"))  # fmt: skip
+"""Units, the package that each needs, and the module that is imported from it."""
+
+
+def lacking(programs: str) -> list[Lacking]:
+    """Return the units whose packages are not in the running environment."""
+    found = []
+    for unit, package, module in _NEEDS:
+        if not _is_there(module):
+            remedy = f"{programs}/python -m pip install '{_requirement(package)}'"
+            found.append(Lacking(unit, package, remedy, is_fleet=unit.endswith("@")))
+    return found
+
+
+def _is_there(module: str) -> bool:
+    try:
+        return importlib.util.find_spec(module) is not None
+    except ModuleNotFoundError:  # a package above it, of too old a version perhaps
+        return False
+
+
+def _requirement(package: str) -> str:
+    """Return a package with the versions that this program takes."""
+    with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+        for row in importlib.metadata.requires("litegripd") or ():
+            if row.startswith(package):
+                return row.partition(";")[0].strip()
+    return package
+
+
 def foreign_users(root: Path) -> list[str]:
     """Return the drop-ins that run a daemon as another user, and why that does not work."""
     notes = []
@@ -443,7 +492,7 @@ def _attempt(doing: str, path: Path, action: Callable[[], str]) -> str:
         return action()
     except OSError as error:
         raise CommandError(
-            f"{path} cannot be {doing}: {error.strerror}",
+            f"{path} cannot be {doing}: {why_not_written(error, path)}",
             reason="file_not_written",
             data={"hint": "it takes root: sudo"},
         ) from error

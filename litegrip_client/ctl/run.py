@@ -19,6 +19,7 @@ from litegrip_client.core.discovery import DEFAULT_CHANNEL, is_socket_given, run
 from litegrip_client.line.connection import Connection
 from litegrip_client.threads.blocking import connect
 from litegrip_client.values import atomic_file
+from litegrip_client.values.atomic_file import why_not_written
 from litegrip_client.values.errors import CommandError, LiteGripError
 from litegrip_client.values.voices import in_shell, is_said
 
@@ -42,7 +43,7 @@ def put_file(path: str, content: bytes) -> None:
         atomic_file.write(Path(path), content, makes_folder=False)
     except OSError as error:
         raise CommandError(
-            f"cannot write {path}: {error.strerror}",
+            f"cannot write {path}: {why_not_written(error, path)}",
             reason="file_not_written",
             data={"hint": "choose a directory that you may write to"},
         ) from error

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from litegrip_client.values import atomic_file, strict_json
+from litegrip_client.values.atomic_file import why_not_written
 from litegrip_client.values.calibration import CALIBRATION_KEYS
 from litegrip_client.values.errors import CommandError, ParameterError
 from litegrip_client.values.text import cause, text_of
@@ -133,7 +134,7 @@ def write(path: str | os.PathLike[str], content: Mapping[str, Any]) -> str:
         atomic_file.write(target, text.encode())
     except OSError as error:
         raise CommandError(
-            f"the calibration cannot be written to {target}: {error.strerror or error}",
+            f"the calibration cannot be written to {target}: {why_not_written(error, target)}",
             reason="not_saved",
             data={"path": str(target)},
         ) from error

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 from litegrip_client.values import atomic_file
+from litegrip_client.values.atomic_file import why_not_written
 from litegrip_client.values.calibration import (
     NOMINAL_CLOSED_RAD,
     NOMINAL_OPEN_RAD,
@@ -388,7 +389,7 @@ def write_file(name: str | os.PathLike[str], content: bytes, grips: bytes = b"")
             path_beside(name).unlink(missing_ok=True)
     except OSError as error:
         raise CommandError(
-            f"the trajectory cannot be written to {path}: {error.strerror or error}",
+            f"the trajectory cannot be written to {path}: {why_not_written(error, path)}",
             reason="not_saved",
             data={"path": str(path)},
         ) from error

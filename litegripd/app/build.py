@@ -238,6 +238,41 @@ class LinkWatch:
         _log.warning("%s", self.doubt)
 
 
+LOOK_AT_DISKS_EVERY_S = 10.0
+
+
+class DiskWatch:
+    """Has the helper look now and then if there is room for what the daemon writes.
+
+    `full` says where nothing can be written, `nearly_full` where the largest file cannot.
+    """
+
+    def __init__(self, runtime: Path) -> None:
+        self._runtime = runtime
+        self.full: list[str] = []
+        self.nearly_full: list[str] = []
+        self._look_at_s = float("-inf")
+
+    def step(self, now_s: float) -> HelperTask | None:
+        """Return the task that looks, when its time has come."""
+        if now_s < self._look_at_s:
+            return None
+        self._look_at_s = now_s + LOOK_AT_DISKS_EVERY_S
+        return HelperTask("disk.look", {"runtime": str(self._runtime)}, self._take)
+
+    def _take(self, result: TaskResult) -> None:
+        """Take what was found; the change is logged, since the amount of what is free changes."""
+        if result.error is not None or not isinstance(result.value, list):
+            return
+        was_full = bool(self.full)
+        self.full = [one["text"] for one in result.value if one["is_full"]]
+        self.nearly_full = [one["text"] for one in result.value if not one["is_full"]]
+        if self.full and not was_full:
+            _log.warning("%s", "; ".join(self.full))
+        elif was_full and not self.full:
+            _log.info("there is space again on what was full")
+
+
 _NO_LINK = ("link_down", "adapter_gone", "down")
 """States of a bus whose interface is not up."""
 
@@ -256,6 +291,7 @@ class Parts:
         links: TeleopLinks,
         bus: FrameBus,
         link: LinkWatch,
+        disks: DiskWatch,
         rights: RealtimeRights,
         log: LogHandler,
         bitrate: int,
@@ -268,6 +304,7 @@ class Parts:
         self.links = links
         self.bus = bus
         self.link = link
+        self.disks = disks
         self.rights = rights
         self.log = log
         self._bitrate = bitrate

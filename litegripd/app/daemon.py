@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from litegripd.app.build import (
+    DiskWatch,
     Legacy,
     LinkWatch,
     Parts,
@@ -133,6 +134,7 @@ class Daemon:
         )
         self._bus = make_bus(config, period_s, self._spawner)
         self._link_watch = LinkWatch(config.bus)
+        self._disk_watch = DiskWatch(self._places.path.parent)
         self._log_handler = make_log_handler(
             config.channel, lambda text: self._helper.post("log", {"text": text})
         )
@@ -193,6 +195,7 @@ class Daemon:
             links=self._links,
             bus=self._bus,
             link=self._link_watch,
+            disks=self._disk_watch,
             rights=rights,
             log=self._log_handler,
             bitrate=self._config.bus.bitrate,
@@ -239,9 +242,9 @@ class Daemon:
         frames = self._machine.tick(now_s, received, condition)
         self._bus.send(frames, now_s)
         self._service.after_tick(now_s)
-        look = self._link_watch.step(self._bus.condition)
-        if look is not None:
-            self._machine.controller.tasks.append(look)
+        for look in (self._link_watch.step(self._bus.condition), self._disk_watch.step(now_s)):
+            if look is not None:
+                self._machine.controller.tasks.append(look)
         self._spawner.poll(now_s, self._helper, may_wait=not self._machine.needs_commands)
         self._helper.poll(now_s)
         self._links.poll(now_s)

@@ -13,11 +13,17 @@ import socket
 import sys
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import cast
 
 from litegrip_client.socketcan.link import ask_kernel
 from litegrip_client.socketcan.managers import settings_of
+from litegrip_client.values.atomic_file import (
+    FULL_BYTES,
+    LARGEST_BYTES,
+    SYSTEM_DIRECTORIES,
+    shortages,
+)
 from litegripd.io.helper.child import (
     CHILD_FD,
     MAX_PACKET_BYTES,
@@ -34,6 +40,7 @@ from litegripd.io.helper.files import (
     load_operation,
     save_calibration,
     save_motion,
+    state_directory,
     templates_operation,
 )
 from litegripd.io.helper.helper import GOODBYE, LOG, LOG_STATE
@@ -89,6 +96,14 @@ def look_at_link(parameters: Parameters) -> dict[str, object]:
     }
 
 
+def look_at_disks(parameters: Parameters) -> list[dict[str, object]]:
+    """Return which file systems have no room for what the daemon writes: `disk.look`."""
+    written = [(str(state_directory()), LARGEST_BYTES)]
+    others = (str(parameters["runtime"]), *SYSTEM_DIRECTORIES)
+    written += [(directory, FULL_BYTES) for directory in others]
+    return [asdict(lacking) for lacking in shortages(written)]
+
+
 def start_successor(parameters: Parameters) -> dict[str, int]:
     """Run a daemon that inherits the one descriptor of `descriptors`; return its pid.
 
@@ -133,6 +148,7 @@ OPERATIONS: dict[str, Operation] = {
     "successor.start": start_successor,
     START_SPAWNER: start_spawner,
     "link.look": look_at_link,
+    "disk.look": look_at_disks,
     "calibration.load": load_operation,
     "calibration.templates": templates_operation,
     "calibration.save": save_calibration,

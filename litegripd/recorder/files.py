@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 
 from mcap.writer import CompressionType, Writer
 
+from litegrip_client.values.atomic_file import why_not_written
 from litegripd.control.snapshot import mode_of
 from litegripd.io.helper import atomic_file
 from litegripd.io.helper.atomic_file import FileError
@@ -368,7 +369,7 @@ def dump(cause: str, note: str, memory_fd: int = MEMORY_FD) -> Dumped:
         atomic_file.write(path, content)
         prune(path.parent, keep=path)
     except OSError as error:
-        raise FileError(f"{path}: cannot be written: {error.strerror}") from error
+        raise FileError(f"{path}: cannot be written: {why_not_written(error, path)}") from error
     return {
         "path": str(path),
         "ticks": len(recording.ticks),

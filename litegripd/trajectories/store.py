@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from litegrip_client.values.atomic_file import why_not_written
 from litegrip_client.values.trajectory_format import ENDING, HEADER, MAX_BYTES, SAMPLE, Header
 from litegripd.io.helper import atomic_file
 from litegripd.io.helper.atomic_file import REAL, FileSystem
@@ -380,7 +381,8 @@ class TrajectoryStore:
                 atomic_file.write(path, content.whole, file_system=self._file_system)
                 save_grips(path, grips, self._file_system)
         except OSError as error:
-            text = f"{path}, or its grips beside it: cannot be written: {error.strerror}"
+            why = why_not_written(error, path)
+            text = f"{path}, or its grips beside it: cannot be written: {why}"
             raise StoreError("not_saved", text) from None
         return str(path)
 

@@ -56,6 +56,7 @@ def judged(
     parts = SimpleNamespace(
         condition=world.condition,
         rights=SimpleNamespace(refused=[]),
+        disks=SimpleNamespace(full=[], nearly_full=[]),
         spawner=SimpleNamespace(is_running=True),
         helper=SimpleNamespace(
             is_running=helper_runs, log_is_stuck=False, lately_refused=lambda _now_s: None

@@ -1,7 +1,9 @@
 """The Debian packages, as far as they can be judged without building them."""
 
+import gzip
 import os
 import re
+import shutil
 import subprocess
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -51,8 +53,7 @@ def test_the_units_are_where_systemd_looks_for_those_of_packages() -> None:
         "usr/lib/tmpfiles.d/litegripd.conf",
         "etc/litegripd/litegripd.toml",
         "etc/litegripd/fleet.toml",
-        "usr/share/doc/litegripd/copyright",
-        "usr/share/doc/litegripd/CHANGELOG.md",
+        "usr/share/doc/litegripd/changelog",
     }
     for source in files.values():
         assert (SOURCES / source).is_file(), source
@@ -104,6 +105,43 @@ def test_every_word_of_a_template_is_filled_in() -> None:
         word for path in PACKAGING.glob("*/*") for word in re.findall(r"@[A-Z]+@", path.read_text())
     }
     assert used == filled
+
+
+@pytest.mark.skipif(shutil.which("dpkg-deb") is None, reason="only Debian has dpkg-deb")
+def test_the_package_has_what_debian_wants_and_lintian_finds_no_error(tmp_path: Path) -> None:
+    head, _, _ = BUILD.read_text().partition('mkdir -p "$sources/dist"')
+    for before, after in (
+        ('$(dirname "$(readlink -f "$0")")', str(PACKAGING)),
+        ('"$sources/dist"', str(tmp_path)),
+    ):
+        assert before in head
+        head = head.replace(before, after)
+    tail = """
+mkdir "$work/litegripd"
+surroundings "$work/litegripd"
+documents litegripd litegripd "$work/litegripd"
+pack litegripd "$work/litegripd"
+"""
+    (tmp_path / "script").write_text(head + tail)
+    maintainer = {"DEBFULLNAME": "Who Builds", "DEBEMAIL": "who@litegripd.org"}
+    subprocess.run(["sh", str(tmp_path / "script")], env={**os.environ, **maintainer}, check=True)
+    (package,) = tmp_path.glob("*.deb")
+    subprocess.run(["dpkg-deb", "--extract", str(package), str(tmp_path / "tree")], check=True)
+    documents = tmp_path / "tree/usr/share/doc/litegripd"
+    assert {path.name for path in documents.iterdir()} == {
+        "changelog.Debian.gz",
+        "changelog.gz",
+        "copyright",
+    }
+    assert "/usr/share/common-licenses/Apache-2.0" in (documents / "copyright").read_text()
+    newest = gzip.decompress((documents / "changelog.Debian.gz").read_bytes()).decode()
+    assert newest.startswith("litegripd (")
+    assert " -- Who Builds <who@litegripd.org>  " in newest
+    if shutil.which("lintian") is None:
+        return
+    told = subprocess.run(["lintian", str(package)], capture_output=True, text=True, check=False)
+    assert [line for line in told.stdout.splitlines() if line.startswith("E:")] == []
+    assert told.returncode == 0
 
 
 def test_a_revision_that_no_package_may_have_is_refused() -> None:

@@ -25,6 +25,7 @@ from litegrip_client.ctl.commands.machine import CHECKS
 from litegrip_client.ctl.doctor import gather
 from litegrip_client.ctl.doctor.findings import Finding, User, examine
 from litegrip_client.socketcan import link as can_link
+from litegrip_client.values.atomic_file import Shortage
 from litegripd.app.build import motor_figures
 from litegripd.app.config import Config
 from litegripd.app.status import DaemonFacts
@@ -100,6 +101,7 @@ class Bench:
         self.stroke_mm = 85.0
         self.user = User("alice", 1000, "litegrip")
         self.told: dict[str, Any] = {}
+        self.disks: list[Shortage] = []
         """What the daemon tells in place of what it would, by `part.name`."""
         self.is_closed = False
         """Whether this user may not open the daemon's sockets."""
@@ -159,6 +161,7 @@ class Bench:
                 (gather, "user", lambda _group: self.user),
                 (os, "access", self._may),
                 (can_link, "_ADMIN_PATHS", ()),
+                (gather, "shortages", lambda _written: self.disks),
                 (discovery, "UNIT_DIRECTORIES", units),
                 (discovery, "ENABLED_DIRECTORY", str(self.folder / "enabled")),
                 (discovery, "SYSTEM_DIRECTORY", str(self.folder / "run/litegripd")),

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
+from litegrip_client.values.atomic_file import Shortage
 from litegripd.io.can.bus import BusSettings
 from litegripd.io.can.pumped import PumpedBus
 from litegripd.model.motor import UP, BusCondition, CanFrame, Status
@@ -360,6 +361,15 @@ def granted(bench: Bench) -> None:
     bench.control |= {"fifo_priority": 50, "memory_locked": True}
 
 
+def disk(word: str, free_bytes: int, where: str) -> Act:
+    text = f"{word} space left on {where}: {free_bytes} bytes free, free some"
+    return lambda bench: bench.disks.append(Shortage(text, is_full=word == "No"))
+
+
+def disk_freed(bench: Bench) -> None:
+    bench.disks.clear()
+
+
 def nothing(_bench: Bench) -> None:
     pass
 
@@ -449,6 +459,9 @@ SCENES = [
     Scene("ticks are late", "real-time", no_rights, granted),
     Scene("ticks were late once, or the motor faulted with `communication_lost`", "real-time",
           stood_still, CAUSE),
+    Scene("nothing is kept any more, or a daemon does not start (226)", "disk",
+          disk("No", 0, "/tmp"), disk_freed),
+    Scene("the same, soon", "disk", disk("Little", 900_000, "/var/lib/litegripd"), disk_freed),
     Scene("the bus is lost while the daemon runs", "bus", condition("down", "Network is down"),
           well_again),
     Scene("the motor does not answer", "motor", no_power, power),

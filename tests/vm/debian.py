@@ -5,14 +5,17 @@ The scenes build on each other. `dpkg` alone is used, for the machine has no net
 
 import contextlib
 import sys
+from functools import partial
 from pathlib import Path
 
 from tests.vm.attended import at_work, hold_through
+from tests.vm.beside import FLEET, FLEET_CONFIG, PARTS, WEB, WITH_GATEWAY
 from tests.vm.guest import check, play, reaches
 from tests.vm.unit import CONFIGURATION, SLOW, STATE, Unit, ctl, install_units, must, run
 
 PACKAGES = Path("/mnt/host/packages")
 VERSIONS = Path("/opt/litegripd-versions")
+BESIDE = (WEB, *(f"litegripd-fleet@{part}.service" for part in PARTS))
 UNIT_FILE = Path("/usr/lib/systemd/system/litegripd@.service")
 
 
@@ -33,10 +36,29 @@ def version(revision: int) -> str:
     return f"litegripd-{folder.name}"
 
 
+def is_of(pid: int, revision: int) -> bool:
+    """True if a process is of a revision."""
+    try:
+        command = Path(f"/proc/{pid}/cmdline").read_text()
+    except OSError:  # it has just ended
+        return False
+    return command.startswith(f"{VERSIONS}/") and f"-{revision}/bin/" in command
+
+
+def is_removed(name: str) -> bool:
+    """Remove a package; return True if that was possible."""
+    return run("dpkg", "--remove", name)[0] == 0
+
+
 def runs(unit: Unit, revision: int) -> bool:
     """True if the daemon is of a revision."""
-    command = Path(f"/proc/{unit.pid}/cmdline").read_text()
-    return command.startswith(f"{VERSIONS}/") and f"-{revision}/bin/" in command
+    return is_of(unit.pid, revision)
+
+
+def beside_run(revision: int) -> bool:
+    """True if page and fleet run, and are of a revision."""
+    pids = [must("systemctl", "show", "--property=MainPID", "--value", name) for name in BESIDE]
+    return all(is_of(int(pid), revision) for pid in pids)
 
 
 def package_installed() -> None:
@@ -59,7 +81,12 @@ def package_installed() -> None:
 def package_upgraded() -> None:
     """An upgrade lets nothing go; the version before is kept while a process runs it."""
     unit = Unit()
+    FLEET.write_text(FLEET_CONFIG)
+    CONFIGURATION.write_text(WITH_GATEWAY)
+    unit.restart()
+    must("systemctl", "start", *BESIDE)
     with at_work(unit) as rpc:
+        check("page and fleet run", reaches(partial(beside_run, 1)))
         check("the jaws hold", rpc.insist("motion.open").get("ok") is True, rpc.state()["mode"])
         before, restarts = unit.pid, unit.restarts
         status, out = run("dpkg", "--remove", version(1))
@@ -75,24 +102,29 @@ def package_upgraded() -> None:
             check("a reload later", held, f"{tries} tries")
         followed = reaches(lambda: unit.pid not in (0, before) and runs(unit, 2))
         check("the daemon is of the new version", followed, unit.tell())
+        check("page and fleet are of the new version", reaches(partial(beside_run, 2)))
         check("it was never started again", unit.restarts == restarts, unit.tell())
         with contextlib.closing(unit.rpc()) as successor:
             state = successor.state()
             check("the motor is enabled still", state["motor"] == "enabled", state["motor"])
             successor.call("motor.disable")
             reaches(lambda: successor.motor_is("disabled"))
-    gone = reaches(lambda: run("dpkg", "--remove", version(1))[0] == 0)
+    gone = reaches(partial(is_removed, version(1)))
     check("then the version before can go", gone and not list(VERSIONS.glob("*-1")))
 
 
 def package_back() -> None:
-    """The way back is the installation of the older packages."""
-    put(1)
+    """The way back is the installation of the older packages; both ways without the power."""
     unit = Unit()
-    unit.restart()
-    check("it is the older one again", unit.is_active() and runs(unit, 1), unit.tell())
-    put(2)
-    unit.restart()
+    state = reaches(lambda: unit.rpc().state()["motor"] in ("silent", "unknown"))
+    check("the motor does not answer", state, unit.tell())
+    for revision in (1, 2):
+        put(revision)
+        followed = reaches(partial(runs, unit, revision)) and unit.is_active()
+        check(f"without power: the daemon is of revision {revision}", followed, unit.tell())
+        check(f"and page and fleet are of {revision}", reaches(partial(beside_run, revision)))
+        gone = reaches(partial(is_removed, version(3 - revision)))
+        check("the other one can go", gone)
 
 
 def package_removed() -> None:
@@ -101,7 +133,7 @@ def package_removed() -> None:
     must("systemctl", "enable", unit.name)
     kept = STATE / "can0_calibration.json"
     kept.write_text("{}")
-    names = [version(1), version(2)]
+    names = [version(2)]
     must("dpkg", "--remove", "litegripd")
     check("it has ended", unit.show("ActiveState") == "inactive", unit.tell())
     check("systemd knows no unit any more", unit.show("LoadState") == "not-found")

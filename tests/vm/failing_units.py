@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tests.vm.attended import at_work
 from tests.vm.guest import check, ip, reaches, reasons
-from tests.vm.unit import PROGRAMS, STATE, Unit, is_set_up, link, must
+from tests.vm.unit import PROGRAMS, STATE, Unit, ctl, is_set_up, link, must, run
 
 
 def crash_dumps() -> int:
@@ -62,6 +62,63 @@ def full_tmp() -> None:
             must("umount", "/tmp")
         took_s = unit.comes_back(before)
         check("full /tmp: with room, it is back by itself", took_s is not None, f"{took_s} s")
+
+
+def full_disk() -> None:
+    """With the state directory's disk full, who acts is told so; with room it all works again."""
+    unit = Unit()
+    unit.stop()
+    small = STATE.with_name("litegripd-small")
+    must("cp", "-a", str(STATE), str(small))
+    must("mount", "-t", "tmpfs", "-o", "size=20m", "small", str(STATE))
+    try:
+        must("bash", "-c", f"cp -a {small}/. {STATE}/ && chown litegrip:litegrip {STATE}")
+        told_of_a_full_disk(unit)
+    finally:
+        unit.stop()
+        must("umount", str(STATE))
+        must("rm", "-r", str(small))
+        unit.start()
+
+
+def told_of_a_full_disk(unit: Unit) -> None:
+    """Fill the disk of a running daemon, see each that writes told, free it, see each write."""
+    from tests.trajectories import lgt  # noqa: PLC0415 - a bare system has no litegripd
+
+    path = STATE / "can0_calibration.json"
+    full = f"No space left on {STATE}"
+    taught = Path("/home/alice/taught.lgt")
+    taught.write_bytes(lgt([(number * 0.01, 0.5) for number in range(1000)]))
+    taught.chmod(0o644)
+    acts = (
+        ("calibration", "load", "normal", "--keep"),
+        ("dump", "--note", "full"),
+        ("trajectories", "put", str(taught)),
+        ("config", "set", "speed_mm_s=30", "--keep"),
+    )
+    with at_work(unit) as rpc:
+        ctl("alice", "calibration", "load", "normal", "--keep")
+        before, pid = path.read_bytes(), unit.pid
+        filler = STATE / "filler"
+        run("dd", "if=/dev/zero", f"of={filler}", "bs=64k")
+        named = reaches(lambda: full in reasons(rpc))
+        check("full disk: health names it", named, reasons(rpc))
+        out = run(f"{PROGRAMS}/litegripctl", "-c", "can0", "doctor")[1]
+        check("full disk: so does the doctor", "ERROR    disk" in out and full in out, out)
+        for act in acts:
+            status, out = ctl("root", *act)  # who may keep settings, too
+            told = f"on {STATE}" in out and "bytes free" in out
+            check(f"full disk: {act[0]} is refused with the cause", status != 0 and told, out)
+        check("full disk: the calibration of before is there", path.read_bytes() == before)
+        check("full disk: it still can be used", rpc.insist("motor.enable").get("ok") is True)
+        filler.unlink()
+        gone = reaches(lambda: full not in reasons(rpc))
+        check("with room: health is content", gone, reasons(rpc))
+        for act in acts:
+            status, out = ctl("root", *act)  # who may keep settings, too
+            check(f"with room: {act[0]} works", status == 0, out)
+        check("with room: without a restart", unit.pid == pid, unit.tell())
+        rpc.call("motor.disable")
 
 
 def interface_goes_and_comes() -> None:
@@ -148,6 +205,7 @@ FAILING_UNITS = (
     killed,
     hung,
     full_tmp,
+    full_disk,
     interface_goes_and_comes,
     started_by_udev,
     beside_networkd,

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 
 from tests.vm.attended import ATTENDED, patient_motor
-from tests.vm.beside import fleet_as_units, page_as_a_unit
+from tests.vm.beside import fleet_as_units, page_as_a_unit, printed_after_an_upgrade
 from tests.vm.failing_units import FAILING_UNITS
 from tests.vm.guest import check, play, reaches
 from tests.vm.managed import MANAGED
@@ -161,6 +161,7 @@ FIRST = (
     one_daemon,
     page_as_a_unit,
     fleet_as_units,
+    printed_after_an_upgrade,
     *ATTENDED,
     *MANAGED,
     *FAILING_UNITS,

@@ -7,14 +7,34 @@ from pathlib import Path
 from tests.vm.emulated import Emulated
 from tests.vm.guest import check, reaches, reasons
 from tests.vm.installing import installed
-from tests.vm.unit import CONFIGURATION, SLOW, Unit, ctl, flags, install_units, is_set_up, must
+from tests.vm.unit import CONFIGURATION, Unit, ctl, flags, is_set_up, must, type_printed, typed
 
 PERSONS = {"left": "lena", "right": "rick"}
 """Who may use which gripper."""
 
-_RULE = 'ACTION=="add", SUBSYSTEM=="net", ATTR{type}=="280", ATTRS{serial}=="LEFT", NAME="left"'
+PAGE = Path("/mnt/host/tests/installation.md")
+SERIALS = {"004A00375553500E20393256": "LEFT", "002B00474D4D500120363531": "RIGHT"}
+"""Those of the page, and those of the emulated adapters."""
+RULE = Path("/usr/local/lib/udev/rules.d/85-litegrip.rules")
+RULES = Path("/etc/udev/rules.d/70-can-names.rules")
 _LINK = "[Match]\nProperty=ID_SERIAL_SHORT=RIGHT\n\n[Link]\nName=right\n"
-"""The two ways of the documentation."""
+"""The other way of the page."""
+
+
+def page_blocks() -> list[str]:
+    """Return the commands of the page's section on several adapters, block by block."""
+    section = PAGE.read_text().partition("\n## Several adapters\n")[2].partition("\n## ")[0]
+    blocks = section.split("```\n")[1::2]
+    for theirs, ours in SERIALS.items():
+        blocks = [block.replace(theirs, ours) for block in blocks]
+    return blocks
+
+
+def type_block(block: str) -> str:
+    """Type a block as it stands; return what it printed."""
+    status, out = typed(f"set -e\n{block}")
+    check(f"typed as on the page: {block.splitlines()[0]}", status == 0, out)
+    return out
 
 
 def adapters() -> tuple[Emulated, Emulated]:
@@ -23,27 +43,63 @@ def adapters() -> tuple[Emulated, Emulated]:
 
 
 def two_grippers() -> None:
-    """Two adapters with names by their serial numbers, for two groups of people."""
+    """Two adapters with names of their own, by the page word by word, for two groups of people."""
+    forget, look, name_them, install, use = page_blocks()
     one = installed()
-    must("systemctl", "disable", "--now", "litegripd@can0")
+    type_block(forget)
     one.tell("end")
-    for name, person in PERSONS.items():
-        give(name, person)
-    Path("/etc/udev/rules.d/70-can-names.rules").write_text(f"{_RULE}\n")
-    Path("/etc/systemd/network/70-right.link").write_text(_LINK)
-    must("systemctl", "daemon-reload")
-    must("udevadm", "control", "--reload")
     left, right = adapters()
     left.start()
+    seen = type_block(look).splitlines()
+    socket, serial = (line.strip() for line in seen[2:4])
+    check("the lines are those of the page", _are_as_told(seen), seen)
     right.start()
-    install_units("root", *PERSONS)
+    type_block(name_them)
+    for name, person in PERSONS.items():
+        give(name, person)
+    must("systemctl", "daemon-reload")
+    for adapter in (left, right):
+        adapter.unplug()
+        adapter.plug()
+    type_printed(type_block(install), "root")
+    type_block(use)
+    check("no daemon waits for can0", not Unit().is_active(), Unit().tell())
+    check("and no rule brings it up", "can0" not in RULE.read_text().splitlines()[-1])
     check_both(left, right)
     left.unplug()
     left.plug()
     check("replugged, it is left again", reaches(partial(left.is_named, "left")))
     check_gripper("left")
+    by_socket_and_link(left, right, serial, socket)
     for adapter in (left, right):
         must("systemctl", "enable", adapter.unit)
+
+
+def _are_as_told(seen: list[str]) -> bool:
+    """Return True if the page's command prints the four lines that it tells of."""
+    names = [line.strip().partition("==")[0] for line in seen]
+    is_interface = [":" in line for line in seen[1:3]]
+    return names == ["ATTR{dev_id}", "KERNELS", "KERNELS", "ATTRS{serial}"] and is_interface == [
+        True,
+        False,
+    ]
+
+
+def by_socket_and_link(left: Emulated, right: Emulated, serial: str, socket: str) -> None:
+    """The other ways of the page: the left one by its socket, the right one by a .link file."""
+    line = RULES.read_text().splitlines()[0]
+    check("the rule has the serial number", serial in line, f"{serial} {line}")
+    RULES.write_text(f"{line.replace(serial, socket)}\n")
+    Path("/etc/systemd/network/70-right.link").write_text(_LINK)
+    must("udevadm", "control", "--reload")
+    for adapter, name in ((left, "left"), (right, "right")):
+        adapter.unplug()
+        adapter.plug()
+        named = reaches(partial(adapter.is_named, name))
+        check(f"{name}, named by the other way", named, adapter.interface())
+        check_gripper(name)
+    RULES.write_text(f"{line}\n")  # at the next boot they come at other sockets
+    must("udevadm", "control", "--reload")
 
 
 def grippers_after_reboot() -> None:
@@ -59,8 +115,8 @@ def give(name: str, person: str) -> None:
     group = f"{person}s"
     must("groupadd", "--system", group)
     must("useradd", "--create-home", "--groups", group, person)
-    configuration = SLOW + f'[rpc]\ngroup = "{group}"\n'
-    (CONFIGURATION.parent / f"{name}.toml").write_text(configuration)
+    with (CONFIGURATION.parent / f"{name}.toml").open("a") as configuration:
+        configuration.write(f'[control]\nrate_hz = 100\npriority = 0\n[rpc]\ngroup = "{group}"\n')
     drop_in = Path(f"/etc/systemd/system/litegripd@{name}.service.d/group.conf")
     drop_in.parent.mkdir(parents=True)
     drop_in.write_text(f"[Service]\nGroup={group}\n")

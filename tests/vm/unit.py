@@ -141,6 +141,11 @@ def install_units(user: str, *channels: str) -> None:
     """Run it for these channels, and then what it prints, word for word."""
     options = [option for channel in channels for option in ("--can", channel)]
     out = must(f"{PROGRAMS}/litegripctl", "install-units", *options)
+    type_printed(out, user)
+
+
+def type_printed(out: str, user: str) -> None:
+    """Type what install-units has printed, word for word."""
     print(out, flush=True)
     following = out.partition("next, as root:\n")[2].splitlines()
     for line in following:

@@ -17,6 +17,8 @@ from litegrip_client.ctl.parser import LateParser
 from litegrip_client.ctl.render import plain
 from litegrip_client.ctl.run import NOT_OK, OK, Commands, Run
 from litegrip_client.socketcan.managers import uses_networkd
+from litegrip_client.threads.blocking import connect
+from litegrip_client.values.errors import LiteGripError
 from litegrip_client.values.voices import in_shell
 
 _LEVEL_WIDTH = 9
@@ -74,6 +76,7 @@ CHECKS: tuple[Check, ...] = (
     Check("protection", fleet_checks.protection),
     Check("group", daemon_checks.group),
     Check("real-time", daemon_checks.real_time),
+    Check("disk", daemon_checks.disk),
     Check("bus", gripper_checks.bus),
     Check("motor", gripper_checks.motor),
     Check("scan", gripper_checks.scan),
@@ -177,8 +180,18 @@ def install_units(run: Run) -> int:
         notes.append("configuration, calibrations, user and group are left: see the documentation")
     else:
         wanted = Wanted(options.can, options.serial, options.fleet)
-        done = install.install(root, wanted, install.program_directory())
-        following = _after_installation(root, done, options.can)
+        programs = install.program_directory()
+        done = install.install(root, wanted, programs)
+        following = _after_installation(root, done, options.can, programs)
+        lacking = install.lacking(programs)
+        needed = [one for one in lacking if one.is_used(root) or (one.is_fleet and options.fleet)]
+        following[:0] = [one.remedy for one in needed]
+        notes += [
+            f"{one.unit} cannot run without {one.package}, which this environment lacks; before it"
+            f" is enabled: {one.remedy}"
+            for one in lacking
+            if one not in needed and not one.is_fleet
+        ]
         notes += [_FLEET_NEXT] if options.fleet else []
         notes += install.foreign_users(root)
         notes += [f"{path} is used instead of what was installed" for path in install.hiding(root)]
@@ -194,7 +207,9 @@ def install_units(run: Run) -> int:
     return OK
 
 
-def _after_installation(root: Path, done: Sequence[Done], channels: Sequence[str]) -> list[str]:
+def _after_installation(
+    root: Path, done: Sequence[Done], channels: Sequence[str], programs: str
+) -> list[str]:
     following = ["systemd-sysusers", "systemctl daemon-reload"]
     following += _reloads(root, done, is_rule_wanted=bool(channels))
     if any(one.path.endswith(install.SERIAL_RULES) and one.what != "unchanged" for one in done):
@@ -207,9 +222,13 @@ def _after_installation(root: Path, done: Sequence[Done], channels: Sequence[str
     stopped = [name for name in install.enabled(root) if "@" in name and name not in running]
     daemons = [name for name in running if name.startswith("litegripd@")]
     others = [name for name in running if name not in daemons]  # they hold nothing, nor reload
-    if daemons:
-        verb = "restart" if _has_new_settings(done) else "reload"
-        following.append(f"systemctl {verb} {' '.join(daemons)}")
+    if daemons and _has_new_settings(done):
+        following.append(f"systemctl restart {' '.join(daemons)}")
+    elif daemons:
+        silent = [name for name in daemons if root == Path("/") and _is_silent(name)]
+        if following_at_once := [name for name in daemons if name not in silent]:
+            following.append(f"systemctl reload {' '.join(following_at_once)}")
+        following += [_followed(name, programs) for name in silent]
     if others:
         following.append(f"systemctl restart {' '.join(others)}")
     if stopped:
@@ -225,6 +244,31 @@ def _after_installation(root: Path, done: Sequence[Done], channels: Sequence[str
             f"systemctl start {' '.join(new)}",
         ]
     return following
+
+
+def _is_silent(daemon: str) -> bool:
+    """Return True if a daemon says that its motor does not answer: then it is not reloaded."""
+    try:
+        with connect(_channel(daemon), timeout_s=_ASK_WITHIN_S) as connection:
+            return connection.call("state.get").get("motor") in _SILENT
+    except LiteGripError:
+        return False
+
+
+def _followed(daemon: str, programs: str) -> str:
+    """Return the line that has a daemon without power follow; as the Debian package's postinst.
+
+    Its motor gets no commands and holds nothing. Whether that is still so is asked when it is
+    typed: by then there may be power, and something between the jaws.
+    """
+    asked = f"{programs}/litegripctl -c {_channel(daemon)} state --json"
+    motor = r"\|".join(_SILENT)
+    is_silent = f'{asked} | grep -q \'"motor": "\\({motor}\\)"\''
+    return f"systemctl reload {daemon} || {{ {is_silent} && systemctl restart {daemon}; }}"
+
+
+def _channel(daemon: str) -> str:
+    return daemon.partition("@")[2]
 
 
 def _has_new_settings(done: Sequence[Done]) -> bool:
@@ -256,6 +300,10 @@ def _text(done: Sequence[Done], following: Sequence[str], notes: Sequence[str]) 
         lines += ["next, as root:", *(f"  {command}" for command in following)]
     return "\n".join([*lines, *(f"note: {note}" for note in notes)])
 
+
+_SILENT = ("silent", "unknown")
+"""The states of a motor that gets no commands."""
+_ASK_WITHIN_S = 2.0
 
 _COMPLETION = """\
 Print the script by which a shell completes commands, options and their values:

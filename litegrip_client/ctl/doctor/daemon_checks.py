@@ -162,6 +162,19 @@ def _stood_still(control: Mapping[str, Any]) -> str | None:
     )
 
 
+def disk(facts: Facts) -> Finding | None:
+    """Check that there is room for what daemons write; None where they write elsewhere."""
+    if facts.is_remote:
+        return None
+    if not facts.disks:
+        return ok("there is room for calibrations, trajectories, dumps and the journal")
+    text = "; ".join(lacking.text for lacking in facts.disks)
+    if any(lacking.is_full for lacking in facts.disks):
+        advice = "nothing can be kept meanwhile, and no daemon can be started while /tmp is full"
+        return error(text, "df -h /var/lib/litegripd /run /tmp /var/log", advice)
+    return warning(text, "sudo du -xh --max-depth=2 /var | sort -h | tail", "what is largest")
+
+
 def health(facts: Facts) -> Finding | None:
     """Pass on the daemon's own verdict."""
     if facts.daemon is None:

@@ -12,6 +12,7 @@ from typing import Any, Literal, TypeAlias
 
 from litegrip_client.socketcan.link import Link
 from litegrip_client.socketcan.managers import Setting
+from litegrip_client.values.atomic_file import Shortage
 
 SIMULATED = ("litegrip_sim", "virtual")
 """Interfaces of python-can without an adapter."""
@@ -158,6 +159,8 @@ class Facts:
     now_s: float = 0.0
     is_remote: bool = False
     """True if the gripper is another machine's: its link and its unit are not here."""
+    disks: tuple[Shortage, ...] = ()
+    """The file systems of this machine without room for what the daemons write."""
     fleet: Fleet | None = None
     """This machine's parts of a fleet, where it has any."""
     scan: Scan | None = None

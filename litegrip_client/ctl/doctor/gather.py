@@ -50,10 +50,21 @@ from litegrip_client.socketcan.link import (
 )
 from litegrip_client.socketcan.managers import settings_of
 from litegrip_client.threads.blocking import connect
+from litegrip_client.values.atomic_file import (
+    FULL_BYTES,
+    LARGEST_BYTES,
+    SYSTEM_DIRECTORIES,
+    shortages,
+)
 from litegrip_client.values.errors import LiteGripError
 
 DIRECTORY = Path("/etc/litegripd")
 CHECK_WITHIN_S = 10.0
+_WRITTEN = (
+    ("/var/lib/litegripd", LARGEST_BYTES),
+    *((directory, FULL_BYTES) for directory in ("/run/litegripd", *SYSTEM_DIRECTORIES)),
+)
+"""Where the units' daemons write, with what must be free; a daemon's health tells of its own."""
 USER = "litegrip"
 """As whom systemd runs the daemons."""
 _PLACE = re.compile(r"[A-Za-z0-9_-]{1,32}\.[A-Za-z0-9_-]{1,32}")
@@ -361,6 +372,7 @@ def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
         bus_channel=bus_channel,
         now_s=time.time(),
         is_remote=is_remote,
+        disks=() if is_remote else tuple(shortages(_WRITTEN)),
         fleet=fleet_check(str(fleet_file)) if is_in_fleet else None,
     )
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from litegrip_client.values.atomic_file import why_not_written
 from litegrip_client.values.text import cause
 from litegripd.io.helper import atomic_file
 from litegripd.io.helper.atomic_file import REAL, FileError, FileSystem
@@ -292,4 +293,4 @@ def _write(path: Path, text: str, previous: Path | None, file_system: FileSystem
     try:
         return atomic_file.write(path, content, keep_previous=previous, file_system=file_system)
     except OSError as error:
-        raise FileError(f"{path}: cannot be written: {error.strerror}") from error
+        raise FileError(f"{path}: cannot be written: {why_not_written(error, path)}") from error

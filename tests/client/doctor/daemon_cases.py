@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from litegrip_client.ctl.doctor.findings import Configuration, Socket, User
+from litegrip_client.values.atomic_file import Shortage
 from tests.client.doctor.case import Case
 from tests.client.doctor.known import SOCKETS, facts, with_daemon
 
@@ -29,6 +30,9 @@ LIMITS = (
     " | sudo tee /etc/systemd/system/litegripd@.service.d/realtime.conf"
     " && sudo systemctl daemon-reload && sudo systemctl restart litegripd@can0"
 )
+
+FULL = Shortage("No space left on /tmp: 0 bytes free, no more files (inodes), free some", True)
+LITTLE = Shortage("Little space left on /var/lib/litegripd: 900000 bytes free, free some", False)
 
 DAEMON_CASES = [
     Case("daemon", facts(), "ok", "runs for 12 s, pid 77, /run/litegripd/can0.sock"),
@@ -342,5 +346,23 @@ DAEMON_CASES = [
         "error",
         "down: c",
         "litegripctl -c can0 health",
+    ),
+    Case("disk", facts(), "ok", "there is room for calibrations"),
+    Case("disk", facts(is_remote=True, disks=(FULL,)), None),
+    Case(
+        "disk",
+        facts(disks=(FULL, LITTLE)),
+        "error",
+        "No space left on /tmp: 0 bytes free, no more files (inodes), free some; Little space left",
+        "df -h /var/lib/litegripd /run /tmp /var/log",
+        "nothing can be kept meanwhile, and no daemon can be started while /tmp is full",
+    ),
+    Case(
+        "disk",
+        facts(disks=(LITTLE,)),
+        "warning",
+        "Little space left on /var/lib/litegripd: 900000 bytes free, free some",
+        "sudo du -xh --max-depth=2 /var | sort -h | tail",
+        "what is largest",
     ),
 ]

@@ -1,18 +1,22 @@
 """install-units into a system of its own: idempotent, careful with configurations, undone again."""
 
+import importlib.util
 import json
 import os
 import re
 import shutil
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import pytest
+import tomli
 
 from litegrip_client.ctl import install
+from litegrip_client.ctl.commands import machine
 from litegrip_client.ctl.install import Wanted
 from litegrip_client.ctl.main import main
-from litegrip_client.values.errors import CommandError
+from litegrip_client.values.errors import CommandError, ConnectError
 from litegripd.app.main import EXIT_NO_PACKAGES, EXIT_USAGE
 
 PROGRAMS = "/opt/grippers/bin"
@@ -443,6 +447,110 @@ def test_page_and_fleet_which_cannot_reload_are_restarted(
         "systemctl reload litegripd@can0",
         "systemctl restart litegripd-fleet@portal litegripd-web",
     ]
+
+
+class Answering:
+    """A daemon that says what its motor is."""
+
+    def __init__(self, motor: str) -> None:
+        self._motor = motor
+
+    def __enter__(self) -> "Answering":
+        return self
+
+    def __exit__(self, *_raised: object) -> None:
+        return None
+
+    def call(self, method: str) -> dict[str, str]:
+        assert method == "state.get"
+        return {"motor": self._motor}
+
+
+MOTORS = {"can0": "silent", "can1": "enabled", "can2": "unknown"}
+
+
+def test_a_daemon_whose_power_is_off_is_restarted_where_the_reload_is_refused(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def answering(channel: str, *, timeout_s: float) -> Answering:
+        if channel not in MOTORS:
+            raise ConnectError("nobody listens")
+        return Answering(MOTORS[channel])
+
+    monkeypatch.setattr(machine, "connect", answering)
+    names = [f"litegripd@can{number}" for number in range(4)]
+    monkeypatch.setattr(install, "running", lambda _root: names)
+    monkeypatch.setattr(install, "enabled", lambda _root: [])
+    first, second, third = machine._after_installation(Path("/"), [], [], PROGRAMS)[-3:]
+    assert first == "systemctl reload litegripd@can1 litegripd@can3"
+    assert third.startswith("systemctl reload litegripd@can2 || {")
+    programs = tmp_path / "programs"
+    programs.mkdir()
+    for motor, reloads, restarts in (
+        ("silent", 1, True), ("unknown", 1, True), ("enabled", 1, False), ("silent", 0, False),
+    ):  # fmt: skip
+        calls = tmp_path / f"calls-{motor}-{reloads}"
+        for name, text in (
+            ("systemctl", f'echo "$*" >>{calls}; [ "$1" = restart ] || exit {reloads}'),
+            ("litegripctl", f"""printf '{{\n "mode": "x", "motor": "{motor}"\n}}'"""),
+        ):
+            (programs / name).write_text(f"#!/bin/sh\n{text}\n")
+            (programs / name).chmod(0o755)
+        line = second.replace(PROGRAMS, str(programs))
+        path = {"PATH": f"{programs}:{os.environ['PATH']}"}
+        done = subprocess.run(["bash", "-c", line], env=path, check=False)
+        asked = ["reload litegripd@can0", *(["restart litegripd@can0"] if restarts else [])]
+        assert calls.read_text().splitlines() == asked
+        assert (done.returncode == 0) == (restarts or reloads == 0)
+
+
+def without(monkeypatch: pytest.MonkeyPatch, *modules: str) -> None:
+    real = importlib.util.find_spec
+
+    def find(name: str, package: str | None = None) -> Any:
+        if name.partition(".")[0] in modules:
+            if "." in name:
+                raise ModuleNotFoundError(name)
+            return None
+        return real(name, package)
+
+    monkeypatch.setattr("importlib.util.find_spec", find)
+
+
+WEB = f"{PROGRAMS}/python -m pip install 'websockets>=14.0'"
+ZENOH = f"{PROGRAMS}/python -m pip install 'eclipse-zenoh>=1.5'"
+
+
+@pytest.mark.usefixtures("usable")
+def test_a_page_without_its_package_is_told_and_one_in_use_gets_it_first(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert main(["install-units", "--root", str(tmp_path), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["notes"] == []
+    without(monkeypatch, "websockets", "zenoh")
+    assert main(["install-units", "--root", str(tmp_path), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    (note,) = told["notes"]
+    assert note.startswith("litegripd-web cannot run without websockets")
+    assert note.endswith(WEB)
+    assert WEB not in told["next"]
+    start(tmp_path, "litegripd-web.service")
+    assert main(["install-units", "--root", str(tmp_path), "--fleet", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["next"][:2] == [WEB, ZENOH]
+    assert told["next"][-1] != WEB
+    assert not any("websockets" in note for note in told["notes"])
+
+
+def test_the_page_installs_the_packages_of_all_its_units() -> None:
+    page = (SOURCES / "docs/installation.md").read_text()
+    extras = tomli.loads((SOURCES / "pyproject.toml").read_text())["project"]
+    needed = [extra for extra, rows in extras["optional-dependencies"].items()
+              if extra != "dev" and any(row.startswith("websockets") for row in rows)]  # fmt: skip
+    assert any(row.startswith("eclipse-zenoh") for row in extras["dependencies"])
+    assert needed == ["web"]
+    asked = set(re.findall(r"bin/pip install (\S+)", page))
+    assert asked == {f"'.[{','.join(needed)}]'"}
 
 
 @pytest.mark.usefixtures("usable")
