@@ -97,10 +97,13 @@ def test_a_line_brings_fields_of_its_own_and_no_value_makes_another(
 
 
 def test_an_event_can_be_found_by_job_and_client(
-    journal: socket.socket, sink: JournalSink, monkeypatch: pytest.MonkeyPatch
+    journal: socket.socket,
+    sink: JournalSink,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
 ) -> None:
     monkeypatch.setattr(logging.getLogger(), "handlers", [LogHandler(sink)])
-    monkeypatch.setattr(logging.getLogger("litegripd"), "level", logging.INFO)
+    caplog.set_level(logging.INFO, "litegripd")
     data = {"job": 3, "kind": "open", "client": 7, "pid": 42, "detached": False}
     log_event(Event("job_started", "job 3: open by demo", data))
     found = fields(journal)
@@ -121,11 +124,12 @@ def test_what_is_lost_or_pressed_is_a_warning_and_what_moved_is_none(
     journal: socket.socket,
     sink: JournalSink,
     monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
     kind: EventKind,
     priority: str,
 ) -> None:
     monkeypatch.setattr(logging.getLogger(), "handlers", [LogHandler(sink)])
-    monkeypatch.setattr(logging.getLogger("litegripd"), "level", logging.INFO)
+    caplog.set_level(logging.INFO, "litegripd")
     log_event(Event(kind, "the object", {}))
     assert fields(journal)["PRIORITY"] == priority
 
