@@ -29,7 +29,7 @@ from bench.tables import table
 from litegrip_client.values.errors import TrajectoryFormatError
 from litegrip_client.values.text import text_of
 from litegrip_client.values.trajectory_format import parse_grips
-from litegrip_fleet.messages import Ask, BadMessageError, Push, Reply, packed, unpacked
+from litegrip_fleet.wire.messages import Ask, BadMessageError, Push, Reply, packed, unpacked
 from litegrip_web.bridge import Gripper
 from litegrip_web.server import Settings, listening
 from litegripd.app.build import page_bytes

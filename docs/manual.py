@@ -18,7 +18,7 @@ from litegrip_client.ctl.parser import (
     whole_parser,
 )
 from litegrip_client.values.trajectory import DIRECTORY_VARIABLE
-from litegrip_fleet import main as fleet
+from litegrip_fleet.admin import main as fleet
 from litegrip_web import main as web
 from litegripd.app import main as daemon
 from litegripd.app import sim_main as simulator

@@ -11,10 +11,10 @@ import zenoh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegrip_fleet.access import ROLES, rules
-from litegrip_fleet.acl_check import wider
-from litegrip_fleet.keys import CLASSES, PREFIX, Place
-from litegrip_fleet.main import main
+from litegrip_fleet.admin.access import ROLES, rules
+from litegrip_fleet.admin.acl_check import wider
+from litegrip_fleet.admin.main import main
+from litegrip_fleet.wire.keys import CLASSES, PREFIX, Place
 from tests.properties import examples
 
 NAMES = st.from_regex(r"[A-Za-z0-9_-]{1,8}", fullmatch=True)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from litegrip_fleet.certificates import (
+from litegrip_fleet.admin.certificates import (
     DAY_S,
     Certificate,
     CertificateError,
@@ -18,7 +18,7 @@ from litegrip_fleet.certificates import (
     time_left,
     watch,
 )
-from litegrip_fleet.network import Tls
+from litegrip_fleet.wire.network import Tls
 from tests.process.fleet.fleet_process import CERTIFICATES, make_certificates
 
 YEAR_S = 365 * DAY_S

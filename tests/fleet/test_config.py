@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from litegrip_fleet.access import rules
-from litegrip_fleet.config import FleetConfigError, load
-from litegrip_fleet.keys import BadNameError, Place, caller_in, place_in, stopper_in
-from litegrip_fleet.main import main
+from litegrip_fleet.admin.access import rules
+from litegrip_fleet.admin.config import FleetConfigError, load
+from litegrip_fleet.admin.main import main
+from litegrip_fleet.wire.keys import BadNameError, Place, caller_in, place_in, stopper_in
 
 TLS = 'ca = "/a"\ncertificate = "/b"\nkey = "/c"\n'
 NETWORK = f"[network]\n{TLS}"
@@ -110,7 +110,7 @@ def test_a_machine_without_a_fleet_is_told_how_to_begin(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file = str(tmp_path / "fleet.toml")
-    monkeypatch.setattr("litegrip_fleet.config.FILE", file)
+    monkeypatch.setattr("litegrip_fleet.admin.config.FILE", file)
     with pytest.raises(FleetConfigError, match="litegripctl install-units --fleet"):
         load(file)
 

@@ -11,9 +11,9 @@ import pytest
 
 from litegrip_client.core.discovery import SOCKET_VARIABLE
 from litegrip_client.core.stop import stop_path
-from litegrip_fleet import daemon
-from litegrip_fleet.dead_man import DeadMansSwitch
-from litegrip_fleet.keys import Place
+from litegrip_fleet.far import daemon
+from litegrip_fleet.far.dead_man import DeadMansSwitch
+from litegrip_fleet.wire.keys import Place
 
 DEADLINE_S = 20.0
 CONFIRMED = b'{"jsonrpc":"2.0","id":1,"result":{}}\n'

@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 
 from litegrip_client.ctl.doctor.findings import Finding
-from litegrip_fleet import findings
-from litegrip_fleet.certificates import DAY_S, Certificate
-from litegrip_fleet.config import FleetConfig, load
-from litegrip_fleet.findings import (
+from litegrip_fleet.admin import findings
+from litegrip_fleet.admin.certificates import DAY_S, Certificate
+from litegrip_fleet.admin.config import FleetConfig, load
+from litegrip_fleet.admin.findings import (
     DaemonFacts,
     EndpointFacts,
     FileFacts,
@@ -18,7 +18,7 @@ from litegrip_fleet.findings import (
     Measured,
     Unmeasured,
 )
-from litegrip_fleet.keys import Place
+from litegrip_fleet.wire.keys import Place
 
 NOW_S = 1_800_000_000.0
 LEFT = Place("lab", "left")

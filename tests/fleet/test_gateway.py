@@ -9,16 +9,16 @@ import pytest
 import zenoh
 
 from litegrip_client.values.errors import LiteGripError
-from litegrip_fleet.far_session import FarSession
-from litegrip_fleet.gateway import (
+from litegrip_fleet.far.far_session import FarSession
+from litegrip_fleet.far.gateway import (
     MOST_OF_A_USER,
     MOST_SESSIONS,
     MOST_WAITING,
     Gateway,
     _Connection,
 )
-from litegrip_fleet.keys import Caller, Place
-from litegrip_fleet.messages import Ask, Reply, packed, unpacked
+from litegrip_fleet.wire.keys import Caller, Place
+from litegrip_fleet.wire.messages import Ask, Reply, packed, unpacked
 
 LEFT = Place("lab", "left")
 CALLER = Caller("op1", "s-1", "operator")

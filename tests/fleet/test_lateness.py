@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegrip_fleet.lateness import MOTION_COUNTS_S, RemoteClock, late_by
+from litegrip_fleet.wire.lateness import MOTION_COUNTS_S, RemoteClock, late_by
 
 
 def trip(clock: RemoteClock, sent_s: float, there_s: float, back_s: float, ahead_s: float) -> None:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegrip_fleet.messages import (
+from litegrip_fleet.wire.messages import (
     LONGEST_BYTES,
     Ask,
     BadMessageError,

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 import zenoh
 
-from litegrip_fleet.network import hand_over
+from litegrip_fleet.wire.network import hand_over
 
 
 class Source:

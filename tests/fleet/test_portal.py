@@ -12,9 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from litegrip_fleet.keys import Place
-from litegrip_fleet.messages import Reply
-from litegrip_fleet.portal import (
+from litegrip_fleet.near.portal import (
     MOST_CLIENTS,
     MOST_STOP_CLIENTS,
     Portal,
@@ -22,7 +20,9 @@ from litegrip_fleet.portal import (
     _process,
     _state_of,
 )
-from litegrip_fleet.requests import MAX_LINE_BYTES
+from litegrip_fleet.wire.keys import Place
+from litegrip_fleet.wire.messages import Reply
+from litegrip_fleet.wire.requests import MAX_LINE_BYTES
 
 ANSWER = b'{"jsonrpc":"2.0","id":null,"result":{"level":"hold","generation":1}}\n'
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegrip_fleet.presence import DeadMan, Presence
+from litegrip_fleet.far.presence import DeadMan, Presence
 from tests.properties import examples
 
 TTL_S = 1.0

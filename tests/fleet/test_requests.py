@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from litegrip_fleet.answers import error_object
-from litegrip_fleet.requests import (
+from litegrip_fleet.wire.answers import error_object
+from litegrip_fleet.wire.requests import (
     MAX_CONTAINERS,
     MAX_ID_CHARACTERS,
     MAX_LINE_BYTES,

@@ -11,17 +11,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegrip_fleet.far_session import (
+from litegrip_fleet.far.far_session import (
     AGAIN_BYTES,
     MOST_UNCONFIRMED_BYTES,
     PIECE_BYTES,
     ROOM_BYTES,
     FarSession,
 )
-from litegrip_fleet.lateness import MOTION_COUNTS_S, RemoteClock
-from litegrip_fleet.messages import Ask, Push, Reply, packed, unpacked
-from litegrip_fleet.near_session import AGAIN_AFTER_S, BEHIND_S, NearSession
-from litegrip_fleet.requests import MAX_LINE_BYTES
+from litegrip_fleet.near.near_session import AGAIN_AFTER_S, BEHIND_S, NearSession
+from litegrip_fleet.wire.lateness import MOTION_COUNTS_S, RemoteClock
+from litegrip_fleet.wire.messages import Ask, Push, Reply, packed, unpacked
+from litegrip_fleet.wire.requests import MAX_LINE_BYTES
 from tests.properties import examples
 
 TICK_S = 0.05

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegrip_fleet.gateway import in_the_name_of
+from litegrip_fleet.far.gateway import in_the_name_of
 from litegripd.io.stop_socket import MAX_STOP_LINE_BYTES
 from litegripd.rpc.jsonrpc import stop_in
 

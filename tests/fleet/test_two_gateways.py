@@ -5,9 +5,10 @@ from typing import Any
 
 import pytest
 
-from litegrip_fleet import portal, site
-from litegrip_fleet.keys import Place
-from litegrip_fleet.network import Answered
+from litegrip_fleet.near import portal
+from litegrip_fleet.wire import site
+from litegrip_fleet.wire.keys import Place
+from litegrip_fleet.wire.network import Answered
 
 LEFT = Place("lab", "left")
 DONE = b'{"jsonrpc":"2.0","id":1,"result":{"level":"hold","generation":1}}\n'

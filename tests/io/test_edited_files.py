@@ -10,8 +10,8 @@ from litegrip_client.values import calibration_files
 from litegrip_client.values.errors import CommandError, TrajectoryFormatError
 from litegrip_client.values.text import cause, hidden, text_of
 from litegrip_client.values.trajectory_format import SAMPLE, check_length, parse_grips
-from litegrip_fleet.config import FleetConfigError
-from litegrip_fleet.config import load as load_fleet
+from litegrip_fleet.admin.config import FleetConfigError
+from litegrip_fleet.admin.config import load as load_fleet
 from litegripd.app.config import ConfigError
 from litegripd.app.config import load as load_config
 from litegripd.io.helper.files import DATA, load_operation

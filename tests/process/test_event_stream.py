@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from litegrip_fleet.portal import MOST_UNREAD_BYTES
+from litegrip_fleet.near.portal import MOST_UNREAD_BYTES
 from litegripd.io.connection import MAX_UNSENT_BYTES
 from tests.process.daemon_process import Client, DaemonProcess
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import zenoh
 
-from litegrip_fleet.keys import Place
-from litegrip_fleet.network import Answered, Network, Tls, ask, configuration
+from litegrip_fleet.wire.keys import Place
+from litegrip_fleet.wire.network import Answered, Network, Tls, ask, configuration
 from tests.process.fleet.fleet_process import Fleet
 
 LEFT = Place("lab", "left")

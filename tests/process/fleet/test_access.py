@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from litegrip_fleet.messages import Ask, Reply, packed, unpacked
-from litegrip_fleet.network import the_newest
+from litegrip_fleet.wire.messages import Ask, Reply, packed, unpacked
+from litegrip_fleet.wire.network import the_newest
 from tests.process.daemon_process import DEADLINE_S, SIMULATED, daemon, wait_a_moment
 from tests.process.fleet.fleet_process import Fleet, fleet, make_certificates
 from tests.process.fleet.on_network import LEFT, answers, connected

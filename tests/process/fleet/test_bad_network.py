@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from litegrip_fleet.gateway import LOOK_EVERY_S
-from litegrip_fleet.portal import STOP_WITHIN_S
+from litegrip_fleet.far.gateway import LOOK_EVERY_S
+from litegrip_fleet.near.portal import STOP_WITHIN_S
 from tests.process.daemon_process import CTL, DEADLINE_S, Client, DaemonProcess
 from tests.process.fleet.cable import Fault
 from tests.process.fleet.lab import ROUTER, Lab, lab

@@ -15,8 +15,8 @@ import pytest
 
 from litegrip_client.ctl.doctor import gather
 from litegrip_client.ctl.main import main
-from litegrip_fleet.check import examine
-from litegrip_fleet.main import main as fleet_main
+from litegrip_fleet.admin.check import examine
+from litegrip_fleet.admin.main import main as fleet_main
 from tests.process.daemon_process import DEADLINE_S, SIMULATED, Client, daemon
 from tests.process.fleet.fleet_process import (
     HOST,

@@ -24,10 +24,10 @@ import zenoh
 from bench.hostile_clients import OTHERS_RIGHT
 from bench.hostile_lines import HostileLines
 from bench.polite import Polite
-from litegrip_fleet.gateway import MOST_ASKED_ABOUT
-from litegrip_fleet.lateness import MOTION_COUNTS_S
-from litegrip_fleet.messages import LONGEST_BYTES, VERSION, Ask, Reply, packed, unpacked
-from litegrip_fleet.network import Answered, ask, the_newest
+from litegrip_fleet.far.gateway import MOST_ASKED_ABOUT
+from litegrip_fleet.wire.lateness import MOTION_COUNTS_S
+from litegrip_fleet.wire.messages import LONGEST_BYTES, VERSION, Ask, Reply, packed, unpacked
+from litegrip_fleet.wire.network import Answered, ask, the_newest
 from litegripd.app.build import METHODS
 from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess
 from tests.process.fleet.fleet_process import Fleet, Part, fleet

@@ -11,17 +11,17 @@ from typing import Any, Literal, TypeAlias
 
 from litegrip_client.ctl.doctor.findings import Finding, error, ok, warning
 from litegrip_client.line.exchange import PROTOCOL
-from litegrip_fleet.access import ROLES
-from litegrip_fleet.certificates import (
+from litegrip_fleet.admin.access import ROLES
+from litegrip_fleet.admin.certificates import (
     WARN_BELOW_S,
     Certificate,
     date,
     problem_of_dates,
     time_left,
 )
-from litegrip_fleet.config import FleetConfig
-from litegrip_fleet.keys import Place
-from litegrip_fleet.lateness import MOTION_COUNTS_S, SET_POINT_COUNTS_S
+from litegrip_fleet.admin.config import FleetConfig
+from litegrip_fleet.wire.keys import Place
+from litegrip_fleet.wire.lateness import MOTION_COUNTS_S, SET_POINT_COUNTS_S
 
 Found: TypeAlias = "Iterator[tuple[str, Finding]]"
 

@@ -8,10 +8,10 @@ from typing import TypeVar
 from litegrip_client.core.stop import stop_at
 from litegrip_client.threads.blocking import connect
 from litegrip_client.values.errors import LiteGripError
-from litegrip_fleet.config import PortalConfig
-from litegrip_fleet.daemon import how_it_is
-from litegrip_fleet.keys import Place
-from litegrip_fleet.site import About, Stopped
+from litegrip_fleet.admin.config import PortalConfig
+from litegrip_fleet.far.daemon import how_it_is
+from litegrip_fleet.wire.keys import Place
+from litegrip_fleet.wire.site import About, Stopped
 
 ANSWER_WITHIN_S = 3.0
 """A portal answers within 2 s, if only that there is no answer."""

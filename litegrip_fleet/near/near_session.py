@@ -10,11 +10,11 @@ from dataclasses import replace
 from typing import Any
 
 from litegrip_client.values import strict_json
-from litegrip_fleet.answers import UNREACHABLE, error_line, error_object
-from litegrip_fleet.lateness import RemoteClock
-from litegrip_fleet.messages import Ask, Push, Reply
-from litegrip_fleet.requests import is_id
-from litegrip_fleet.rows import Inbox, Outbox
+from litegrip_fleet.wire.answers import UNREACHABLE, error_line, error_object
+from litegrip_fleet.wire.lateness import RemoteClock
+from litegrip_fleet.wire.messages import Ask, Push, Reply
+from litegrip_fleet.wire.requests import is_id
+from litegrip_fleet.wire.rows import Inbox, Outbox
 
 LIVE_SHARE = 4
 """So many signs of life in a time to live."""

@@ -15,9 +15,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent import futures
 
 from litegrip_client.values.errors import LiteGripError
-from litegrip_fleet import daemon
-from litegrip_fleet.keys import Place
-from litegrip_fleet.presence import DeadMan, Presence
+from litegrip_fleet.far import daemon
+from litegrip_fleet.far.presence import DeadMan, Presence
+from litegrip_fleet.wire.keys import Place
 
 _log = logging.getLogger(__name__)
 

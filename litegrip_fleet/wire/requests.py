@@ -5,7 +5,7 @@ from collections.abc import Collection, Mapping
 from typing import Any, TypeGuard
 
 from litegrip_client.values import strict_json
-from litegrip_fleet.answers import (
+from litegrip_fleet.wire.answers import (
     INVALID_PARAMS,
     LINE_TOO_LONG,
     TOO_LATE,
@@ -13,7 +13,7 @@ from litegrip_fleet.answers import (
     error_object,
     refused_line,
 )
-from litegrip_fleet.lateness import MOTION_COUNTS_S, SET_POINT_COUNTS_S, late_by
+from litegrip_fleet.wire.lateness import MOTION_COUNTS_S, SET_POINT_COUNTS_S, late_by
 
 SHORTEST_TTL_S, LONGEST_TTL_S = 0.3, 5.0
 """Of a session, and of a lease that it asks for."""

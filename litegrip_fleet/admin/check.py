@@ -29,11 +29,11 @@ from litegrip_client.core.discovery import UNIT_DIRECTORIES, socket_paths
 from litegrip_client.ctl.doctor.findings import Finding, error, warning
 from litegrip_client.threads.blocking import connect
 from litegrip_client.values.errors import LiteGripError
-from litegrip_fleet import findings
-from litegrip_fleet.by_portal import ANSWER_WITHIN_S
-from litegrip_fleet.certificates import Certificate, CertificateError, authorities, met, own
-from litegrip_fleet.config import FleetConfig, FleetConfigError, PortalConfig, load
-from litegrip_fleet.findings import (
+from litegrip_fleet.admin import findings
+from litegrip_fleet.admin.by_portal import ANSWER_WITHIN_S
+from litegrip_fleet.admin.certificates import Certificate, CertificateError, authorities, met, own
+from litegrip_fleet.admin.config import FleetConfig, FleetConfigError, PortalConfig, load
+from litegrip_fleet.admin.findings import (
     DaemonFacts,
     EndpointFacts,
     FileFacts,
@@ -43,9 +43,9 @@ from litegrip_fleet.findings import (
     Unmeasured,
     parts_of,
 )
-from litegrip_fleet.keys import Place
-from litegrip_fleet.network import CONNECT_WITHIN_S, NetworkError, Tls, close, opening
-from litegrip_fleet.site import look
+from litegrip_fleet.wire.keys import Place
+from litegrip_fleet.wire.network import CONNECT_WITHIN_S, NetworkError, Tls, close, opening
+from litegrip_fleet.wire.site import look
 
 ENDPOINT_WITHIN_S = 3.0
 _STATES = 8

@@ -8,7 +8,7 @@ let through only where all that it could mean is allowed.
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from litegrip_fleet.keys import CLASSES, PREFIX, Place
+from litegrip_fleet.wire.keys import CLASSES, PREFIX, Place
 
 ROLES = tuple(CLASSES)
 """From the lowest; each may what those before it may."""

@@ -24,21 +24,21 @@ import zenoh
 
 from litegrip_client.core.stop import stop_path
 from litegrip_client.line.connection import peer_pid
-from litegrip_fleet.answers import (
+from litegrip_fleet.near.near_session import AGAIN_AFTER_S, NearSession
+from litegrip_fleet.wire.answers import (
     BACKLOG_FULL,
     TOO_MANY_CONNECTIONS,
     UNREACHABLE,
     error_line,
     error_object,
 )
-from litegrip_fleet.far_session import generation_in, is_sample
-from litegrip_fleet.keys import Place
-from litegrip_fleet.lateness import RemoteClock
-from litegrip_fleet.messages import Ask, BadMessageError, Push, Reply, packed, unpacked
-from litegrip_fleet.near_session import AGAIN_AFTER_S, NearSession
-from litegrip_fleet.network import Answered, ask, hand_over, the_newest
-from litegrip_fleet.requests import MAX_LINE_BYTES, TOO_LONG
-from litegrip_fleet.site import TWO_GATEWAYS, problem_in
+from litegrip_fleet.wire.daemon_lines import generation_in, is_sample
+from litegrip_fleet.wire.keys import Place
+from litegrip_fleet.wire.lateness import RemoteClock
+from litegrip_fleet.wire.messages import Ask, BadMessageError, Push, Reply, packed, unpacked
+from litegrip_fleet.wire.network import Answered, ask, hand_over, the_newest
+from litegrip_fleet.wire.requests import MAX_LINE_BYTES, TOO_LONG
+from litegrip_fleet.wire.site import TWO_GATEWAYS, problem_in
 
 _log = logging.getLogger(__name__)
 

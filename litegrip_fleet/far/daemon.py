@@ -9,7 +9,7 @@ from litegrip_client.core.discovery import reach
 from litegrip_client.core.stop import stop_path
 from litegrip_client.line.exchange import request_line
 from litegrip_client.values.errors import LiteGripError, from_error_object
-from litegrip_fleet.answers import UNREACHABLE, error_object
+from litegrip_fleet.wire.answers import UNREACHABLE, error_object
 
 ANSWER_WITHIN_S = 2.0
 STOP_WITHIN_S = 1.0

@@ -9,8 +9,8 @@ from typing import Any
 
 import zenoh
 
-from litegrip_fleet.keys import PREFIX, Place, place_in
-from litegrip_fleet.network import Answered, ask
+from litegrip_fleet.wire.keys import PREFIX, Place, place_in
+from litegrip_fleet.wire.network import Answered, ask
 
 TWO_GATEWAYS = "two gateways offer it: each would carry out what is asked; end one of them"
 LOOK_WITHIN_S = 1.0

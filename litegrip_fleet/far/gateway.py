@@ -18,15 +18,16 @@ import zenoh
 
 from litegrip_client.core.stop import STOP_LEVELS, WHY_CHARACTERS, stop_path
 from litegrip_client.values.errors import LiteGripError
-from litegrip_fleet.answers import UNREACHABLE, error_line, error_object
-from litegrip_fleet.daemon import STOP_WITHIN_S, asked_of, connected, how_it_is, unreachable
-from litegrip_fleet.dead_man import DeadMansSwitch
-from litegrip_fleet.far_session import FarSession, generation_in
-from litegrip_fleet.keys import Caller, Place, caller_in, stopper_in
-from litegrip_fleet.messages import Ask, BadMessageError, Push, Reply, packed, unpacked
-from litegrip_fleet.network import all_in_order, hand_over, the_newest
-from litegrip_fleet.requests import is_id
-from litegrip_fleet.site import LOOK_WITHIN_S, TWO_GATEWAYS
+from litegrip_fleet.far.daemon import STOP_WITHIN_S, asked_of, connected, how_it_is, unreachable
+from litegrip_fleet.far.dead_man import DeadMansSwitch
+from litegrip_fleet.far.far_session import FarSession
+from litegrip_fleet.wire.answers import UNREACHABLE, error_line, error_object
+from litegrip_fleet.wire.daemon_lines import generation_in
+from litegrip_fleet.wire.keys import Caller, Place, caller_in, stopper_in
+from litegrip_fleet.wire.messages import Ask, BadMessageError, Push, Reply, packed, unpacked
+from litegrip_fleet.wire.network import all_in_order, hand_over, the_newest
+from litegrip_fleet.wire.requests import is_id
+from litegrip_fleet.wire.site import LOOK_WITHIN_S, TWO_GATEWAYS
 
 _log = logging.getLogger(__name__)
 

@@ -25,16 +25,17 @@ from litegrip_client.core.stop import STOP_LEVELS, WHY_CHARACTERS
 from litegrip_client.ctl.commands.machine import findings_text
 from litegrip_client.ctl.doctor.findings import as_data
 from litegrip_client.line.exchange import request_line
-from litegrip_fleet import by_portal
-from litegrip_fleet.access import rules
-from litegrip_fleet.acl_check import UnreadableError, access_control_in, wider
-from litegrip_fleet.certificates import Certificate, CertificateError, own, watch
-from litegrip_fleet.check import examine
-from litegrip_fleet.config import FILE, FleetConfig, FleetConfigError, PortalConfig, load
-from litegrip_fleet.dead_man import DeadMansSwitch
-from litegrip_fleet.gateway import Gateway
-from litegrip_fleet.keys import BadNameError, check_name
-from litegrip_fleet.network import (
+from litegrip_fleet.admin import by_portal
+from litegrip_fleet.admin.access import rules
+from litegrip_fleet.admin.acl_check import UnreadableError, access_control_in, wider
+from litegrip_fleet.admin.certificates import Certificate, CertificateError, own, watch
+from litegrip_fleet.admin.check import examine
+from litegrip_fleet.admin.config import FILE, FleetConfig, FleetConfigError, PortalConfig, load
+from litegrip_fleet.far.dead_man import DeadMansSwitch
+from litegrip_fleet.far.gateway import Gateway
+from litegrip_fleet.near.portal import Portal
+from litegrip_fleet.wire.keys import BadNameError, check_name
+from litegrip_fleet.wire.network import (
     CONNECT_WITHIN_S,
     Network,
     NetworkError,
@@ -44,8 +45,7 @@ from litegrip_fleet.network import (
     opening,
     session_in,
 )
-from litegrip_fleet.portal import Portal
-from litegrip_fleet.site import About, Stopped, alive, look, stop_all
+from litegrip_fleet.wire.site import About, Stopped, alive, look, stop_all
 
 EXIT_OK, EXIT_FAILED, EXIT_USAGE, EXIT_NETWORK = 0, 1, 2, 3
 _NOT_SENT = "; no stop was sent: use the switch that cuts the power"

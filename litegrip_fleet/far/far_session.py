@@ -1,18 +1,18 @@
 """A session as its gateway has it: a user's lines in, the daemon's lines out. It knows no clock."""
 
-import re
 from collections.abc import Callable, Collection
 from typing import Any
 
-from litegrip_fleet.messages import Ask, Push, Reply
-from litegrip_fleet.requests import (
+from litegrip_fleet.wire.daemon_lines import is_sample
+from litegrip_fleet.wire.messages import Ask, Push, Reply
+from litegrip_fleet.wire.requests import (
     LONGEST_TTL_S,
     SHORTEST_TTL_S,
     RefusedError,
     asked_lease,
     passed,
 )
-from litegrip_fleet.rows import Inbox, Outbox
+from litegrip_fleet.wire.rows import Inbox, Outbox
 
 PIECE_BYTES = 32_768
 """Of a longer line of the daemon's: no message on the network is longer."""
@@ -29,19 +29,6 @@ AGAIN_BYTES = 65_536
 DEFAULT_TTL_S = 1.0
 MOST_ASKED_LEASES = 16
 """So many requests for a lease wait for their answers at once, with effect on its renewal."""
-
-_GENERATION = re.compile(rb'"(?:stop_)?generation":(\d{1,15})')
-
-
-def generation_in(line: bytes) -> int | None:
-    """Return the largest count of stops in a line of the daemon's, None without any."""
-    found = [int(digits) for digits in _GENERATION.findall(line)]
-    return max(found, default=None)
-
-
-def is_sample(line: bytes) -> bool:
-    """Return True for a sample of the state, which a newer one replaces."""
-    return line.startswith(b'{"jsonrpc":"2.0","method":"state.')
 
 
 class FarSession:

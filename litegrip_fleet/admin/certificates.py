@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from datetime import datetime, timezone
 from typing import Any
 
-from litegrip_fleet.network import Tls
+from litegrip_fleet.wire.network import Tls
 
 _log = logging.getLogger(__name__)
 

@@ -1,0 +1,1 @@
+"""The program `litegripd-fleet`: its configuration, the access table, certificates, `check`."""

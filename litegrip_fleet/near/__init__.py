@@ -1,0 +1,1 @@
+"""The side of the program: the portal, whose sockets look like those of a daemon."""

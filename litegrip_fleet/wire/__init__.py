@@ -1,0 +1,1 @@
+"""What gateway and portal say to each other, and the zenoh session that carries it."""
