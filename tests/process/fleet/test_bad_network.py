@@ -326,7 +326,8 @@ def test_every_motion_runs_once_at_most_and_is_answered_as_it_went(
             watch.caught_up()
             assert len(watch.started) == before
         else:
-            assert reason(answer) == "unreachable"
+            # The session is gone, or its lease was not renewed in time.
+            assert reason(answer) in ("unreachable", "lease_lost")
             client.close()
             bad.machines.fault("op1")  # over such a network it may take minutes
             client = over_again(bad)
