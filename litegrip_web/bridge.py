@@ -27,7 +27,7 @@ WRONG_TOKEN, TOO_LATE, TOO_MANY = 4401, 4408, 4429
 
 TOKEN_WITHIN_S = 5.0
 STOP_WITHIN_S = 1.0
-TRY_EVERY_S = 0.5
+RECONNECT_EVERY_S = 0.5
 MOST_BROWSERS = 8
 """For each gripper."""
 
@@ -144,7 +144,7 @@ class Bridge:
             if why != told:
                 told = why
                 await _tell(browser, "web.no_daemon", {"message": why})
-            await asyncio.sleep(TRY_EVERY_S)
+            await asyncio.sleep(RECONNECT_EVERY_S)
 
     async def _reach(self) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
         """Connect to the daemon; raises `ConnectError` where none answers."""

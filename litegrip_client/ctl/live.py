@@ -36,7 +36,7 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
 _EVENTS = 8
 _TRACE_COLUMNS, _COLUMN_S = 40, 1.5
 _LOOK_EVERY_S = 1.0
-_TRY_EVERY_S = 0.5
+_RECONNECT_EVERY_S = 0.5
 
 
 class Scene:
@@ -79,7 +79,7 @@ def scenes(connect: Callable[[], Connection], connection: Connection, hz: float)
             scene.trouble = error.message
         while scene.trouble is not None:
             yield scene
-            time.sleep(_TRY_EVERY_S)
+            time.sleep(_RECONNECT_EVERY_S)
             try:
                 connected = connect()
                 scene.trouble = None

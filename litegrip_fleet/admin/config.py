@@ -12,10 +12,10 @@ from litegrip_client.core.stop import STOP_LEVELS
 from litegrip_client.values.errors import ParameterError
 from litegrip_client.values.text import cause, hidden, text_of
 from litegrip_fleet.admin.access import ROLES
+from litegrip_fleet.far.admission import LONGEST_TTL_S, SHORTEST_TTL_S
 from litegrip_fleet.far.far_session import DEFAULT_TTL_S
 from litegrip_fleet.wire.keys import BadNameError, Place, check_name
 from litegrip_fleet.wire.network import Network, Tls
-from litegrip_fleet.wire.requests import LONGEST_TTL_S, SHORTEST_TTL_S
 
 if sys.version_info >= (3, 11):
     import tomllib

@@ -22,7 +22,7 @@ from litegrip_fleet.wire.keys import Place
 _log = logging.getLogger(__name__)
 
 LOOK_EVERY_S = 0.05
-RETRY_EVERY_S = 0.5
+RECONNECT_EVERY_S = 0.5
 
 
 class DeadMansSwitch:
@@ -136,7 +136,7 @@ class _Stopper:
                     await self._read(reader, writer)
                 finally:
                     writer.close()
-            await asyncio.sleep(RETRY_EVERY_S)
+            await asyncio.sleep(RECONNECT_EVERY_S)
 
     async def _read(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         try:

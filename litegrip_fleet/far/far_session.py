@@ -3,15 +3,15 @@
 from collections.abc import Callable, Collection
 from typing import Any
 
-from litegrip_fleet.wire.daemon_lines import is_sample
-from litegrip_fleet.wire.messages import Ask, Push, Reply
-from litegrip_fleet.wire.requests import (
+from litegrip_fleet.far.admission import (
     LONGEST_TTL_S,
     SHORTEST_TTL_S,
     RefusedError,
     asked_lease,
     passed,
 )
+from litegrip_fleet.wire.daemon_lines import is_sample
+from litegrip_fleet.wire.messages import Ask, Push, Reply
 from litegrip_fleet.wire.rows import Inbox, Outbox
 
 PIECE_BYTES = 32_768

@@ -22,17 +22,16 @@ from litegrip_fleet.far.daemon import STOP_WITHIN_S, asked_of, connected, how_it
 from litegrip_fleet.far.dead_man import DeadMansSwitch
 from litegrip_fleet.far.far_session import FarSession
 from litegrip_fleet.wire.answers import UNREACHABLE, error_line, error_object
-from litegrip_fleet.wire.daemon_lines import generation_in
+from litegrip_fleet.wire.daemon_lines import generation_in, is_id
 from litegrip_fleet.wire.keys import Caller, Place, caller_in, stopper_in
 from litegrip_fleet.wire.messages import Ask, BadMessageError, Push, Reply, packed, unpacked
 from litegrip_fleet.wire.network import all_in_order, hand_over, the_newest
-from litegrip_fleet.wire.requests import is_id
 from litegrip_fleet.wire.site import LOOK_WITHIN_S, TWO_GATEWAYS
 
 _log = logging.getLogger(__name__)
 
 LOOK_EVERY_S = 0.05
-RETRY_EVERY_S = 0.5
+RECONNECT_EVERY_S = 0.5
 MOST_SESSIONS = 56
 """For each gripper; the daemon lets 64 connections of a user in."""
 
@@ -107,7 +106,7 @@ class Gateway:
             await asyncio.to_thread(self._warn_of_another)
             while True:
                 await self._watch()
-                await asyncio.sleep(RETRY_EVERY_S)
+                await asyncio.sleep(RECONNECT_EVERY_S)
         finally:
             look.cancel()
             for connection in list(self._connections.values()):

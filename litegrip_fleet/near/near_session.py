@@ -11,9 +11,9 @@ from typing import Any
 
 from litegrip_client.values import strict_json
 from litegrip_fleet.wire.answers import UNREACHABLE, error_line, error_object
+from litegrip_fleet.wire.daemon_lines import is_id
 from litegrip_fleet.wire.lateness import RemoteClock
 from litegrip_fleet.wire.messages import Ask, Push, Reply
-from litegrip_fleet.wire.requests import is_id
 from litegrip_fleet.wire.rows import Inbox, Outbox
 
 LIVE_SHARE = 4

@@ -32,12 +32,11 @@ from litegrip_fleet.wire.answers import (
     error_line,
     error_object,
 )
-from litegrip_fleet.wire.daemon_lines import generation_in, is_sample
+from litegrip_fleet.wire.daemon_lines import MAX_LINE_BYTES, TOO_LONG, generation_in, is_sample
 from litegrip_fleet.wire.keys import Place
 from litegrip_fleet.wire.lateness import RemoteClock
 from litegrip_fleet.wire.messages import Ask, BadMessageError, Push, Reply, packed, unpacked
 from litegrip_fleet.wire.network import Answered, ask, hand_over, the_newest
-from litegrip_fleet.wire.requests import MAX_LINE_BYTES, TOO_LONG
 from litegrip_fleet.wire.site import TWO_GATEWAYS, problem_in
 
 _log = logging.getLogger(__name__)

@@ -1,6 +1,21 @@
-"""What gateway and portal read in a daemon's lines, which they pass on as they are."""
+"""What gateway and portal know of a daemon's lines, which they pass on: limits, and a few words."""
 
 import re
+from typing import TypeGuard
+
+from litegrip_fleet.wire.answers import LINE_TOO_LONG, error_object
+
+MAX_LINE_BYTES = 16_384
+"""As the daemon's; without the newline."""
+
+MAX_ID_CHARACTERS = 128
+"""As the daemon's."""
+
+TOO_LONG = error_object(
+    LINE_TOO_LONG,
+    f"a line is longer than {MAX_LINE_BYTES} bytes: send large contents in pieces",
+    limit=MAX_LINE_BYTES,
+)
 
 _GENERATION = re.compile(rb'"(?:stop_)?generation":(\d{1,15})')
 
@@ -14,3 +29,9 @@ def generation_in(line: bytes) -> int | None:
 def is_sample(line: bytes) -> bool:
     """Return True for a sample of the state, which a newer one replaces."""
     return line.startswith(b'{"jsonrpc":"2.0","method":"state.')
+
+
+def is_id(value: object) -> TypeGuard[str | int]:
+    """Return True for what a daemon takes as a request's id."""
+    is_one = isinstance(value, str | int) and not isinstance(value, bool)
+    return is_one and len(str(value)) <= MAX_ID_CHARACTERS

@@ -2,7 +2,7 @@
 
 import { inPageWords } from "./format.js";
 
-const AGAIN_MS = 1000;
+const RECONNECT_EVERY_MS = 1000;
 const CLOSED = {
   4401: "The secret in this page's address is not the present one: open the address that litegripd-web printed.",
   4408: "The page was too slow to tell its secret.",
@@ -56,7 +56,7 @@ export class Wire extends EventTarget {
     socket.onclose = (event) => {
       const why = CLOSED[event.code];
       this.#down(why ?? "litegripd-web does not answer.");
-      if (event.code !== 4401) setTimeout(() => this.#connect(), AGAIN_MS);
+      if (event.code !== 4401) setTimeout(() => this.#connect(), RECONNECT_EVERY_MS);
     };
   }
 

@@ -20,9 +20,9 @@ from litegrip_fleet.near.portal import (
     _process,
     _state_of,
 )
+from litegrip_fleet.wire.daemon_lines import MAX_LINE_BYTES
 from litegrip_fleet.wire.keys import Place
 from litegrip_fleet.wire.messages import Reply
-from litegrip_fleet.wire.requests import MAX_LINE_BYTES
 
 ANSWER = b'{"jsonrpc":"2.0","id":null,"result":{"level":"hold","generation":1}}\n'
 

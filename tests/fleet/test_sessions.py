@@ -19,9 +19,9 @@ from litegrip_fleet.far.far_session import (
     FarSession,
 )
 from litegrip_fleet.near.near_session import AGAIN_AFTER_S, BEHIND_S, NearSession
+from litegrip_fleet.wire.daemon_lines import MAX_LINE_BYTES
 from litegrip_fleet.wire.lateness import MOTION_COUNTS_S, RemoteClock
 from litegrip_fleet.wire.messages import Ask, Push, Reply, packed, unpacked
-from litegrip_fleet.wire.requests import MAX_LINE_BYTES
 from tests.properties import examples
 
 TICK_S = 0.05

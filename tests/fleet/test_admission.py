@@ -5,15 +5,9 @@ from typing import Any
 
 import pytest
 
+from litegrip_fleet.far.admission import MAX_CONTAINERS, RefusedError, asked_lease, passed
 from litegrip_fleet.wire.answers import error_object
-from litegrip_fleet.wire.requests import (
-    MAX_CONTAINERS,
-    MAX_ID_CHARACTERS,
-    MAX_LINE_BYTES,
-    RefusedError,
-    asked_lease,
-    passed,
-)
+from litegrip_fleet.wire.daemon_lines import MAX_ID_CHARACTERS, MAX_LINE_BYTES
 from litegripd.model.errors import ERRORS
 from litegripd.rpc import jsonrpc
 from litegripd.rpc.jsonrpc import MAX_LINE_BYTES as DAEMONS_MAX_LINE_BYTES

@@ -2,34 +2,24 @@
 
 import json
 from collections.abc import Collection, Mapping
-from typing import Any, TypeGuard
+from typing import Any
 
 from litegrip_client.values import strict_json
 from litegrip_fleet.wire.answers import (
     INVALID_PARAMS,
-    LINE_TOO_LONG,
     TOO_LATE,
     error_line,
     error_object,
     refused_line,
 )
+from litegrip_fleet.wire.daemon_lines import MAX_LINE_BYTES, TOO_LONG, is_id
 from litegrip_fleet.wire.lateness import MOTION_COUNTS_S, SET_POINT_COUNTS_S, late_by
 
 SHORTEST_TTL_S, LONGEST_TTL_S = 0.3, 5.0
 """Of a session, and of a lease that it asks for."""
 
-MAX_LINE_BYTES = 16_384
-"""As the daemon's; without the newline."""
-
-MAX_ID_CHARACTERS = 128
 MAX_CONTAINERS = 512
 """As the daemon's."""
-
-TOO_LONG = error_object(
-    LINE_TOO_LONG,
-    f"a line is longer than {MAX_LINE_BYTES} bytes: send large contents in pieces",
-    limit=MAX_LINE_BYTES,
-)
 
 _LEASES = frozenset({"lease.acquire", "lease.take"})
 _SET_POINT = "stream.set"
@@ -164,12 +154,6 @@ def _checked_ttl(request: Mapping[str, Any], ttl_s: object) -> object:
         f" {SHORTEST_TTL_S:g} to {LONGEST_TTL_S:g}"
     )
     raise RefusedError(_answer(request, error_object(INVALID_PARAMS, text, parameter="ttl_s")))
-
-
-def is_id(value: object) -> TypeGuard[str | int]:
-    """Return True for what a daemon takes as a request's id."""
-    is_one = isinstance(value, str | int) and not isinstance(value, bool)
-    return is_one and len(str(value)) <= MAX_ID_CHARACTERS
 
 
 def _answer(request: Mapping[str, Any], error: Mapping[str, Any]) -> bytes:
