@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import shtab
 
-from litegrip_client.core.discovery import SYSTEM_DIRECTORY
+from litegrip_client.core.sockets import SYSTEM_DIRECTORY
 from litegrip_client.ctl.commands import COMMANDS
 from litegrip_client.ctl.parser import LateParser, Parser, whole_parser
 from litegrip_client.values.motion_config import DAEMON_FIELDS

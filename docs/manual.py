@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from textwrap import dedent
 
 from docs.configuration_page import has_default, sentence
-from litegrip_client.core.discovery import CHANNEL_VARIABLE, SOCKET_VARIABLE
+from litegrip_client.core.sockets import CHANNEL_VARIABLE, SOCKET_VARIABLE
 from litegrip_client.ctl.commands import COMMANDS
 from litegrip_client.ctl.parser import (
     CLOSING,

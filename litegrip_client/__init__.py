@@ -8,15 +8,14 @@
 
 `litegrip_client.aio` offers the same on asyncio. It is imported on first use.
 
-The client uses the standard library only and imports nothing of the daemon. `typing` and
-`dataclasses` take as long to import as everything else together. So the modules import `typing`
-only for the type checker (which knows `TYPE_CHECKING`, whatever its origin), and `dataclasses`
-when the first object is made.
+The client uses the standard library only and imports nothing of the daemon. Each name is imported
+on its first use, with its module: `litegripctl stop` needs none of them.
 """
 
 from __future__ import annotations
 
 import sys
+from importlib import import_module
 
 if sys.version_info < (3, 10):  # noqa: UP036 - a copy beside a script was installed by no pip
     raise ImportError(
@@ -24,42 +23,12 @@ if sys.version_info < (3, 10):  # noqa: UP036 - a copy beside a script was insta
         + ".".join(map(str, sys.version_info[:3]))
     )
 
-from litegrip_client.threads.actions import GripperActions, ManualCalibration, SetpointStream
-from litegrip_client.threads.gripper import LiteGrip
-from litegrip_client.values.errors import (
-    BusyError,
-    CancelledError,
-    CANTimeoutError,
-    CommandError,
-    CommError,
-    ConnectError,
-    ErrorCode,
-    HardwareError,
-    LeaseError,
-    LiteGripError,
-    NotInitializedError,
-    NotPermittedError,
-    ParameterError,
-    ProtocolError,
-    StoppedError,
-    TeleopBusyError,
-    TeleopError,
-    TeleopNotActiveError,
-    TeleopNotReady,
-    TrajectoryBusyError,
-    TrajectoryEmptyError,
-    TrajectoryError,
-    TrajectoryFormatError,
-    TrajectoryNotActiveError,
-    TrajectoryNotFoundError,
-    TrajectoryRecordingError,
-    describe_error,
-)
-
 TYPE_CHECKING = False
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # the names again, for who reads them without running this
     from litegrip_client import aio as aio
-    from litegrip_client.line.feeds import Event
+    from litegrip_client.line.feeds import (
+        Event,
+    )
     from litegrip_client.sdk.names import (
         DEFAULT_DQ_MAX,
         DEFAULT_GRIP_ID,
@@ -98,14 +67,57 @@ if TYPE_CHECKING:
         limit_target,
         press_target,
     )
-    from litegrip_client.values.calibration import CalibrationData, GripperConfig, UnitConversion
+    from litegrip_client.threads.actions import (
+        GripperActions,
+        ManualCalibration,
+        SetpointStream,
+    )
+    from litegrip_client.threads.gripper import (
+        LiteGrip,
+    )
+    from litegrip_client.values.calibration import (
+        CalibrationData,
+        GripperConfig,
+        UnitConversion,
+    )
     from litegrip_client.values.calibration_files import (
         CALIB_TEMPLATES,
         DEFAULT_CALIB,
         default_calib_path,
         list_templates,
     )
-    from litegrip_client.values.motion_config import MotionConfig
+    from litegrip_client.values.errors import (
+        BusyError,
+        CancelledError,
+        CANTimeoutError,
+        CommandError,
+        CommError,
+        ConnectError,
+        ErrorCode,
+        HardwareError,
+        LeaseError,
+        LiteGripError,
+        NotInitializedError,
+        NotPermittedError,
+        ParameterError,
+        ProtocolError,
+        StoppedError,
+        TeleopBusyError,
+        TeleopError,
+        TeleopNotActiveError,
+        TeleopNotReady,
+        TrajectoryBusyError,
+        TrajectoryEmptyError,
+        TrajectoryError,
+        TrajectoryFormatError,
+        TrajectoryNotActiveError,
+        TrajectoryNotFoundError,
+        TrajectoryRecordingError,
+        describe_error,
+    )
+    from litegrip_client.values.motion_config import (
+        MotionConfig,
+    )
     from litegrip_client.values.results import (
         EnableResult,
         GraspResult,
@@ -124,7 +136,9 @@ if TYPE_CHECKING:
         resolve_path,
         trajectory_dir,
     )
-    from litegrip_client.values.trajectory_format import TaughtGrip
+    from litegrip_client.values.trajectory_format import (
+        TaughtGrip,
+    )
 
     __version__: str
 
@@ -221,94 +235,131 @@ __all__ = [
     "trajectory_dir",
 ]
 
-_LATER = {
-    **dict.fromkeys(
-        (
-            "Connector",
-            "GripperTeleop",
-            "InProcTeleopTransport",
-            "LatestSlot",
-            "Listener",
-            "TeleopSubscription",
-            "TeleopTransport",
-            "TrajectoryPlayer",
-            "TrajectoryRecorder",
-            "UdpTeleopTransport",
-            "ZenohTeleopTransport",
-            "can",
-            "check_ready",
-            "clamp_to_calibrated",
-            "limit_target",
-            "press_target",
-        ),
-        "sdk.refused",
+_MODULES = {
+    "line.feeds": ("Event",),
+    "sdk.names": (
+        "Control_Mode",
+        "DEFAULT_DQ_MAX",
+        "DEFAULT_GRIP_ID",
+        "DEFAULT_GRIP_PORT",
+        "DEFAULT_TORQUE_LIMIT_NM",
+        "DM_Motor_Type",
+        "DefaultParams",
+        "FRAME_SIZE",
+        "GripperInfo",
+        "GripperMode",
+        "GripperParams",
+        "GripperStatus",
+        "MAX_FRAME_GAP_S",
+        "TORQUE_REARM_OPENNESS",
+        "TORQUE_TRIP_CYCLES",
+        "decode_frame",
+        "encode_frame",
+        "teleop_topic",
     ),
-    **dict.fromkeys(
-        (
-            "Control_Mode",
-            "DM_Motor_Type",
-            "DefaultParams",
-            "GripperInfo",
-            "GripperMode",
-            "GripperParams",
-            "GripperStatus",
-            "DEFAULT_DQ_MAX",
-            "DEFAULT_GRIP_ID",
-            "DEFAULT_GRIP_PORT",
-            "DEFAULT_TORQUE_LIMIT_NM",
-            "FRAME_SIZE",
-            "MAX_FRAME_GAP_S",
-            "TORQUE_REARM_OPENNESS",
-            "TORQUE_TRIP_CYCLES",
-            "decode_frame",
-            "encode_frame",
-            "teleop_topic",
-        ),
-        "sdk.names",
+    "sdk.refused": (
+        "Connector",
+        "GripperTeleop",
+        "InProcTeleopTransport",
+        "LatestSlot",
+        "Listener",
+        "TeleopSubscription",
+        "TeleopTransport",
+        "TrajectoryPlayer",
+        "TrajectoryRecorder",
+        "UdpTeleopTransport",
+        "ZenohTeleopTransport",
+        "can",
+        "check_ready",
+        "clamp_to_calibrated",
+        "limit_target",
+        "press_target",
     ),
-    "CALIB_TEMPLATES": "values.calibration_files",
-    "DEFAULT_CALIB": "values.calibration_files",
-    "default_calib_path": "values.calibration_files",
-    "CalibrationData": "values.calibration",
-    "EnableResult": "values.results",
-    "Event": "line.feeds",
-    "GraspResult": "values.results",
-    "GripperConfig": "values.calibration",
-    "GripperState": "values.results",
-    "MotionConfig": "values.motion_config",
-    "MoveProgress": "values.results",
-    "MoveResult": "values.results",
-    "PlayResult": "values.results",
-    "SetZeroResult": "values.results",
-    "TaughtGrip": "values.trajectory_format",
-    "Trajectory": "values.trajectory",
-    "TrajectoryFile": "values.trajectory",
-    "TrajectorySample": "values.trajectory",
-    "UnitConversion": "values.calibration",
-    "list_templates": "values.calibration_files",
-    "list_trajectories": "values.trajectory",
-    "DEFAULT_RATE_HZ": "values.trajectory",
-    "resolve_path": "values.trajectory",
-    "trajectory_dir": "values.trajectory",
+    "threads.actions": (
+        "GripperActions",
+        "ManualCalibration",
+        "SetpointStream",
+    ),
+    "threads.gripper": ("LiteGrip",),
+    "values.calibration": (
+        "CalibrationData",
+        "GripperConfig",
+        "UnitConversion",
+    ),
+    "values.calibration_files": (
+        "CALIB_TEMPLATES",
+        "DEFAULT_CALIB",
+        "default_calib_path",
+        "list_templates",
+    ),
+    "values.errors": (
+        "BusyError",
+        "CANTimeoutError",
+        "CancelledError",
+        "CommError",
+        "CommandError",
+        "ConnectError",
+        "ErrorCode",
+        "HardwareError",
+        "LeaseError",
+        "LiteGripError",
+        "NotInitializedError",
+        "NotPermittedError",
+        "ParameterError",
+        "ProtocolError",
+        "StoppedError",
+        "TeleopBusyError",
+        "TeleopError",
+        "TeleopNotActiveError",
+        "TeleopNotReady",
+        "TrajectoryBusyError",
+        "TrajectoryEmptyError",
+        "TrajectoryError",
+        "TrajectoryFormatError",
+        "TrajectoryNotActiveError",
+        "TrajectoryNotFoundError",
+        "TrajectoryRecordingError",
+        "describe_error",
+    ),
+    "values.motion_config": ("MotionConfig",),
+    "values.results": (
+        "EnableResult",
+        "GraspResult",
+        "GripperState",
+        "MoveProgress",
+        "MoveResult",
+        "PlayResult",
+        "SetZeroResult",
+    ),
+    "values.trajectory": (
+        "DEFAULT_RATE_HZ",
+        "Trajectory",
+        "TrajectoryFile",
+        "TrajectorySample",
+        "list_trajectories",
+        "resolve_path",
+        "trajectory_dir",
+    ),
+    "values.trajectory_format": ("TaughtGrip",),
 }
-"""Names that are slow to import or seldom needed, and their modules."""
+"""The modules of the names."""
+
+_MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 
 
 def __getattr__(name: str) -> object:
-    """Return a name that is imported on first use."""
-    if name in _LATER:
-        from importlib import import_module  # noqa: PLC0415
-
-        return getattr(import_module(f"{__name__}.{_LATER[name]}"), name)
+    """Return a name, imported on its first use."""
     if name == "aio":
-        from importlib import import_module  # noqa: PLC0415
-
         return import_module(f"{__name__}.aio")
     if name == "__version__":
-        from importlib.metadata import PackageNotFoundError, version  # noqa: PLC0415
+        from importlib.metadata import PackageNotFoundError, version  # noqa: PLC0415 - 30 ms
 
         try:
             return version("litegripd")
         except PackageNotFoundError:
             return "0.0.0+source"
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f"{__name__}.{_MODULE_OF[name]}"), name)
+    globals()[name] = value
+    return value

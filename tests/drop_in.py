@@ -17,7 +17,7 @@ from types import SimpleNamespace
 import pytest
 
 from litegrip_client import LiteGrip
-from litegrip_client.core.discovery import SYSTEM_DIRECTORY
+from litegrip_client.core.sockets import SYSTEM_DIRECTORY
 from litegrip_client.line.connection import SLICE_S, StreamEndedError
 from litegripd.app.build import build_service, load_at_start
 from litegripd.app.config import Config

@@ -9,6 +9,8 @@ import stat
 import sys
 from collections.abc import Awaitable, Callable, Mapping
 
+from litegrip_client.core import sockets
+from litegrip_client.core.sockets import CHANNEL_VARIABLE, DEFAULT_CHANNEL, SOCKET_VARIABLE
 from litegrip_client.values.errors import ConnectError, ParameterError
 
 TYPE_CHECKING = False
@@ -16,14 +18,6 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import TypeVar
 
     _Connected = TypeVar("_Connected")
-
-SOCKET_VARIABLE = "LITEGRIPD_SOCKET"
-CHANNEL_VARIABLE = "LITEGRIP_CHANNEL"
-DEFAULT_CHANNEL = "can0"
-SYSTEM_DIRECTORY = "/run/litegripd"
-PORTAL_DIRECTORY = "/run/litegripd-portal"
-"""The sockets of grippers of other machines, which are called SITE.GRIPPER. The directory is the
-portal's own: it must not be able to pose as a daemon of this machine."""
 
 ENABLED_DIRECTORY = "/etc/systemd/system/litegripd.target.wants"
 UNIT_DIRECTORIES = (
@@ -73,14 +67,7 @@ def socket_paths(
     An explicit `path` or else `LITEGRIPD_SOCKET` is the only one when given.
     """
     check_channel(channel)
-    environment = os.environ if environment is None else environment
-    chosen = path if path is not None else environment.get(SOCKET_VARIABLE)
-    if chosen:
-        return [os.fspath(chosen)]
-    directories = _directories(environment)
-    if "." in channel:
-        directories = (*directories, PORTAL_DIRECTORY)
-    return [f"{directory}/{channel}.sock" for directory in directories]
+    return sockets.paths(channel, path, os.environ if environment is None else environment)
 
 
 def is_socket_given(path: str | None = None) -> bool:
@@ -94,7 +81,7 @@ def running_channels(environment: Mapping[str, str] | None = None) -> list[str]:
     A daemon that was killed may have left one: only connecting shows if a daemon answers.
     """
     environment = os.environ if environment is None else environment
-    directories = (*_directories(environment), PORTAL_DIRECTORY)
+    directories = (*sockets.directories(environment), sockets.PORTAL_DIRECTORY)
     names = {name for directory in directories for name in _names(directory)}
     return sorted(
         name.removesuffix(".sock")
@@ -134,11 +121,6 @@ def _names(directory: str) -> list[str]:
         return os.listdir(directory)  # noqa: PTH208 - pathlib takes long to import
     except OSError:
         return []  # there is none, or it is not for this user
-
-
-def _directories(environment: Mapping[str, str]) -> tuple[str, ...]:
-    own = environment.get("XDG_RUNTIME_DIR") or f"/run/user/{os.getuid()}"
-    return SYSTEM_DIRECTORY, f"{own}/litegripd"
 
 
 async def reach(

@@ -9,6 +9,7 @@ import json
 import socket
 from collections.abc import Mapping
 
+from litegrip_client.core.sockets import STOP_LEVELS, stop_path
 from litegrip_client.line.exchange import request_line
 from litegrip_client.values.errors import (
     ConnectError,
@@ -23,7 +24,6 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
 
     from litegrip_client.core.session import DaemonSession, Wire
 
-STOP_LEVELS = ("hold", "relax", "disable")
 WHY_CHARACTERS = 80
 """So many of a stop's reason are shown by the daemon."""
 _MAX_ANSWER_BYTES = 65_536
@@ -31,11 +31,6 @@ _MAX_REQUEST_BYTES = 1024
 
 STOP_WITHIN_S = 1.0
 """Stops are served in every tick. Who has no answer by then is stopped by a request as well."""
-
-
-def stop_path(path: str) -> str:
-    """Return the socket for stops that belongs to the socket at `path`."""
-    return f"{path.removesuffix('.sock')}.stop.sock"
 
 
 def is_taken_as_meant(params: Mapping[str, Any]) -> bool:

@@ -23,6 +23,7 @@ from rich.table import Table
 from rich.text import Text
 
 from litegrip_client.ctl import render
+from litegrip_client.ctl.figures import figure, plain
 from litegrip_client.ctl.state_view import state_rows
 from litegrip_client.line.connection import Connection
 from litegrip_client.line.feeds import Event, EventFeed
@@ -128,11 +129,11 @@ def picture(scene: Scene, name: str, for_gripper: Callable[[str], str] = str) ->
     parts += [Text(), _company(scene)]
     if scene.health is not None:
         parts += [
-            Text(f"- {render.plain(for_gripper(in_shell(str(reason))))}", "yellow")
+            Text(f"- {plain(for_gripper(in_shell(str(reason))))}", "yellow")
             for reason in scene.health.get("reasons", ())
         ]
         parts += [
-            Text(f"note: {render.plain(for_gripper(in_shell(str(note))))}", "dim")
+            Text(f"note: {plain(for_gripper(in_shell(str(note))))}", "dim")
             for note in scene.health.get("notes", ())
         ]
     return Group(*parts, Text(), *_events(scene), Text(), Text("q ends it", "dim"))
@@ -140,10 +141,10 @@ def picture(scene: Scene, name: str, for_gripper: Callable[[str], str] = str) ->
 
 def _head(scene: Scene, name: str) -> Text:
     if scene.trouble is not None:
-        text = f"NO DAEMON, trying again: {render.plain(scene.trouble)}"
+        text = f"NO DAEMON, trying again: {plain(scene.trouble)}"
         return Text.assemble((name, "bold"), "  ", (text, "bold red"))
     verdict = str((scene.health or {}).get("verdict", "--"))
-    return Text.assemble((name, "bold"), "  ", (render.plain(verdict), _STYLES.get(verdict, "")))
+    return Text.assemble((name, "bold"), "  ", (plain(verdict), _STYLES.get(verdict, "")))
 
 
 def _bar(state: dict[str, Any]) -> RenderableType:
@@ -167,7 +168,7 @@ def _figures(state: dict[str, Any], for_gripper: Callable[[str], str]) -> Render
     for label, text in state_rows(state):
         alarming = label in _ALARMING and (label != "age" or is_old)
         style = "bold red" if alarming else "dim" if is_old else ""
-        grid.add_row(Text(label, "cyan"), Text(render.plain(for_gripper(text)), style))
+        grid.add_row(Text(label, "cyan"), Text(plain(for_gripper(text)), style))
     return grid
 
 
@@ -217,8 +218,8 @@ def _events(scene: Scene) -> list[RenderableType]:
     grid = Table.grid(padding=(0, 2))
     for event in scene.events:
         age_s = None if now_s is None else max(0.0, now_s - event.monotonic_s)
-        age = Text(f"{render.figure(age_s, '.0f', 's')} ago", "dim", justify="right")
-        grid.add_row(age, Text(render.plain(event.message), no_wrap=True, overflow="ellipsis"))
+        age = Text(f"{figure(age_s, '.0f', 's')} ago", "dim", justify="right")
+        grid.add_row(age, Text(plain(event.message), no_wrap=True, overflow="ellipsis"))
     return [Text("events", "cyan"), grid] if scene.events else []
 
 

@@ -14,7 +14,8 @@ import shlex
 from argparse import ArgumentTypeError
 from collections.abc import Callable, Iterable, Sequence
 
-from litegrip_client.core.discovery import CHANNEL_VARIABLE, DEFAULT_CHANNEL, check_channel
+from litegrip_client.core.discovery import check_channel
+from litegrip_client.core.sockets import CHANNEL_VARIABLE, DEFAULT_CHANNEL
 from litegrip_client.values.errors import CommandError
 
 TYPE_CHECKING = False

@@ -12,6 +12,7 @@ from time import localtime, strftime, time
 
 from litegrip_client.core.discovery import is_socket_given, running_channels
 from litegrip_client.core.motion import Motion
+from litegrip_client.ctl.figures import Data, figure, owner, plain
 from litegrip_client.ctl.run import ENDING, INTERRUPTED, NOT_OK, OK, Run
 from litegrip_client.threads.blocking import BlockingWire, complete
 from litegrip_client.values.errors import CancelledError, LiteGripError
@@ -21,15 +22,6 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, TypeAlias
 
     from litegrip_client.line.connection import Connection
-
-Data: TypeAlias = "Mapping[str, Any]"
-
-
-def figure(value: object, form: str, unit: str) -> str:
-    """Return a number with its unit, `--` if it is not known."""
-    shown = format(value, form) if isinstance(value, int | float) else "--"
-    return f"{shown} {unit}".rstrip()
-
 
 Clock: TypeAlias = "Callable[[object], str]"
 """Shows a time of the daemon's clock as the time of day."""
@@ -48,11 +40,6 @@ def clock_of(connection: Connection) -> Clock:
     return show
 
 
-def plain(text: object) -> str:
-    """Return a foreign text without the characters that could control a terminal."""
-    return "".join(letter if letter.isprintable() else "?" for letter in str(text))
-
-
 def lease(data: Data) -> str:
     """Return who has the lease."""
     holder, waiting = data.get("owner"), data.get("waiting") or 0
@@ -61,11 +48,6 @@ def lease(data: Data) -> str:
         return f"free{queue}"
     what = f" for {holder['purpose']}" if holder.get("purpose") else ""
     return plain(f"{owner(holder)}, uid {holder.get('uid')}, has it{what}{queue}")
-
-
-def owner(data: Data) -> str:
-    """Return the program and the pid of an owner."""
-    return f"{data.get('program') or data.get('client') or 'unknown'} (pid {data.get('pid')})"
 
 
 def aligned(table: Sequence[tuple[str, ...]]) -> str:

@@ -15,7 +15,9 @@ from argparse import Namespace
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from litegrip_client.core.discovery import DEFAULT_CHANNEL, is_socket_given, running_channels
+from litegrip_client.core.discovery import is_socket_given, running_channels
+from litegrip_client.core.sockets import DEFAULT_CHANNEL
+from litegrip_client.ctl.streams import write
 from litegrip_client.line.connection import Connection
 from litegrip_client.threads.blocking import connect
 from litegrip_client.values import atomic_file
@@ -49,10 +51,6 @@ def put_file(path: str, content: bytes) -> None:
         ) from error
 
 
-class OutputLostError(Exception):
-    """Standard output takes nothing more: a full disk, for one. The message says why."""
-
-
 class Output:
     """Standard output and standard error, for a person or (`as_json`) for a program.
 
@@ -70,23 +68,23 @@ class Output:
         """Print a result: as it came, or as `text`."""
         self.end_line()
         shown = json.dumps(data, ensure_ascii=False) if self.as_json else self.for_gripper(text)
-        _write(f"{shown}\n")
+        write(f"{shown}\n")
 
     def line(self, text: str) -> None:
         """Write `text` over the line before, if that was written by this, too."""
-        _write(f"\r{text}\x1b[K")
+        write(f"\r{text}\x1b[K")
         self._open_line = True
 
     def erase_line(self) -> None:
         """Erase the line that `line` wrote."""
         if self._open_line:
-            _write("\r\x1b[K")
+            write("\r\x1b[K")
             self._open_line = False
 
     def end_line(self) -> None:
         """Keep the line that `line` wrote, and continue below it."""
         if self._open_line:
-            _write("\n")
+            write("\n")
             self._open_line = False
 
     def error(self, error: LiteGripError, hint: str) -> None:
@@ -97,7 +95,7 @@ class Output:
             if hint:
                 data.setdefault("hint", hint)
             view = {"code": error.code, "message": error.message, "data": data}
-            _write(f"{json.dumps({'error': view}, ensure_ascii=False)}\n")
+            write(f"{json.dumps({'error': view}, ensure_ascii=False)}\n")
         else:
             self.note(error.message)
             if hint and not is_said(error.message, hint):  # many a message has its remedy
@@ -106,17 +104,6 @@ class Output:
     def note(self, text: str) -> None:
         """Print something that is not a result, on standard error."""
         print(f"litegripctl: {one_line(self.for_gripper(text))}", file=sys.stderr)
-
-
-def _write(text: str) -> None:
-    """Write to standard output; raises `OutputLostError`, and `BrokenPipeError` as it is."""
-    try:
-        sys.stdout.write(text)
-        sys.stdout.flush()
-    except BrokenPipeError:
-        raise
-    except OSError as error:
-        raise OutputLostError(error.strerror or str(error)) from error
 
 
 def one_line(text: str) -> str:

@@ -5,9 +5,7 @@ Takes the wire's objects as they are, so that an older or newer daemon is still 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-
-from litegrip_client.ctl.render import Data, figure, owner, plain
+from litegrip_client.ctl.figures import Data, figure, owner, plain
 
 _DOUBTS = {
     "superseded": "WRONG: all millimetres are those of earlier versions, which took the travel for"
@@ -18,6 +16,19 @@ _DOUBTS = {
 """By the doubt of a calibration's scale: what it means, and what to do."""
 _MEASURED = {"opening", "position", "command", "velocity", "torque", "temperature", "status"}
 """Rows that say nothing of a motor that has never answered."""
+
+
+_LABEL_WIDTH = 12
+
+
+def state_text(data: Data) -> str:
+    """Return a state in aligned lines."""
+    lines = [f"{label:<{_LABEL_WIDTH}} {plain(text)}" for label, text in state_rows(data)]
+    if is_unheard(data):
+        lines.insert(0, "the motor has not answered yet: nothing is known of it")
+    elif data.get("stale"):
+        lines.insert(0, f"{age(data)}: these are the last known figures")
+    return "\n".join(lines)
 
 
 def state_rows(data: Data) -> list[tuple[str, str]]:
@@ -119,7 +130,7 @@ def _squeezing(data: Data) -> str:
     held = "an object is held" if data.get("is_grasped") else "no object is held"
     clamp_n = data.get("clamp_n")
     felt = ""
-    if isinstance(clamp_n, Sequence) and len(clamp_n) == 2:
+    if isinstance(clamp_n, list | tuple) and len(clamp_n) == 2:
         low, high = (figure(bound, ".1f", "").rstrip() for bound in clamp_n)
         felt = f" ({low} to {high} N on the object)"
     unnoticed = ""
@@ -141,7 +152,7 @@ def _job(job: Data) -> str:
 
 def _stop(stop: Data) -> str:
     by = stop.get("by")
-    who = owner(by) if isinstance(by, Mapping) else by
+    who = owner(by) if isinstance(by, dict) else by
     why = f": {stop['why']}" if stop.get("why") else ""
     return f"{stop.get('level')}, by {who}{why} (clear it with: litegripctl clear)"
 
@@ -168,3 +179,11 @@ def state_line(data: Data) -> str:
     if data.get("stale") or is_unheard(data):
         parts.append(age(data))
     return plain("  ".join(parts))
+
+
+def stopped(data: Data) -> str:
+    """Return the text for a latched stop, and what it cannot reach."""
+    text = f"stopped: {data['level']}, until: litegripctl clear"
+    if (data.get("state") or {}).get("motor") in ("silent", "unknown"):
+        text += "; the motor does not answer, so nothing reaches it: to be sure, cut its power"
+    return plain(text)

@@ -7,8 +7,8 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
 
-from litegrip_client.core.discovery import PORTAL_DIRECTORY, check_channel
-from litegrip_client.core.stop import STOP_LEVELS
+from litegrip_client.core.discovery import check_channel
+from litegrip_client.core.sockets import PORTAL_DIRECTORY, STOP_LEVELS
 from litegrip_client.values.errors import ParameterError
 from litegrip_client.values.text import cause, hidden, text_of
 from litegrip_fleet.admin.access import ROLES

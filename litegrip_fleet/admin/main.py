@@ -20,8 +20,8 @@ from typing import Any, NoReturn
 
 import zenoh
 
-from litegrip_client.core.discovery import SOCKET_VARIABLE
-from litegrip_client.core.stop import STOP_LEVELS, WHY_CHARACTERS
+from litegrip_client.core.sockets import SOCKET_VARIABLE, STOP_LEVELS
+from litegrip_client.core.stop import WHY_CHARACTERS
 from litegrip_client.ctl.commands.machine import findings_text
 from litegrip_client.ctl.doctor.findings import as_data
 from litegrip_client.line.exchange import request_line

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from litegrip_client.core.discovery import reach
-from litegrip_client.core.stop import stop_path
+from litegrip_client.core.sockets import stop_path
 from litegrip_client.line.exchange import request_line
 from litegrip_client.values.errors import LiteGripError, from_error_object
 from litegrip_fleet.wire.answers import UNREACHABLE, error_object

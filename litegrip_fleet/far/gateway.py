@@ -16,7 +16,8 @@ from typing import Any
 
 import zenoh
 
-from litegrip_client.core.stop import STOP_LEVELS, WHY_CHARACTERS, stop_path
+from litegrip_client.core.sockets import STOP_LEVELS, stop_path
+from litegrip_client.core.stop import WHY_CHARACTERS
 from litegrip_client.values.errors import LiteGripError
 from litegrip_fleet.far.daemon import STOP_WITHIN_S, asked_of, connected, how_it_is, unreachable
 from litegrip_fleet.far.dead_man import DeadMansSwitch

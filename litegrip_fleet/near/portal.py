@@ -22,7 +22,7 @@ from typing import Any
 
 import zenoh
 
-from litegrip_client.core.stop import stop_path
+from litegrip_client.core.sockets import stop_path
 from litegrip_client.line.connection import peer_pid
 from litegrip_fleet.near.near_session import AGAIN_AFTER_S, NearSession
 from litegrip_fleet.wire.answers import (

@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 
 from litegrip_client import ConnectError, ProtocolError
-from litegrip_client.core.stop import stop_at, stop_path
+from litegrip_client.core.sockets import stop_path
+from litegrip_client.core.stop import stop_at
 from litegrip_client.ctl.main import main
 from tests.client.ctl_terminal import Terminal
 from tests.client.fake_daemon import STATE, FakeDaemon

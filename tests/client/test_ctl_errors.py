@@ -80,7 +80,7 @@ def test_the_log_is_that_of_the_channel_where_that_is_known(
     assert told("-c", "can0") == "  see the daemon's log: journalctl -u litegripd@can0"
     monkeypatch.delenv("LITEGRIPD_SOCKET")
     monkeypatch.setattr(
-        "litegrip_client.core.discovery.SYSTEM_DIRECTORY", str(Path(daemon.path).parent)
+        "litegrip_client.core.sockets.SYSTEM_DIRECTORY", str(Path(daemon.path).parent)
     )
     assert told() == "  see the daemon's log: journalctl -u litegripd@can0"
 

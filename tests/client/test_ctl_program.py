@@ -151,7 +151,7 @@ def test_without_a_channel_the_running_ones_are_named_and_none_is_guessed(
 ) -> None:
     own = tmp_path / "xdg" / "litegripd"
     own.mkdir(parents=True)
-    monkeypatch.setattr("litegrip_client.core.discovery.SYSTEM_DIRECTORY", str(tmp_path))
+    monkeypatch.setattr("litegrip_client.core.sockets.SYSTEM_DIRECTORY", str(tmp_path))
     with FakeDaemon(own / "sim7.sock") as daemon:
         assert main(["enable"]) == 3
         assert daemon.requests == []
@@ -166,7 +166,7 @@ def test_a_command_that_only_reads_takes_the_only_daemon_and_says_which(
 ) -> None:
     own = tmp_path / "xdg" / "litegripd"
     own.mkdir(parents=True)
-    monkeypatch.setattr("litegrip_client.core.discovery.SYSTEM_DIRECTORY", str(tmp_path))
+    monkeypatch.setattr("litegrip_client.core.sockets.SYSTEM_DIRECTORY", str(tmp_path))
     with FakeDaemon(own / "sim7.sock") as daemon:
         daemon.handlers["hello"] = lambda request: {**HELLO, "channel": "sim7"}
         assert main(["state", "--json"]) == 0
@@ -186,7 +186,7 @@ def test_a_closed_socket_of_the_default_channel_is_no_matter_of_its_name(
     def refuse(path: str, timeout_s: float) -> None:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr("litegrip_client.core.discovery.SYSTEM_DIRECTORY", str(tmp_path))
+    monkeypatch.setattr("litegrip_client.core.sockets.SYSTEM_DIRECTORY", str(tmp_path))
     monkeypatch.setattr("litegrip_client.threads.blocking.Connection", refuse)
     (tmp_path / "can0.sock").touch()
     assert main(["state"]) == 3

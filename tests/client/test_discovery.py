@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from litegrip_client import GripperConfig, LiteGrip
 from litegrip_client.aio import LiteGrip as AioLiteGrip
-from litegrip_client.core import discovery
+from litegrip_client.core import discovery, sockets
 from litegrip_client.core.discovery import check_channel, socket_paths
 from litegrip_client.threads import blocking
 from litegrip_client.threads.blocking import connect
@@ -64,7 +64,7 @@ def test_a_gripper_of_another_machine_is_found_at_the_portals_sockets() -> None:
 def test_without_a_daemon_the_error_tells_what_was_tried_and_what_to_do(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(discovery, "SYSTEM_DIRECTORY", str(tmp_path))
+    monkeypatch.setattr(sockets, "SYSTEM_DIRECTORY", str(tmp_path))
     monkeypatch.setattr(discovery, "UNIT_DIRECTORIES", (str(tmp_path),))
     dead = tmp_path / "can3.sock"
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listener:
@@ -88,7 +88,7 @@ def test_without_a_daemon_the_error_tells_what_was_tried_and_what_to_do(
 def test_where_no_socket_can_be_it_says_so_and_what_to_move(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
 ) -> None:
-    monkeypatch.setattr(discovery, "SYSTEM_DIRECTORY", str(tmp_path))
+    monkeypatch.setattr(sockets, "SYSTEM_DIRECTORY", str(tmp_path))
     monkeypatch.setattr(discovery, "UNIT_DIRECTORIES", (str(tmp_path),))
     blocked = tmp_path / "can3.sock"
     blocked.mkdir() if kind == "folder" else blocked.write_text("mine")
@@ -138,7 +138,7 @@ def test_a_socket_that_is_named_is_of_no_known_unit(monkeypatch: pytest.MonkeyPa
 def test_a_daemon_that_systemd_should_run_is_looked_at_before_it_is_started_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(discovery, "SYSTEM_DIRECTORY", str(tmp_path))
+    monkeypatch.setattr(sockets, "SYSTEM_DIRECTORY", str(tmp_path))
     monkeypatch.setattr(discovery, "ENABLED_DIRECTORY", str(tmp_path))
     monkeypatch.setattr(discovery, "UNIT_DIRECTORIES", (str(tmp_path),))
     (tmp_path / "litegripd@.service").touch()
@@ -186,7 +186,7 @@ def test_the_group_is_that_of_the_socket(monkeypatch: pytest.MonkeyPatch, tmp_pa
 def test_the_daemons_that_run_are_named_where_another_one_was_asked_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(discovery, "SYSTEM_DIRECTORY", str(tmp_path))
+    monkeypatch.setattr(sockets, "SYSTEM_DIRECTORY", str(tmp_path))
     (tmp_path / "can7.sock").touch()
     (tmp_path / "can7.stop.sock").touch()
     with pytest.raises(ConnectError, match="there is one for can7: name that; or start one"):
@@ -215,7 +215,7 @@ def test_a_path_that_is_too_long_is_told(tmp_path: Path) -> None:
 
 
 def test_a_daemon_of_the_user_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(discovery, "SYSTEM_DIRECTORY", str(tmp_path / "none"))
+    monkeypatch.setattr(sockets, "SYSTEM_DIRECTORY", str(tmp_path / "none"))
     (tmp_path / "xdg/litegripd").mkdir(parents=True)
     with FakeDaemon(tmp_path / "xdg/litegripd/can4.sock") as daemon, connect("can4") as connection:
         assert connection.path == daemon.path

@@ -9,8 +9,7 @@ from typing import Any
 
 import pytest
 
-from litegrip_client.core.discovery import SOCKET_VARIABLE
-from litegrip_client.core.stop import stop_path
+from litegrip_client.core.sockets import SOCKET_VARIABLE, stop_path
 from litegrip_fleet.far import daemon
 from litegrip_fleet.far.dead_man import DeadMansSwitch
 from litegrip_fleet.wire.keys import Place

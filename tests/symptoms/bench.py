@@ -20,7 +20,7 @@ from typing import Any
 from unittest.mock import patch
 
 import litegrip_client
-from litegrip_client.core import discovery
+from litegrip_client.core import discovery, sockets
 from litegrip_client.ctl.commands.machine import CHECKS
 from litegrip_client.ctl.doctor import gather
 from litegrip_client.ctl.doctor.findings import Finding, User, examine
@@ -164,7 +164,7 @@ class Bench:
                 (gather, "shortages", lambda _written: self.disks),
                 (discovery, "UNIT_DIRECTORIES", units),
                 (discovery, "ENABLED_DIRECTORY", str(self.folder / "enabled")),
-                (discovery, "SYSTEM_DIRECTORY", str(self.folder / "run/litegripd")),
+                (sockets, "SYSTEM_DIRECTORY", str(self.folder / "run/litegripd")),
             ):
                 stack.enter_context(patch.object(module, name, value))
             own = {

@@ -12,8 +12,9 @@ from pathlib import Path
 
 from litegrip_client.core.calibrations import warnings_in
 from litegrip_client.core.session import ACTION_TIMEOUT_S
+from litegrip_client.ctl.figures import Data, figure, plain
 from litegrip_client.ctl.parser import LateParser, positive
-from litegrip_client.ctl.render import CHOOSE_MOUNT, Data, figure, finish, plain, verdict
+from litegrip_client.ctl.render import CHOOSE_MOUNT, finish, verdict
 from litegrip_client.ctl.run import (
     INTERRUPTED,
     NOT_OK,

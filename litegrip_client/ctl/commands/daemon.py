@@ -7,8 +7,8 @@ from argparse import ArgumentTypeError
 from collections.abc import Iterator, Mapping
 
 from litegrip_client.core.session import ACTION_TIMEOUT_S
+from litegrip_client.ctl.figures import Data, figure, plain
 from litegrip_client.ctl.parser import NUMBER, LateParser
-from litegrip_client.ctl.render import Data, figure, plain
 from litegrip_client.ctl.run import OK, Commands, Run, connected, installing
 from litegrip_client.values.errors import CommandError, LiteGripError, ParameterError
 from litegrip_client.values.voices import in_shell

@@ -11,7 +11,7 @@ import subprocess
 import sys
 
 from litegrip_client.core.discovery import FLEET_PROGRAM, program_of
-from litegrip_client.core.stop import STOP_LEVELS
+from litegrip_client.core.sockets import STOP_LEVELS
 from litegrip_client.ctl.parser import LateParser
 from litegrip_client.ctl.run import WRONG_USAGE, Commands, Run, installing
 from litegrip_client.values.errors import CommandError, ConnectError, ProtocolError

@@ -12,9 +12,9 @@ from litegrip_client.ctl import install
 from litegrip_client.ctl.doctor import daemon_checks, fleet_checks, gripper_checks, link_checks
 from litegrip_client.ctl.doctor.findings import Check, Finding, as_data, examine
 from litegrip_client.ctl.doctor.gather import gather, scan
+from litegrip_client.ctl.figures import plain
 from litegrip_client.ctl.install import Done, Wanted
 from litegrip_client.ctl.parser import LateParser
-from litegrip_client.ctl.render import plain
 from litegrip_client.ctl.run import NOT_OK, OK, Commands, Run
 from litegrip_client.socketcan.managers import uses_networkd
 from litegrip_client.threads.blocking import connect

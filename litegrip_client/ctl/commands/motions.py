@@ -8,18 +8,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from litegrip_client.core.session import ACTION_TIMEOUT_S
+from litegrip_client.ctl.figures import Data, figure, owner, plain
 from litegrip_client.ctl.parser import LateParser, count, not_negative, positive, target
 from litegrip_client.ctl.render import (
     Clock,
-    Data,
     aligned,
     clock_of,
-    figure,
     finish,
     jaws_now,
     opening_of,
-    owner,
-    plain,
     start,
     verdict,
     words,

@@ -13,8 +13,8 @@ from pathlib import Path
 
 from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.ctl.commands import is_name
+from litegrip_client.ctl.figures import figure, plain
 from litegrip_client.ctl.parser import LateParser, positive
-from litegrip_client.ctl.render import figure, plain
 from litegrip_client.ctl.run import OK, Commands, Run, installing, put_file, refuse_existing
 from litegrip_client.values.errors import CommandError
 from litegrip_client.values.trajectory import Trajectory

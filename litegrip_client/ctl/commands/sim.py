@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from argparse import ArgumentTypeError
 
+from litegrip_client.ctl.figures import Data, figure
 from litegrip_client.ctl.parser import LateParser, not_negative, number, positive
-from litegrip_client.ctl.render import Data, figure
 from litegrip_client.ctl.run import OK, Commands, Run
 from litegrip_client.values.errors import CommandError
 

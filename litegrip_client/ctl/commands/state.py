@@ -9,10 +9,11 @@ from functools import partial
 from itertools import chain, islice
 
 from litegrip_client.core.discovery import socket_paths
-from litegrip_client.core.stop import STOP_LEVELS, is_taken_as_meant, stop_at
+from litegrip_client.core.sockets import STOP_LEVELS
+from litegrip_client.core.stop import is_taken_as_meant, stop_at
 from litegrip_client.ctl import render
+from litegrip_client.ctl.figures import Data, figure, owner, plain
 from litegrip_client.ctl.parser import LateParser, count, positive
-from litegrip_client.ctl.render import Data, plain
 from litegrip_client.ctl.run import (
     NOT_OK,
     OK,
@@ -23,7 +24,7 @@ from litegrip_client.ctl.run import (
     installing,
     may_ask,
 )
-from litegrip_client.ctl.state_view import age, is_unheard, state_line, state_rows
+from litegrip_client.ctl.state_view import state_line, state_text, stopped
 from litegrip_client.values.errors import CommandError
 from litegrip_client.values.voices import in_shell
 
@@ -46,18 +47,18 @@ def clients(run: Run) -> int:
     return OK
 
 
-def _clients_text(rows: list[render.Data]) -> str:
+def _clients_text(rows: list[Data]) -> str:
     """Return a table of the connected clients; this program is marked."""
     table = [("CLIENT", "ROLE", "REQUESTS", "REFUSED", "DROPPED", "WORST", "CONNECTED")]
     table += [
         (
-            render.plain(render.owner(row)) + (" (this one)" if row.get("is_me") else ""),
-            render.plain(row.get("role")),
+            plain(owner(row)) + (" (this one)" if row.get("is_me") else ""),
+            plain(row.get("role")),
             str(row.get("requests")),
             str(row.get("refused")),
             str(row.get("dropped")),
-            render.figure(row.get("worst_latency_ms"), ".1f", "ms"),
-            render.figure(row.get("connected_s"), ".0f", "s"),
+            figure(row.get("worst_latency_ms"), ".1f", "ms"),
+            figure(row.get("connected_s"), ".0f", "s"),
         )
         for row in rows
     ]
@@ -102,9 +103,9 @@ def lease(run: Run) -> int:
 def _take(run: Run) -> int:
     options, connection = run.options, run.connection
     before = connection.call("lease.get")
-    owner = before["owner"]
+    holder = before["owner"]
     if not options.yes and may_ask():
-        whose = connection.call("state.get").get("job") if owner is None else owner
+        whose = connection.call("state.get").get("job") if holder is None else holder
         if whose is not None and not confirm(_question(before, whose, options)):
             run.output.error(CommandError("nothing was done", reason="not_wanted"), "")
             return NOT_OK
@@ -112,21 +113,21 @@ def _take(run: Run) -> int:
     taken = connection.call("lease.take", params | ({"jaws": "relax"} if options.release else {}))
     connection.call("lease.release")
     ended, state = taken.get("ended_job"), taken["state"]
-    text = "nobody had the lease" if owner is None else f"taken from {render.owner(owner)}"
+    text = "nobody had the lease" if holder is None else f"taken from {owner(holder)}"
     text += "" if ended is None else f", job {ended} was ended"
-    data = {"taken_from": owner, "ended_job": ended, "state": state}
-    run.output.result(data, render.plain(f"{text}; {_jaws(state)}; nobody has the lease now"))
+    data = {"taken_from": holder, "ended_job": ended, "state": state}
+    run.output.result(data, plain(f"{text}; {_jaws(state)}; nobody has the lease now"))
     return OK
 
 
 def _question(before: Mapping[str, Any], whose: Mapping[str, Any], options: Namespace) -> str:
     if before["owner"] is None:
-        by = render.owner(whose.get("owner") or {})
+        by = owner(whose.get("owner") or {})
         what = f"job {whose.get('job')}, {whose.get('kind')} by {by}, is running"
     else:
         what = render.lease(before)
     then = "go slack" if options.release else "hold on"
-    return render.plain(f"{what}; end that? The jaws {then} then.")
+    return plain(f"{what}; end that? The jaws {then} then.")
 
 
 def _jaws(state: Mapping[str, Any]) -> str:
@@ -136,7 +137,7 @@ def _jaws(state: Mapping[str, Any]) -> str:
     if state.get("mode") != "holding":
         return f"the gripper is {state.get('mode')}"
     force_n = state.get("force_set_n")
-    by = "" if force_n is None else f", with {render.figure(force_n, '.1f', 'N')}"
+    by = "" if force_n is None else f", with {figure(force_n, '.1f', 'N')}"
     return f"the jaws hold on{by}"
 
 
@@ -182,14 +183,6 @@ def _params(options: Namespace) -> dict[str, str]:
     return {"level": options.level} | ({} if options.why is None else {"why": options.why})
 
 
-def stopped(data: Mapping[str, Any]) -> str:
-    """Return the text for a latched stop, and what it cannot reach."""
-    text = f"stopped: {data['level']}, until: litegripctl clear"
-    if (data.get("state") or {}).get("motor") in ("silent", "unknown"):
-        text += "; the motor does not answer, so nothing reaches it: to be sure, cut its power"
-    return render.plain(text)
-
-
 def clear(run: Run) -> int:
     """Clear a stop."""
     data = run.connection.run(run.connection.prepare_guarded("stop.clear", {}))
@@ -203,24 +196,12 @@ def clear(run: Run) -> int:
 
 Show: TypeAlias = "Callable[[Iterable[Scene], str, Callable[[str], str]], None]"
 
-_LABEL_WIDTH = 12
-
 
 def state(run: Run) -> int:
     """Show the state."""
     data = run.connection.call("state.get")
-    run.output.result(data, _state_text(data))
+    run.output.result(data, state_text(data))
     return OK
-
-
-def _state_text(data: Data) -> str:
-    """Return a state in aligned lines."""
-    lines = [f"{label:<{_LABEL_WIDTH}} {plain(text)}" for label, text in state_rows(data)]
-    if is_unheard(data):
-        lines.insert(0, "the motor has not answered yet: nothing is known of it")
-    elif data.get("stale"):
-        lines.insert(0, f"{age(data)}: these are the last known figures")
-    return "\n".join(lines)
 
 
 _WATCH = """\

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 
+from litegrip_client.ctl.figures import Data, figure, plain
 from litegrip_client.ctl.parser import LateParser, count, positive
-from litegrip_client.ctl.render import Data, figure, plain
 from litegrip_client.ctl.run import NOT_OK, OK, Commands, Run
 
 TYPE_CHECKING = False

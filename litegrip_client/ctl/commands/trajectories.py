@@ -9,19 +9,9 @@ from dataclasses import asdict
 
 from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.core.trajectories import Recording, fetch, fetch_grips, send
+from litegrip_client.ctl.figures import Data, figure, plain
 from litegrip_client.ctl.parser import LateParser, count, positive
-from litegrip_client.ctl.render import (
-    Data,
-    aligned,
-    bar,
-    date,
-    figure,
-    finish,
-    jaws_now,
-    opening_of,
-    plain,
-    verdict,
-)
+from litegrip_client.ctl.render import aligned, bar, date, finish, jaws_now, opening_of, verdict
 from litegrip_client.ctl.run import (
     INTERRUPTED,
     OK,

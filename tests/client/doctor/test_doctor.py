@@ -161,7 +161,7 @@ def test_on_a_robot_with_stable_names_those_are_named_and_not_can0(
     monkeypatch.delenv("LITEGRIPD_SOCKET", raising=False)
     monkeypatch.delenv("LITEGRIP_CHANNEL", raising=False)
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    monkeypatch.setattr("litegrip_client.core.discovery.SYSTEM_DIRECTORY", str(tmp_path / "run"))
+    monkeypatch.setattr("litegrip_client.core.sockets.SYSTEM_DIRECTORY", str(tmp_path / "run"))
     monkeypatch.setattr("litegrip_client.core.discovery.ENABLED_DIRECTORY", str(tmp_path / "wants"))
     for path in ("run/left.sock", "run/left.stop.sock", "wants/litegripd@right.service"):
         (tmp_path / path).parent.mkdir(exist_ok=True)

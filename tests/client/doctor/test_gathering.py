@@ -73,7 +73,7 @@ def test_whether_systemd_should_run_the_daemon_is_asked(
     tmp_path: Path, programs: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("litegrip_client.core.discovery.ENABLED_DIRECTORY", str(programs))
-    monkeypatch.setattr("litegrip_client.core.discovery.SYSTEM_DIRECTORY", str(tmp_path))
+    monkeypatch.setattr("litegrip_client.core.sockets.SYSTEM_DIRECTORY", str(tmp_path))
     (programs / "litegripd@can3.service").symlink_to("/usr/lib/litegripd@.service")
     assert gather.gather("can3", None, channel_chosen=True).is_unit_enabled
     assert not gather.gather("can4", None, channel_chosen=True).is_unit_enabled

@@ -1,0 +1,26 @@
+"""Figures and foreign texts, as a person reads them."""
+
+from __future__ import annotations
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see core/sockets
+    from collections.abc import Mapping
+    from typing import Any, TypeAlias
+
+Data: TypeAlias = "Mapping[str, Any]"
+
+
+def figure(value: object, form: str, unit: str) -> str:
+    """Return a number with its unit, `--` if it is not known."""
+    shown = format(value, form) if isinstance(value, int | float) else "--"
+    return f"{shown} {unit}".rstrip()
+
+
+def plain(text: object) -> str:
+    """Return a foreign text without the characters that could control a terminal."""
+    return "".join(letter if letter.isprintable() else "?" for letter in str(text))
+
+
+def owner(data: Data) -> str:
+    """Return the program and the pid of an owner."""
+    return f"{data.get('program') or data.get('client') or 'unknown'} (pid {data.get('pid')})"

@@ -1,0 +1,59 @@
+"""The whole of `litegripctl`: connect, run one command, and end with the right exit code."""
+
+import sys
+from argparse import Namespace
+from functools import partial
+
+from litegrip_client.ctl.commands import COMMANDS, find, needs_daemon
+from litegrip_client.ctl.commands.state import stop_first
+from litegrip_client.ctl.parser import UsageError, for_gripper, parse
+from litegrip_client.ctl.render import hint_for
+from litegrip_client.ctl.run import (
+    INTERRUPTED,
+    OK,
+    WRONG_USAGE,
+    Output,
+    Run,
+    connected,
+)
+from litegrip_client.values.errors import CommandError, LiteGripError, ProtocolError, exit_code
+
+
+def run(given: list[str]) -> int:
+    """Run a command line; return its exit code. Raises what standard output raises."""
+    try:
+        options = parse(given, COMMANDS)
+    except UsageError as wrong:
+        return _refuse(wrong, Output(as_json="--json" in given))
+    output = Output(as_json=options.json, for_gripper=partial(for_gripper, options.call, COMMANDS))
+    return _run(options, output)
+
+
+def _run(options: Namespace, output: Output) -> int:
+    try:
+        if options.command == "stop" and stop_first(options, output):
+            return OK
+        command = find(options.command)
+        if not needs_daemon(options):
+            return command(Run(None, options, output))
+        with connected(options) as connection:
+            return command(Run(connection, options, output))
+    except LiteGripError as error:
+        output.error(error, hint_for(error, options))
+        return exit_code(error)
+    except (KeyError, TypeError, AttributeError) as error:
+        strange = ProtocolError(f"the daemon's answer is not as expected: {error!r}")
+        output.error(strange, hint_for(strange, options))
+        return exit_code(strange)
+    except KeyboardInterrupt:
+        output.end_line()
+        return INTERRUPTED
+
+
+def _refuse(wrong: UsageError, output: Output) -> int:
+    """Report what is wrong with the command line."""
+    if not output.as_json:
+        sys.stderr.write(wrong.usage)
+    hint = f"see: {wrong.program} --help"
+    output.error(CommandError(wrong.message, reason="wrong_usage"), hint)
+    return WRONG_USAGE
