@@ -3,8 +3,9 @@
 python -m bench.startup
 
 Instructions are counted by valgrind in the user's space, so that nothing else on the machine
-matters; the interpreter is this one without the site's packages (-S), whose own start is the
-first line. A daemon of `tests.client.fake_daemon` answers the commands.
+matters. The interpreter starts without the site's packages (-S), as those of some load much, but
+with `site` and what it needs, as every interpreter does. A daemon of
+`tests.client.fake_daemon` answers the commands.
 """
 
 import os
@@ -29,7 +30,7 @@ _CTL = "import sys; from litegrip_client.ctl.main import main; sys.exit(main(sys
 
 def instructions(folder: Path, code: str, *arguments: str) -> int:
     """Return how many instructions the code takes in an interpreter of its own."""
-    command = [sys.executable, "-S", "-c", code, *arguments]
+    command = [sys.executable, "-S", "-c", f"import site; {code}", *arguments]
     environment = {"PYTHONPATH": str(ROOT), "PYTHONPYCACHEPREFIX": str(folder / "cache")}
     environment |= {"LITEGRIPD_SOCKET": str(folder / "can0.sock"), "PYTHONHASHSEED": "0"}
     environment["PATH"] = os.environ["PATH"]
@@ -50,10 +51,10 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name, FakeDaemon(Path(name, "can0.sock")) as daemon:
         folder = Path(name)
         latched = {"level": "hold", "generation": 4}
-        daemon.handlers["stop"] = lambda request: latched
-        daemon.handlers["clients.list"] = lambda request: {"clients": []}
+        daemon.handlers["stop"] = lambda _: latched
+        daemon.handlers["clients.list"] = lambda _: {"clients": []}
         with FakeDaemon(folder / "can0.stop.sock") as stops:
-            stops.handlers["stop"] = lambda request: latched
+            stops.handlers["stop"] = lambda _: latched
             _report(folder)
 
 

@@ -19,6 +19,7 @@ from litegrip_client.values.results import (
     GripperState,
     MoveProgress,
     MoveResult,
+    PlayResult,
     SetZeroResult,
 )
 
@@ -32,7 +33,6 @@ if TYPE_CHECKING:  # see the package: what is seldom needed takes its time to im
     from litegrip_client.core.session import Wire
     from litegrip_client.core.trajectories import Trajectories
     from litegrip_client.values.calibration import CalibrationData, GripperConfig
-    from litegrip_client.values.results import PlayResult
     from litegrip_client.values.trajectory import Trajectory
 
     ProgressCallback: TypeAlias = Callable[[MoveProgress], None]
@@ -466,8 +466,6 @@ class GripperActions:
         `loop` is for `play_start`. An interrupt, or an error of `progress`, cancels the replay
         before it is raised. A path that something blocks gives `ok` False.
         """
-        from litegrip_client.values.results import PlayResult  # noqa: PLC0415 - see above
-
         if loop:
             raise ParameterError(
                 "play returns at the end, which a loop does not have",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import grp
 import os
 import re
 import stat
@@ -191,8 +192,6 @@ def _no_daemon(
 
 def _group_of(path: str) -> str:
     """Return the group that may open a socket, as far as this user can see it."""
-    import grp  # noqa: PLC0415 - seldom needed
-
     try:
         name = grp.getgrgid(os.stat(path).st_gid).gr_name  # noqa: PTH116 - see _names
     except (OSError, KeyError):

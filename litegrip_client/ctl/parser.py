@@ -13,6 +13,8 @@ import re
 import shlex
 from argparse import ArgumentTypeError
 from collections.abc import Callable, Iterable, Sequence
+from difflib import get_close_matches
+from textwrap import fill
 
 from litegrip_client.core.discovery import check_channel
 from litegrip_client.core.sockets import CHANNEL_VARIABLE, DEFAULT_CHANNEL
@@ -144,8 +146,6 @@ Fill: TypeAlias = "Callable[[LateParser], None]"
 
 def _did_you_mean(given: str, names: Iterable[str]) -> str:
     """Return the question, if a name comes close to what was given, else nothing."""
-    from difflib import get_close_matches  # noqa: PLC0415 - only where something is wrong
-
     close = get_close_matches(given, list(names), 1)
     return f"; did you mean {close[0]!r}?" if close else ""
 
@@ -215,8 +215,6 @@ def for_gripper(call: str, rows: Sequence[Row], text: str) -> str:
 
 class _WholeParser(Parser):
     def format_help(self) -> str:
-        from textwrap import fill  # noqa: PLC0415 - seldom needed
-
         lines = (
             fill(text, 79, initial_indent=f"  {code:<5}", subsequent_indent=" " * 7)
             for code, text in EXIT_CODES

@@ -13,15 +13,12 @@ import shlex
 import sys
 from argparse import Namespace
 from collections.abc import Callable, Mapping
-from pathlib import Path
 
 from litegrip_client.core.discovery import is_socket_given, running_channels
 from litegrip_client.core.sockets import DEFAULT_CHANNEL
 from litegrip_client.ctl.streams import write
 from litegrip_client.line.connection import Connection
 from litegrip_client.threads.blocking import connect
-from litegrip_client.values import atomic_file
-from litegrip_client.values.atomic_file import why_not_written
 from litegrip_client.values.errors import CommandError, LiteGripError
 from litegrip_client.values.voices import in_shell, is_said
 
@@ -31,24 +28,6 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, TypeAlias
 
     from litegrip_client.ctl.parser import Fill
-
-
-def refuse_existing(path: str, hint: str) -> None:
-    """Raise `CommandError` for a file that exists already."""
-    if Path(path).exists():
-        raise CommandError(f"{path} exists already", reason="file_exists", data={"hint": hint})
-
-
-def put_file(path: str, content: bytes) -> None:
-    """Write a file, wholly or not at all; raises `CommandError`."""
-    try:
-        atomic_file.write(Path(path), content, makes_folder=False)
-    except OSError as error:
-        raise CommandError(
-            f"cannot write {path}: {why_not_written(error, path)}",
-            reason="file_not_written",
-            data={"hint": "choose a directory that you may write to"},
-        ) from error
 
 
 class Output:

@@ -12,6 +12,7 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
+from weakref import ref
 
 from litegrip_client.values.errors import (
     CommandError,
@@ -26,7 +27,6 @@ from litegrip_client.values.errors import (
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, Protocol, TypeAlias
-    from weakref import ref
 
     class Listener(Protocol):
         """Receives the notifications of a subscription."""
@@ -443,7 +443,6 @@ class Exchange:
 
     def _subscribing(self, feed: Subscribing) -> Call:
         """Return the call that begins `feed`."""
-        from weakref import ref  # noqa: PLC0415 - only subscriptions need it
 
         def begin(result: Message) -> None:
             feed.begin(result)

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from litegrip_client.ctl.run import put_file
+from litegrip_client.ctl.files import put_file
 from litegrip_client.values import atomic_file, calibration_files, trajectory
 from litegrip_client.values.errors import CommandError
 from litegripd.app import helper_main, status

@@ -13,6 +13,7 @@ from pathlib import Path
 from litegrip_client.core.calibrations import warnings_in
 from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.ctl.figures import Data, figure, plain
+from litegrip_client.ctl.files import put_file, refuse_existing
 from litegrip_client.ctl.parser import LateParser, positive
 from litegrip_client.ctl.render import CHOOSE_MOUNT, finish, verdict
 from litegrip_client.ctl.run import (
@@ -27,8 +28,6 @@ from litegrip_client.ctl.run import (
     confirm,
     may_ask,
     one_line,
-    put_file,
-    refuse_existing,
     say,
 )
 from litegrip_client.values import strict_json

@@ -13,9 +13,11 @@ from pathlib import Path
 
 from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.ctl.commands import is_name
+from litegrip_client.ctl.commands.trajectories import fetched_whole
 from litegrip_client.ctl.figures import figure, plain
+from litegrip_client.ctl.files import put_file, refuse_existing
 from litegrip_client.ctl.parser import LateParser, positive
-from litegrip_client.ctl.run import OK, Commands, Run, installing, put_file, refuse_existing
+from litegrip_client.ctl.run import OK, Commands, Run, installing
 from litegrip_client.values.errors import CommandError
 from litegrip_client.values.trajectory import Trajectory
 from litegrip_client.values.trajectory_format import MAGIC
@@ -190,8 +192,6 @@ def _trajectory(run: Run) -> Trajectory | None:
     if run.options.local:
         trajectory = Trajectory.load(name)
     elif is_name(name):
-        from litegrip_client.ctl.commands.trajectories import fetched_whole  # noqa: PLC0415
-
         trajectory = fetched_whole(run, {"name": name})[0]
     elif Path(name).suffix == ".lgt" or _begins_as_one(name):
         trajectory = Trajectory.load(Path(name).absolute())

@@ -10,18 +10,10 @@ from dataclasses import asdict
 from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.core.trajectories import Recording, fetch, fetch_grips, send
 from litegrip_client.ctl.figures import Data, figure, plain
+from litegrip_client.ctl.files import put_file, refuse_existing
 from litegrip_client.ctl.parser import LateParser, count, positive
 from litegrip_client.ctl.render import aligned, bar, date, finish, jaws_now, opening_of, verdict
-from litegrip_client.ctl.run import (
-    INTERRUPTED,
-    OK,
-    Command,
-    Commands,
-    Run,
-    put_file,
-    refuse_existing,
-    say,
-)
+from litegrip_client.ctl.run import INTERRUPTED, OK, Command, Commands, Run, say
 from litegrip_client.threads.blocking import BlockingWire, complete, pause
 from litegrip_client.values.errors import CancelledError, CommandError
 from litegrip_client.values.trajectory import (
