@@ -163,8 +163,6 @@ class DaemonSession:
         """
         if self.is_open:
             return
-        import litegrip_client.values.results  # noqa: F401, PLC0415 - so that no call must load it
-
         wire = await self._connect()
         try:
             hello = await wire.call("hello", {"client": _program()})

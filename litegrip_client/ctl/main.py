@@ -37,7 +37,7 @@ def _run(given: list[str]) -> int:
     if text is not None:
         streams.write(f"{text}\n")
         return 0
-    from litegrip_client.ctl import program  # noqa: PLC0415 - takes 40 ms
+    from litegrip_client.ctl import program  # noqa: PLC0415 - takes 30 ms
 
     return program.run(given)
 

@@ -1,7 +1,6 @@
 """What several tests of the client need: threads whose errors are seen, and interrupts."""
 
 import os
-import resource
 import signal
 import threading
 import time
@@ -57,12 +56,6 @@ def interrupt_when_main_thread_reads(connection: Connection) -> None:
         interrupt_main_thread()
 
     in_thread(interrupt)
-
-
-def processor_time_of_children_s() -> float:
-    """Tell what the ended child processes took, whatever else the machine had to do meanwhile."""
-    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return usage.ru_utime + usage.ru_stime
 
 
 def sample(request: Request, seq: int, **more: Any) -> None:

@@ -1,7 +1,6 @@
 """litegripctl as a program: its command line, a terminal, a pipe that closes, no daemon."""
 
 import json
-import os
 import subprocess
 import time
 from pathlib import Path
@@ -16,7 +15,6 @@ from litegripd.model.errors import ERROR_TABLE
 from tests.client.ctl_commands import ACTIONS
 from tests.client.ctl_terminal import COMMAND, ROOT, Terminal, start
 from tests.client.fake_daemon import DEADLINE_S, HELLO, MOVE, STATE, FakeDaemon, Request
-from tests.client.helpers import processor_time_of_children_s
 
 
 def samples(daemon: FakeDaemon, count: int) -> None:
@@ -107,22 +105,6 @@ def test_a_pipe_that_closes_is_no_noise(daemon: FakeDaemon) -> None:
     error = process.stderr.read()
     process.stderr.close()
     assert (b"35.25 mm" in first, code, error) == (True, 141, b"")
-
-
-def test_a_state_answers_at_once(daemon: FakeDaemon, tmp_path: Path) -> None:
-    environment = {
-        **os.environ,
-        "PYTHONPATH": str(ROOT),
-        "PYTHONPYCACHEPREFIX": str(tmp_path / "cache"),
-        "PYTHONDONTWRITEBYTECODE": "",
-    }
-    figures = []
-    for _ in range(6):
-        before_s = processor_time_of_children_s()
-        arguments = ["--socket", daemon.path, "state", "--json"]
-        subprocess.run([*COMMAND, *arguments], env=environment, check=True, capture_output=True)
-        figures.append(processor_time_of_children_s() - before_s)
-    assert min(figures) < 0.15, f"litegripctl state takes {figures} s"
 
 
 @pytest.mark.parametrize("line", [["--version"], ["-c", "can1", "--version", "state"]])

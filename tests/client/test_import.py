@@ -1,8 +1,8 @@
-"""What importing the client brings in, and how long it takes."""
+"""What importing the client brings in."""
 
+import ast
 import importlib
 import os
-import statistics
 import subprocess
 import sys
 import sysconfig
@@ -11,17 +11,19 @@ from pathlib import Path
 import pytest
 
 import litegrip_client
-from tests.client.helpers import processor_time_of_children_s
 
 ROOT = Path(__file__).resolve().parents[2]
-LIMIT_S = 0.045
 
 
-def run(code: str, cache: Path) -> str:
+def run(code: str, cache: Path, *options: str) -> str:
     environment = {**os.environ, "PYTHONPYCACHEPREFIX": str(cache), "PYTHONPATH": str(ROOT)}
     environment.pop("PYTHONDONTWRITEBYTECODE", None)
     done = subprocess.run(
-        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
+        [sys.executable, *options, "-c", code],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=True,
     )
     return done.stdout
 
@@ -69,30 +71,63 @@ def test_asyncio_is_imported_when_it_is_asked_for_and_not_before(tmp_path: Path)
     assert run(code, tmp_path).splitlines() == ["False", "LiteGrip True"]
 
 
-def test_what_is_slow_to_import_is_not_imported(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "first",
+    [
+        "from litegrip_client import LiteGrip",
+        "import litegrip_client.ctl.program, litegrip_client.ctl.commands.state",
+    ],
+)
+def test_what_is_slow_to_import_is_not_imported(tmp_path: Path, first: str) -> None:
+    slow = ("typing", "dataclasses", "inspect", "subprocess", "pathlib", "logging", "asyncio")
+    code = f"import site, sys; {first}; print(*{{*{slow}}} & set(sys.modules))"
+    assert run(code, tmp_path, "-S").split() == []
+
+
+def test_importing_the_package_alone_imports_none_of_its_modules(tmp_path: Path) -> None:
     code = (
-        "import sys; from litegrip_client import LiteGrip; "
-        "print(*sorted({'typing', 'dataclasses', 'inspect', 'subprocess'} & set(sys.modules)))"
+        "import sys; before = set(sys.modules); import litegrip_client; "
+        "print(*set(sys.modules) - before)"
     )
-    assert run(code, tmp_path).split() == []
+    assert set(run(code, tmp_path).split()) - {"__future__", "importlib", "warnings"} == {
+        "litegrip_client"
+    }
 
 
-def test_importing_is_quick(tmp_path: Path) -> None:
-    """The figure stands in the message; a machine that is busy gets three chances."""
+def test_the_first_line_of_a_program_imports_what_a_call_needs(tmp_path: Path) -> None:
+    """What an import takes is what it imports: see `python -m bench.startup`."""
+    code = (
+        "import sys, json, socket, threading, contextlib, struct; before = set(sys.modules); "
+        "from litegrip_client import LiteGrip; print(*set(sys.modules) - before)"
+    )
+    names = set(run(code, tmp_path).split())
+    assert {name for name in names if "litegrip" not in name} <= {
+        *("__future__", "_weakrefset", "_warnings", "array", "errno", "grp", "importlib"),
+        *("math", "select", "selectors", "stat", "warnings", "weakref"),
+    }
+    assert {name.removeprefix("litegrip_client.") for name in names if "litegrip" in name} == {
+        *("litegrip_client", "core", "core.discovery", "core.session", "core.sockets"),
+        *("line", "line.connection", "line.exchange", "sdk", "sdk.refused"),
+        *("threads", "threads.actions", "threads.blocking", "threads.gripper"),
+        *("threads.sdk_gripper", "values", "values.checks", "values.error_table"),
+        *("values.errors", "values.fields", "values.warn"),
+    }
 
-    def seconds(code: str) -> float:
-        before_s = processor_time_of_children_s()
-        run(code, tmp_path)
-        return processor_time_of_children_s() - before_s
 
-    run("import litegrip_client", tmp_path)
-    figures = []
-    for _ in range(3):
-        turns = [(seconds("import litegrip_client"), seconds("pass")) for _ in range(7)]
-        figures.append(statistics.median(one - bare for one, bare in turns))
-        if figures[-1] < LIMIT_S:
-            break
-    assert min(figures) < LIMIT_S, f"import litegrip_client takes {figures} s"
+def test_the_names_for_type_checkers_are_those_that_are_there() -> None:
+    tree = ast.parse(Path(litegrip_client.__file__).read_text())
+    (told,) = [
+        node for node in tree.body if isinstance(node, ast.If) and "TYPE_" in ast.dump(node.test)
+    ]
+    imported = {
+        alias.name: (node.module or "").removeprefix("litegrip_client.")
+        for node in told.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    assert imported.pop("aio") == "litegrip_client"
+    assert imported == litegrip_client._MODULE_OF
+    assert {*imported, "__version__"} == set(litegrip_client.__all__)
 
 
 def test_what_is_exported_is_there() -> None:

@@ -6,9 +6,9 @@ that a `state` does not wait for the others.
 
 from __future__ import annotations
 
+import os
 from argparse import Namespace
 from importlib import import_module
-from pathlib import Path
 
 from litegrip_client.ctl.parser import Fill
 from litegrip_client.ctl.run import Command
@@ -130,8 +130,9 @@ def needs_daemon(options: Namespace) -> bool:
 
 def is_name(text: str) -> bool:
     """Return True if it can only be a name of the daemon's, and no file here."""
-    path = Path(text)
-    return path.name == text and not path.suffix and not path.exists()
+    if not text or "/" in text or os.path.exists(text):  # noqa: PTH110 - pathlib takes 4 ms
+        return False
+    return "." not in text[1:].rstrip(".")  # behind a dot begins the ending of a file
 
 
 def find(name: str) -> Command:

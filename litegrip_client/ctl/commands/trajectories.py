@@ -493,9 +493,6 @@ def played_text(data: Data) -> str:
 
 
 def _uploaded(run: Run) -> int:
-    from litegrip_client.core.trajectories import send  # noqa: PLC0415 - seldom needed
-    from litegrip_client.values.trajectory import read_file, read_grips  # noqa: PLC0415
-
     wire, content = BlockingWire(run.connection), read_file(run.options.name)
     grips = b"" if run.options.force == "path" else read_grips(run.options.name)
     with showing(run) as share:
