@@ -103,14 +103,7 @@ class Trajectories:
 
     async def kept(self) -> list[dict[str, Any]]:
         """Return what the daemon keeps, by name."""
-        rows: list[dict[str, Any]] = []
-        more = True
-        while more:
-            params = {"after": rows[-1]["name"]} if rows else {}
-            answer = await self._session.wire.call("trajectory.list", params, ACTION_TIMEOUT_S)
-            rows += answer["trajectories"]
-            more = answer["more"] and bool(answer["trajectories"])
-        return rows
+        return (await listed(self._session.wire))[0]
 
     async def keep(self, name: str, trajectory: Trajectory) -> dict[str, Any]:
         """Have the daemon keep a trajectory under a name; return its description."""
@@ -290,6 +283,22 @@ class Recording:
             await end(self._wire, _WHATEVER_THERE_IS)
         except LiteGripError as error:
             warn(f"the interrupted recording could not be ended: {error}")
+
+
+async def listed(wire: Wire) -> tuple[list[dict[str, Any]], dict[str, Any] | None]:
+    """Return what the daemon keeps, by name, and what this user has of it and may have.
+
+    The latter is None from an older daemon.
+    """
+    rows: list[dict[str, Any]] = []
+    usage, more = None, True
+    while more:
+        params = {"after": rows[-1]["name"]} if rows else {}
+        answer = await wire.call("trajectory.list", params, ACTION_TIMEOUT_S)
+        rows += answer["trajectories"]
+        more = answer["more"] and bool(answer["trajectories"])
+        usage = answer.get("usage")
+    return rows, usage
 
 
 async def fetch(

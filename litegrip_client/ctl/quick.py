@@ -105,7 +105,7 @@ def _stop(places: list[str], level: str) -> str | None:
             (latched,) = _ask(stop_path(path), request, 1, _STOP_WITHIN_S)
         except FileNotFoundError:
             continue
-        if latched["level"] != level:
+        if latched["level"] not in STOP_LEVELS:  # a stronger one may have been latched before
             return None
         return stopped(latched)
     return None

@@ -22,8 +22,7 @@ import zenoh
 
 from litegrip_client.core.sockets import SOCKET_VARIABLE, STOP_LEVELS
 from litegrip_client.core.stop import WHY_CHARACTERS
-from litegrip_client.ctl.commands.machine import findings_text
-from litegrip_client.ctl.doctor.findings import as_data
+from litegrip_client.ctl.doctor.findings import as_data, as_text
 from litegrip_client.line.exchange import request_line
 from litegrip_fleet.admin import by_portal
 from litegrip_fleet.admin.access import rules
@@ -300,7 +299,7 @@ def _check(arguments: argparse.Namespace) -> int:
             json.dumps({"ok": data["ok"], "file": arguments.config, "findings": data["findings"]})
         )
     else:
-        print(findings_text(found))
+        print(as_text(found))
     return EXIT_OK if data["ok"] else EXIT_FAILED
 
 

@@ -123,6 +123,13 @@ def test_a_plain_stop_is_the_same_in_both_ways(
     assert shown == f"stopped: {level}, until: {call} clear\n"
 
 
+def test_a_stronger_stop_from_before_is_told_in_both_ways(
+    daemon: FakeDaemon, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with Stops(Path(stop_path(daemon.path)), level="disable") as stops:
+        assert both(["stop"], stops, capsys)[0].startswith("stopped: disable, ")
+
+
 def test_a_stop_that_reaches_nothing_says_so_in_both_ways(
     daemon: FakeDaemon, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -205,7 +212,7 @@ ANSWERS = [
     b"\xff\n",
     b"[" * 20_000 + b"\n",
     b'{"jsonrpc":"2.0","id":2,"result":{"level":"hold"}}\n',
-    b'{"jsonrpc":"2.0","id":1,"result":{"level":"relax"}}\n',
+    b'{"jsonrpc":"2.0","id":1,"result":{"level":"limp"}}\n',
     b'{"jsonrpc":"2.0","id":1,"result":[]}\n',
     b'{"jsonrpc":"2.0","id":1,"result":{"level":"hold"}} x\n',
     b'{"jsonrpc":"2.0","id":1,"result":{"level":"hold"}}',
@@ -279,3 +286,17 @@ def test_what_a_plain_one_imports_is_next_to_nothing(
     own = {name.removeprefix("litegrip_client.") for name in names if "litegrip" in name}
     assert (status, own) == ("0", LOADED)
     assert {name for name in names if "litegrip" not in name} <= SYSTEM
+
+
+def test_the_installed_program_is_it() -> None:
+    root = re.sub("/tests/.*", "", __file__)
+    project = Path(root, "pyproject.toml").read_text()
+    assert '"litegrip_client/ctl/litegripctl"' in project
+    done = subprocess.run(
+        [sys.executable, f"{root}/litegrip_client/ctl/litegripctl", "--version"],
+        env={"PYTHONPATH": root},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert (done.stdout.split()[0], done.stderr) == ("litegripctl", "")

@@ -10,50 +10,14 @@ from pathlib import Path
 
 from litegrip_client.ctl import install
 from litegrip_client.ctl.doctor import daemon_checks, fleet_checks, gripper_checks, link_checks
-from litegrip_client.ctl.doctor.findings import Check, Finding, as_data, examine
+from litegrip_client.ctl.doctor.findings import Check, as_data, as_text, examine
 from litegrip_client.ctl.doctor.gather import gather, scan
-from litegrip_client.ctl.figures import plain
 from litegrip_client.ctl.install import Done, Wanted
 from litegrip_client.ctl.parser import LateParser
 from litegrip_client.ctl.run import NOT_OK, OK, Commands, Run
 from litegrip_client.socketcan.managers import uses_networkd
 from litegrip_client.threads.blocking import connect
 from litegrip_client.values.errors import LiteGripError
-from litegrip_client.values.voices import in_shell
-
-_LEVEL_WIDTH = 9
-_NAME_WIDTH = 14
-
-
-def findings_text(findings: Sequence[tuple[str, Finding]]) -> str:
-    """Return all findings, and how many are not all right."""
-    width = max([_NAME_WIDTH, *(len(name) + 1 for name, _finding in findings)])
-    lines = [line for name, finding in findings for line in _lines(name, finding, width)]
-    counts = [
-        _counted(sum(finding.level == level for _, finding in findings), level)
-        for level in ("error", "warning")
-    ]
-    return "\n".join([*lines, "", ", ".join(counts)])
-
-
-def _lines(name: str, finding: Finding, width: int) -> list[str]:
-    head = f"{finding.level.upper():<{_LEVEL_WIDTH}}"
-    lines = [f"{head}{name:<{width}}{_shown(finding.text)}"]
-    if finding.command is not None:
-        lines.append(f"{'':<{_LEVEL_WIDTH}}{plain(finding.command)}")
-    if finding.advice is not None:
-        lines.append(f"{'':<{_LEVEL_WIDTH}}({_shown(finding.advice)})")
-    return lines
-
-
-def _shown(text: str) -> str:
-    """Return a text for a shell: a daemon's text names methods, this one commands."""
-    return plain(in_shell(text))
-
-
-def _counted(count: int, level: str) -> str:
-    return f"{count} {level}" if count == 1 else f"{count or 'no'} {level}s"
-
 
 CHECKS: tuple[Check, ...] = (
     Check("configuration", daemon_checks.configuration),
@@ -112,7 +76,7 @@ def doctor(run: Run) -> int:
         facts = replace(facts, scan=scan(facts))
     findings = [*examine(facts, CHECKS), *fleet_checks.of_fleet(facts)]
     data = as_data(facts.channel if facts.is_channel_known else None, findings)
-    run.output.result(data, findings_text(findings))
+    run.output.result(data, as_text(findings))
     return OK if data["ok"] else NOT_OK
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict
 
 from litegrip_client.core.session import ACTION_TIMEOUT_S
-from litegrip_client.core.trajectories import Recording, fetch, fetch_grips, send
+from litegrip_client.core.trajectories import Recording, fetch, fetch_grips, listed, send
 from litegrip_client.ctl.figures import Data, figure, plain
 from litegrip_client.ctl.files import put_file, refuse_existing
 from litegrip_client.ctl.parser import LateParser, count, positive
@@ -232,15 +232,7 @@ def kept(run: Run) -> list[dict[str, Any]]:
 
 def kept_and_usage(run: Run) -> tuple[list[dict[str, Any]], dict[str, Any] | None]:
     """Return that, and what this user has of it and may have; None from an older daemon."""
-    rows: list[dict[str, Any]] = []
-    usage, more = None, True
-    while more:
-        params = {"after": rows[-1]["name"]} if rows else {}
-        answer = run.connection.call("trajectory.list", params, ACTION_TIMEOUT_S)
-        rows += answer["trajectories"]
-        more = answer["more"] and bool(answer["trajectories"])
-        usage = answer.get("usage")
-    return rows, usage
+    return complete(listed(BlockingWire(run.connection)))
 
 
 def refuse_kept(run: Run, name: str) -> None:

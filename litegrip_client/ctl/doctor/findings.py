@@ -1,4 +1,6 @@
-"""What a check of the doctor is: the facts that it looks at, and what it finds in them.
+"""What a check is: the facts that the doctor looks at, what is found in them, and how it is shown.
+
+The fleet's `check` finds and shows the same way.
 
 Values only, no requests. What the daemon answered is kept as it came, so that an older or newer
 daemon is examined, too.
@@ -6,13 +8,15 @@ daemon is examined, too.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
+from litegrip_client.ctl.figures import plain
 from litegrip_client.socketcan.link import Link
 from litegrip_client.socketcan.managers import Setting
 from litegrip_client.values.atomic_file import Shortage
+from litegrip_client.values.voices import in_shell
 
 SIMULATED = ("litegrip_sim", "virtual")
 """Interfaces of python-can without an adapter."""
@@ -248,3 +252,37 @@ def as_data(channel: str | None, findings: Iterable[tuple[str, Finding]]) -> Map
         "channel": channel,
         "findings": rows,
     }
+
+
+_LEVEL_WIDTH = 9
+_NAME_WIDTH = 14
+
+
+def as_text(findings: Sequence[tuple[str, Finding]]) -> str:
+    """Return all findings, and how many are not all right."""
+    width = max([_NAME_WIDTH, *(len(name) + 1 for name, _finding in findings)])
+    lines = [line for name, finding in findings for line in _lines(name, finding, width)]
+    counts = [
+        _counted(sum(finding.level == level for _, finding in findings), level)
+        for level in ("error", "warning")
+    ]
+    return "\n".join([*lines, "", ", ".join(counts)])
+
+
+def _lines(name: str, finding: Finding, width: int) -> list[str]:
+    head = f"{finding.level.upper():<{_LEVEL_WIDTH}}"
+    lines = [f"{head}{name:<{width}}{_shown(finding.text)}"]
+    if finding.command is not None:
+        lines.append(f"{'':<{_LEVEL_WIDTH}}{plain(finding.command)}")
+    if finding.advice is not None:
+        lines.append(f"{'':<{_LEVEL_WIDTH}}({_shown(finding.advice)})")
+    return lines
+
+
+def _shown(text: str) -> str:
+    """Return a text for a shell: a daemon's text names methods, this one commands."""
+    return plain(in_shell(text))
+
+
+def _counted(count: int, level: str) -> str:
+    return f"{count} {level}" if count == 1 else f"{count or 'no'} {level}s"

@@ -8,9 +8,16 @@ from typing import Any
 import pytest
 
 import litegrip_client
-from litegrip_client.ctl.commands.machine import findings_text
 from litegrip_client.ctl.doctor import gather
-from litegrip_client.ctl.doctor.findings import Configuration, System, User, error, ok, warning
+from litegrip_client.ctl.doctor.findings import (
+    Configuration,
+    System,
+    User,
+    as_text,
+    error,
+    ok,
+    warning,
+)
 from litegrip_client.ctl.doctor.link_checks import _IF_LOST
 from litegrip_client.ctl.main import main
 from tests.client.doctor.known import HEALTH, HELLO, INFO, STATE, changed, link
@@ -281,7 +288,7 @@ def test_an_older_daemon_that_tells_less(well: FakeDaemon, ctl: Ctl) -> None:
 
 def test_texts_from_elsewhere_do_not_steer_the_terminal() -> None:
     findings = [("a", error("x\x1b[2J\ny", "c\td", "e\r")), ("b", warning("w")), ("c", ok("o"))]
-    assert findings_text(findings) == (
+    assert as_text(findings) == (
         "ERROR    a             x?[2J?y\n         c?d\n         (e?)\n"
         "WARNING  b             w\nOK       c             o\n\n1 error, 1 warning"
     )
@@ -292,7 +299,7 @@ def test_what_the_daemon_says_is_told_in_commands(well: FakeDaemon, ctl: Ctl) ->
     well.handlers["health"] = lambda request: verdict
     out = ctl("doctor")[1]
     assert "ERROR    health        down: it jumped; then litegripctl clear-fault\n" in out
-    assert findings_text([("a", warning("w", None, "stop.clear"))]).splitlines()[1] == (
+    assert as_text([("a", warning("w", None, "stop.clear"))]).splitlines()[1] == (
         "         (litegripctl clear)"
     )
 
