@@ -122,8 +122,35 @@ def surface_page() -> str:
             *members,
             *fields,
             "",
+            "## Names of this package alone",
+            "",
+            "| name | what it is |",
+            "| --- | --- |",
+            *_own_rows(),
+            "",
         )
     )
+
+
+def _own_rows() -> list[str]:
+    """Return a row for each public name that the SDK does not have."""
+    rows = [
+        f"| `LiteGrip.{name}` | {_first_sentence(inspect.getattr_static(LiteGrip, name))} |"
+        for name in dir(LiteGrip)
+        if not name.startswith("_") and name not in MEMBERS
+    ]
+    rows += [
+        f"| `{name}` | {_first_sentence(getattr(litegrip_client, name))} |"
+        for name in litegrip_client.__all__
+        if name not in EXPORTS
+    ]
+    return rows
+
+
+def _first_sentence(thing: object) -> str:
+    """Return the first sentence of what a function, a property or a class says of itself."""
+    text = " ".join((inspect.getdoc(thing) or "").split("\n\n")[0].split())
+    return text.partition(". ")[0].rstrip(".").replace("|", "\\|")
 
 
 def _row(name: str, refused: str | None) -> str:

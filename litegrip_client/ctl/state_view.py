@@ -75,7 +75,38 @@ def _rows(data: Data) -> list[tuple[str, str]]:
         rows.append(("job", _job(data["job"])))
     if data.get("stop"):
         rows.append(("stop", _stop(data["stop"])))
+    rows += [
+        _further(name, value)
+        for name, value in data.items()
+        if name not in _TOLD and value is not None
+    ]
     return rows
+
+
+_TOLD = {
+    *("seq", "monotonic_s", "feedback_s", "age_s", "stale", "bus", "motor", "error_code"),
+    *("status", "enabled", "mode", "position_rad", "velocity_rad_s", "torque_nm", "force_n"),
+    *("opening_mm", "openness", "driver_temperature_c", "coil_temperature_c"),
+    *("command_rad", "requested_rad", "command_torque_nm", "requested_torque_nm"),
+    *("force_set_n", "is_grasped", "clamp_n", "loss_detection", "loss_detection_from_n"),
+    *("pressing_n", "limited", "calibrated", "mount", "work_stroke_mm", "scale_doubt"),
+    *("job", "stop", "stop_generation"),
+}
+"""Fields that rows of their own tell, or that only programs need."""
+
+_UNITS = (
+    *(("_rad_s", "rad/s"), ("_mm_s", "mm/s"), ("_rad", "rad"), ("_mm", "mm"), ("_nm", "N·m")),
+    *(("_n", "N"), ("_c", "°C"), ("_s", "s")),
+)
+
+
+def _further(name: str, value: object) -> tuple[str, str]:
+    """Return the row of any other field, such as a newer daemon has, by its name and its unit."""
+    suffix, unit = next((one for one in _UNITS if name.endswith(one[0])), ("", ""))
+    label = name.removesuffix(suffix).replace("_", " ")
+    if isinstance(value, bool):
+        return label, "yes" if value else "no"
+    return label, figure(value, "g", unit) if isinstance(value, int | float) else str(value)
 
 
 _RESTING = {

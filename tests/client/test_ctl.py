@@ -6,7 +6,9 @@ from typing import Any
 
 import pytest
 
+from litegrip_client.ctl import state_view
 from litegrip_client.ctl.state_view import state_line
+from litegrip_client.values.results import STATE_FIELDS
 from tests.client.fake_daemon import HELLO, MOVE, STATE, FakeDaemon, Request
 from tests.client.helpers import Ctl
 
@@ -386,6 +388,21 @@ def watched(daemon: FakeDaemon, *states: dict[str, Any]) -> None:
 
     daemon.handlers["state.subscribe"] = subscribe
     daemon.handlers["state.unsubscribe"] = lambda request: {"subscription": 1}
+
+
+def test_a_field_that_has_no_line_of_its_own_is_shown_by_its_name(
+    daemon: FakeDaemon, ctl: Ctl
+) -> None:
+    """So does one of a newer daemon's."""
+    newer = {"gap_mm": 1.25, "sag_rad_s": 2, "is_wet": True, "tool": "pad\x1b", "other": None}
+    daemon.handlers["state.get"] = lambda _: STATE | newer
+    before = ctl("state")[1]
+    daemon.handlers["state.get"] = lambda _: STATE
+    lines = ctl("state")[1]
+    assert before == lines + (
+        "gap          1.25 mm\nsag          2 rad/s\nis wet       yes\ntool         pad?\n"
+    )
+    assert set(STATE_FIELDS) >= state_view._TOLD
 
 
 def test_watch_on_a_pipe_is_a_line_for_each_state(daemon: FakeDaemon, ctl: Ctl) -> None:
