@@ -15,6 +15,7 @@ from litegrip_client import (
     Trajectory,
     UnitConversion,
 )
+from litegrip_client.core.actions import GripperActions
 from litegrip_client.sdk.refused import Refused, RefusedFunction, RefusedModule
 
 
@@ -134,10 +135,16 @@ def surface_page() -> str:
 
 def _own_rows() -> list[str]:
     """Return a row for each public name that the SDK does not have."""
-    rows = [
-        f"| `LiteGrip.{name}` | {_first_sentence(inspect.getattr_static(LiteGrip, name))} |"
-        for name in dir(LiteGrip)
+    # Of the core first: the client for threads is made of it by the same command as this page.
+    members = {
+        name: inspect.getattr_static(kind, name)
+        for kind in (LiteGrip, GripperActions)
+        for name in dir(kind)
         if not name.startswith("_") and name not in MEMBERS
+    }
+    rows = [
+        f"| `LiteGrip.{name}` | {_first_sentence(member)} |"
+        for name, member in sorted(members.items())
     ]
     rows += [
         f"| `{name}` | {_first_sentence(getattr(litegrip_client, name))} |"
