@@ -148,7 +148,7 @@ def after_cut(way: Way, travel_mm: float) -> str:
 
 
 def line(*cells: str) -> str:
-    """Return a row of a table, as docs/teleoperation.md has it."""
+    """Return a row of a table, as docs/generated/teleoperation-figures.md has it."""
     return f"| {' | '.join(cells)} |"
 
 

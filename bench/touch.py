@@ -1,4 +1,4 @@
-"""The first touch of a grasp, and loads that are no object: tables of docs/grasping.md.
+"""The first touch of a grasp, and loads that are no object: tables of docs/generated/grasping-figures.md.
 
 python -m bench.touch
 

@@ -99,7 +99,9 @@ def test_the_names_of_the_client_are_all_in_the_page_on_the_sdk() -> None:
     methods = {name for name in dir(LiteGrip) if not name.startswith("_")}
     told = set(named) - {"aio", "litegrip_client", "help"}
     assert told <= methods | set(litegrip_client.__all__)
-    of_the_sdk = set(re.findall(r"\| `(?:LiteGrip\.)?(\w+)`", text_of("docs/generated/sdk-compat.md")))
+    of_the_sdk = set(
+        re.findall(r"\| `(?:LiteGrip\.)?(\w+)`", text_of("docs/generated/sdk-compat.md"))
+    )
     assert told | of_the_sdk >= methods | set(litegrip_client.__all__)
     assert len(named) - len(set(named)) <= 1  # LiteGrip, in the sentence below the table
 
