@@ -1,4 +1,4 @@
-"""What holds and what is lost in simulation: the tables of docs/generated/grasping-figures.md, as they stand there.
+"""What holds and what is lost in simulation: tables of docs/generated/grasping-figures.md.
 
 python -m bench.holding
 

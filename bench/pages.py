@@ -3,7 +3,8 @@
 python -m bench.pages
 
 A table stands in the place of the one with the same head, the second of two such in that of the
-second. The sentences around it are a person's: read them again. The tables are the same on every machine.
+second. The sentences around it are a person's: read them again. The tables are the same on every
+machine.
 """
 
 import contextlib

@@ -1,4 +1,4 @@
-"""How hard the jaws press and how fast they get in simulation: the tables of docs/generated/pressing-figures.md.
+"""How hard the jaws press and how fast they get: tables of docs/generated/pressing-figures.md.
 
 python -m bench.presses
 

@@ -16,7 +16,6 @@ from pathlib import Path
 from litegripd.model.gripper import DM4310
 from litegripd.model.motor import CanFrame, Status
 from litegripd.motor import codec
-from litegripd.sim.console import Console
 from litegripd.sim.gripper import SimulatedGripper, build_gripper
 from litegripd.sim.interface import MotorWire
 from litegripd.sim.server import PtyServer, StopSignal
@@ -66,7 +65,7 @@ def main() -> None:
     signal.signal(signal.SIGTERM, lambda *_: stop.set())
     prefer(os.getpid())
     server = PtyServer(MotorWire(gripper), announce=lambda path: print(path, flush=True))
-    server.run(stop, Console(None, server, print))
+    server.run(stop)
     Path(sys.argv[1]).write_bytes(tap.rows.tobytes())
 
 

@@ -1,4 +1,4 @@
-"""The first touch of a grasp, and loads that are no object: tables of docs/generated/grasping-figures.md.
+"""The first touch, and loads that are no object: tables of docs/generated/grasping-figures.md.
 
 python -m bench.touch
 

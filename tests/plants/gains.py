@@ -1,8 +1,8 @@
 """Whether a file's gains change what motions come to: `python -m tests.plants.gains`.
 
-It writes the tables of docs/generated/gains-figures.md: for each pair of gains, on how many of some random grippers
-each motion came out right; and the same on many for the file that ships, beside a file that has no
-gains. It takes ten minutes on two cores.
+It writes the tables of docs/generated/gains-figures.md: for each pair of gains, on how many of some
+random grippers each motion came out right; and the same on many for the file that ships, beside a
+file that has no gains. It takes ten minutes on two cores.
 """
 
 import argparse

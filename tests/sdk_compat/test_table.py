@@ -1,4 +1,4 @@
-"""docs/generated/sdk-sentences.md names a test for every sentence, and every test of this package."""
+"""docs/generated/sdk-sentences.md names a test for every sentence, and every test in here."""
 
 import ast
 import re
