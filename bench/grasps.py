@@ -4,8 +4,9 @@ python -m bench.grasps [GRASPS per row, default 10] [SEED, default 1]
 
 Every row is a kind of object, gripped with the default force and speed (20 N, 50 mm/s) at random
 widths, starts and mounts. The time is simulated, so the table, which
-docs/generated/grasping-figures.md has, is the same on every machine. Each figure is the worst of the grasps; the error is the mean. Peak is the
-motor's true torque up to the verdict, which is counted from the first touch.
+docs/generated/grasping-figures.md has, is the same on every machine. Each figure is the worst of
+the grasps; the error is the mean. Peak is the motor's true torque up to the verdict, which is
+counted from the first touch.
 """
 
 import random
