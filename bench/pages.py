@@ -13,7 +13,8 @@ import io
 from collections.abc import Callable
 from pathlib import Path
 
-from bench import damaged, grasps, holding, presses, teleop_lossy, touch, trajectories, worst
+from bench.jaws import damaged, grasps, holding, presses, touch, trajectories, worst
+from bench.teleop import lossy
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGES: dict[str, tuple[Callable[[], None], ...]] = {
@@ -22,7 +23,7 @@ PAGES: dict[str, tuple[Callable[[], None], ...]] = {
     "generated/grasping-figures": (grasps.main, holding.main, touch.main),
     "pressing": (presses.main,),
     "generated/pressing-figures": (presses.main, worst.main, damaged.main),
-    "generated/teleoperation-figures": (teleop_lossy.main,),
+    "generated/teleoperation-figures": (lossy.main,),
     "trajectories": (trajectories.following,),
 }
 

@@ -3,12 +3,12 @@
 import random
 from pathlib import Path
 
-from bench import damaged, grasps, holding, presses, touch, worst
-from bench.presses import kinetic_mj
-from bench.rig import Rig
+from bench.jaws import damaged, grasps, holding, presses, touch, worst
+from bench.jaws.presses import kinetic_mj
+from bench.jaws.rig import Rig
 from bench.tables import line
-from bench.teleop_follow import WAYS
-from bench.teleop_lossy import NETWORKS, after_cut, tracking
+from bench.teleop.follow import WAYS
+from bench.teleop.lossy import NETWORKS, after_cut, tracking
 from litegripd.model.gripper import DM4310
 from litegripd.model.motion_config import ranges_of
 

@@ -48,5 +48,5 @@ def _line() -> str:
 
 
 if __name__ == "__main__":
-    sim_main.PtyServer = AttendedServer  # type: ignore[misc]
+    vars(sim_main)["PtyServer"] = AttendedServer
     sys.exit(sim_main.main())
