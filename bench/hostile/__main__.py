@@ -7,7 +7,8 @@ tick is; a polite client reads the state again and again, after pauses of 0 to 4
 motions. `quiet` is that alone, at the beginning and at the end; `x` is a figure's ratio to that of
 both. The polite client runs at real-time priority below the daemon's, so that what is measured is
 the daemon rather than the scheduler's choice between clients. `machine` is
-`bench.timing.reference`, a bare loop, in the same phase. Wrong answers and broken promises end the benchmark with an error.
+`bench.timing.reference`, a bare loop, in the same phase. Wrong answers and broken promises end the
+benchmark with an error.
 """
 
 import array

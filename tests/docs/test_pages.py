@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 import litegrip_client
+from docs.generate import GENERATED
 from litegrip_client import LiteGrip
 from litegrip_client.ctl.commands import COMMANDS
 from litegrip_client.ctl.parser import parse
@@ -120,6 +121,25 @@ def test_code_that_is_shown_is_that_of_its_file() -> None:
     }
     for name, file, body in shown:
         assert text_of(file) == body, f"{file} in {name}"
+
+
+MOST_WORDS = 1500
+LONG = {
+    "installation.md",  # its commands are typed in a virtual machine, one after the other
+    "troubleshooting.md",  # most of it is the table of symptoms, which runs write
+    "from-the-sdk.md",
+}
+
+
+def test_a_page_is_read_in_ten_minutes() -> None:
+    """What is made from the code's tables is looked up in, not read."""
+    made = {Path(generated.path).name for generated in GENERATED}
+    long = {
+        path.name
+        for path in (ROOT / "docs").glob("*.md")
+        if len(path.read_text(encoding="utf-8").split()) > MOST_WORDS
+    }
+    assert long - made <= LONG
 
 
 def test_the_index_names_every_page() -> None:

@@ -21,7 +21,7 @@ from litegripd.app.sim_main import main
 from litegripd.model.motor import CanFrame
 from litegripd.sim.gripper import build_gripper
 from litegripd.sim.interface import MotorWire
-from litegripd.sim.server import BusServer
+from litegripd.sim.server import BusServer, PtyServer
 from tests.sim.driving import (
     DISABLE,
     ENABLE,
@@ -168,6 +168,16 @@ def test_an_unplugged_terminal_comes_back_under_the_same_link(tmp_path: Path) ->
             assert ask(bus, STATUS).status == 0xA
         assert process.end() == (0, "")
     assert not link.is_symlink()
+
+
+def test_an_adapter_is_plugged_in_once_and_unplugged_once() -> None:
+    server = PtyServer(MotorWire(build_gripper()))
+    with pytest.raises(ValueError, match="plugged in already"):
+        server.plug()
+    server.unplug()
+    with pytest.raises(ValueError, match="unplugged already"):
+        server.unplug()
+    server.close()
 
 
 def test_it_ends_cleanly_while_unplugged(tmp_path: Path) -> None:
