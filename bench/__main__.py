@@ -100,7 +100,7 @@ def cpu_seconds(pid: int) -> float:
 
 def start_clients(path: Path, folder: Path, count: int, seconds: float) -> list[Path]:
     files = [folder / f"latencies-{number}" for number in range(count)]
-    clients = [run_module("bench.client", path, seconds, file) for file in files]
+    clients = [run_module("bench.timing.client", path, seconds, file) for file in files]
     for client in clients:
         client.communicate()
     return files
@@ -115,9 +115,13 @@ def daemon_case(clients: int, seconds: float, unread: bool = False) -> Row:
         stack.callback(daemon.kill)
         wait_for(path)
         enable(path)
-        machine = run_module("bench.reference", seconds)
+        machine = run_module("bench.timing.reference", seconds)
         before_s, began_s = cpu_seconds(daemon.pid), time.monotonic()
-        deaf = [run_module("bench.client", path, seconds, "-", "--never-read")] if unread else []
+        deaf = (
+            [run_module("bench.timing.client", path, seconds, "-", "--never-read")]
+            if unread
+            else []
+        )
         if clients:
             files = start_clients(path, folder, clients, seconds)
         noise = output_of(machine)
@@ -144,9 +148,9 @@ def asyncio_case(clients: int, seconds: float) -> Row:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         path = folder / "bench.sock"
-        server = run_module("bench.asyncio_server", path, seconds + MARGIN_S)
+        server = run_module("bench.timing.asyncio_server", path, seconds + MARGIN_S)
         wait_for(path)
-        machine = run_module("bench.reference", seconds)
+        machine = run_module("bench.timing.reference", seconds)
         files = start_clients(path, folder, clients, seconds)
         noise = output_of(machine)
         figures = output_of(server)
@@ -162,8 +166,8 @@ def asyncio_case(clients: int, seconds: float) -> Row:
 
 def vendor_case(seconds: float) -> Row:
     """Measure the vendor's pacing, alone."""
-    machine = run_module("bench.reference", seconds)
-    figures = output_of(run_module("bench.vendor_pacing", seconds))
+    machine = run_module("bench.timing.reference", seconds)
+    figures = output_of(run_module("bench.timing.vendor_pacing", seconds))
     return Row("vendor's pacing", figures["lateness"], figures["lost_ticks"], output_of(machine))
 
 

@@ -3,26 +3,32 @@
 python -m bench.pages
 
 A table stands in the place of the one with the same head, the second of two such in that of the
-second. The sentences around it are a person's:
-read them again. The tables are the same on every machine.
+second. The sentences around it are a person's: read them again. The tables are the same on every
+machine.
 """
 
 import contextlib
+import functools
 import io
 from collections.abc import Callable
 from pathlib import Path
 
-from bench import damaged, grasps, holding, presses, teleop_lossy, touch, trajectories, worst
+from bench.jaws import damaged, grasps, holding, presses, touch, trajectories, worst
+from bench.teleop import lossy
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGES: dict[str, tuple[Callable[[], None], ...]] = {
-    "grasping": (grasps.main, holding.main, touch.main),
-    "safety": (presses.main, worst.main, damaged.main),
-    "teleoperation": (teleop_lossy.main,),
+    "grasping": (holding.main,),
+    "grasping-reasons": (holding.main,),
+    "generated/grasping-figures": (grasps.main, holding.main, touch.main),
+    "pressing": (presses.main,),
+    "generated/pressing-figures": (presses.main, worst.main, damaged.main),
+    "generated/teleoperation-figures": (lossy.main,),
     "trajectories": (trajectories.following,),
 }
 
 
+@functools.cache
 def printed(bench: Callable[[], None]) -> str:
     """Return what a bench prints."""
     with contextlib.redirect_stdout(io.StringIO()) as text:

@@ -233,7 +233,7 @@ GENERATED = (
     Generated("litegrip_client/values/error_table.py", client_error_table),
     Generated("litegrip_client/threads/actions.py", blocking_client),
     Generated("docs/errors.md", errors_page),
-    Generated("docs/sdk-compat.md", surface_page),
+    Generated("docs/generated/sdk-compat.md", surface_page),
     Generated("docs/protocol.md", protocol_page),
     Generated("docs/configuration.md", configuration_page),
     Generated("etc/litegripd.toml", default_file),

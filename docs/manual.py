@@ -5,7 +5,6 @@ What argparse prints is not used: it differs between versions of Python.
 
 import argparse
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from textwrap import dedent
 
 from docs.configuration_page import has_default, sentence
 from litegrip_client.core.sockets import CHANNEL_VARIABLE, SOCKET_VARIABLE
@@ -23,7 +22,6 @@ from litegrip_web import main as web
 from litegripd.app import main as daemon
 from litegripd.app import sim_main as simulator
 from litegripd.app.config import KEYS, TABLES
-from litegripd.sim.console import help_text
 
 DATE = "2026-11-24"
 """Of the last change of what the pages say; set by hand."""
@@ -158,8 +156,6 @@ def simulator_page() -> str:
         f"{_bold('litegrip-sim')} {_synopsis(parser._actions)}",  # noqa: SLF001
         _section("DESCRIPTION", _text(parser.description or "")),
         [".SH OPTIONS", *_options(parser._actions)],  # noqa: SLF001
-        _section("COMMANDS", "As lines on its standard input, while it runs:")
-        + list(_text(dedent(help_text()), is_example=True)),
         [".SH EXIT STATUS", *_tagged((str(code), text) for code, text in simulator.EXIT_CODES)],
         _see_also("litegripd(8)", "litegripctl(1)"),
     )

@@ -115,7 +115,7 @@ def surface_page() -> str:
             "# The vendor SDK's names",
             "",
             "Made by `docs/generate.py`. `tests/sdk_surface` checks each name and what it does.",
-            "[from-the-sdk.md](from-the-sdk.md) has what means something else here.",
+            "[from-the-sdk.md](../from-the-sdk.md) has what means something else here.",
             "",
             "| name | here |",
             "| --- | --- |",

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from bench.teleop_follow import SETTLE_S, ScriptedLeader
+from bench.teleop.follow import SETTLE_S, ScriptedLeader
 from litegripd.app.build import build_service
 from litegripd.model.teleop import LinkOptions
 from litegripd.sim.plant import SimulatorParameters, limits_of_mount

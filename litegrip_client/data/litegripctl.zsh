@@ -38,7 +38,7 @@ _shtab_litegripctl_commands() {
     move:'move to an opening, a position or a share of the travel'
     open:'open the jaws to the stop'
     play:'replay a recorded motion'
-    plot:'draw a dump or a trajectory, as a picture or as text'
+    plot:'draw a dump or a trajectory as a picture'
     record:'record a motion that you push the jaws through'
     register:'read registers of the motor'
     release:'open a little, to let go'
@@ -570,7 +570,6 @@ _shtab_litegripctl_plot_options=(
   "--json[print results and errors as JSON]"
   "--local[a trajectory of this user\'s]"
   {-o,--output}"[the picture (default\: beside FILE, as .png)]:PNG:_files"
-  "--text[a quick look at the opening, here in the terminal]"
   "--last[only the last S seconds of it]:S:"
   ":a dump, or a trajectory:_files"
 )

@@ -18,7 +18,6 @@ import can
 
 from litegripd.io.can.bus import explain
 from litegripd.model.gripper import DM4310, MOTOR_TYPES
-from litegripd.sim.console import Console, Simulator, help_text
 from litegripd.sim.gripper import build_gripper
 from litegripd.sim.interface import MotorWire
 from litegripd.sim.plant import MOUNTS
@@ -86,8 +85,7 @@ def make_parser() -> argparse.ArgumentParser:
         prog="litegrip-sim",
         allow_abbrev=False,
         description="A simulated LiteGrip gripper on a CAN bus.",
-        epilog=f"commands, as lines on its standard input while it runs:\n{help_text()}\n\n"
-        f"exit codes: {', '.join(f'{code} {text}' for code, text in EXIT_CODES)}",
+        epilog=f"exit codes: {', '.join(f'{code} {text}' for code, text in EXIT_CODES)}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {version('litegripd')}")
@@ -95,8 +93,7 @@ def make_parser() -> argparse.ArgumentParser:
     where.add_argument(
         "--pty",
         action="store_true",
-        help="serve as an SLCAN adapter on a pseudo-terminal; its path is the first line printed, "
-        "and another with each 'plug'",
+        help="serve as an SLCAN adapter on a pseudo-terminal; its path is the first line printed",
     )
     where.add_argument("--interface", metavar="NAME", help="serve on this python-can interface")
     parser.add_argument("--channel", metavar="CH", help="channel of --interface, for example vcan0")
@@ -164,7 +161,7 @@ def _check_link(link: Path) -> None:
 def _run_pty(wire: MotorWire, link: Path | None, stop: StopSignal) -> None:
     server = PtyServer(wire, link, lambda path: print(path, flush=True))
     try:
-        server.run(stop, _console(server))
+        server.run(stop)
         if server.dropped:
             _say(f"{server.dropped} answers dropped, the client did not read them")
     finally:
@@ -178,13 +175,7 @@ def _run_bus(wire: MotorWire, arguments: argparse.Namespace, stop: StopSignal) -
     ) as bus:
         print(f"serving on {arguments.interface} {arguments.channel}", flush=True)
         server = BusServer(wire, bus)
-        server.run(lambda: stop.is_set, _console(server))
-
-
-def _console(simulator: Simulator) -> Console:
-    """Return a console; it reads the standard input, if the process has one."""
-    fd = None if sys.__stdin__ is None else sys.__stdin__.fileno()
-    return Console(fd, simulator, _say)
+        server.run(lambda: stop.is_set)
 
 
 def _say(text: str) -> None:

@@ -217,22 +217,6 @@ TABLE: dict[int, Register] = {
 }
 
 
-def encode(rid: int, value: float) -> bytes:
-    """Return the 4 bytes that write a value.
-
-    Raises `ValueError` for a number that no register has, or a value that 4 bytes cannot hold.
-    """
-    entry = TABLE.get(rid)
-    if entry is None:
-        raise ValueError(f"there is no register {rid}")
-    if not entry.is_float and value % 1.0 != 0.0:
-        raise ValueError(f"register {rid} cannot hold {value:g}")
-    try:
-        return struct.pack("<f", value) if entry.is_float else struct.pack("<I", int(value))
-    except (struct.error, OverflowError):
-        raise ValueError(f"register {rid} cannot hold {value:g}") from None
-
-
 def _of_type(motor_type: MotorType) -> dict[int, float]:
     """Return the registers that depend on the type of the motor."""
     ratio = motor_type.gear_ratio / DM4310.gear_ratio
@@ -302,7 +286,10 @@ class Registers:
 
     def read(self, rid: int) -> bytes | None:
         """Return the 4 bytes of a register, or None when there is no such register."""
-        return encode(rid, self[rid]) if rid in TABLE else None
+        if rid not in TABLE:
+            return None
+        value = self[rid]
+        return struct.pack("<f", value) if TABLE[rid].is_float else struct.pack("<I", int(value))
 
     def write(self, rid: int, raw: bytes) -> bool:
         """Write 4 bytes to a register; return True if the firmware took them."""

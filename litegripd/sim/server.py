@@ -1,10 +1,10 @@
 """Serves a simulated gripper in real time: on a pseudo-terminal as an SLCAN adapter, or on a bus.
 
 Here live the simulator's file descriptors and its clock. One thread, no timer: each frame advances
-the physics to its own time, and a pause between frames is bridged every `ADVANCE_S`, when commands
-are read as well. `SlcanDevice` is the device side of SLCAN, the serial protocol of Lawicel's CAN
-adapters, without a port or a clock: a command ends with a carriage return; the answer is one, too,
-or BEL for a refusal; an accepted frame is answered with z or Z. Classic frames only.
+the physics to its own time, and a pause between frames is bridged every `ADVANCE_S`. `SlcanDevice`
+is the device side of SLCAN, the serial protocol of Lawicel's CAN adapters, without a port or a
+clock: a command ends with a carriage return; the answer is one, too, or BEL for a refusal; an
+accepted frame is answered with z or Z. Classic frames only.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ from pathlib import Path
 import can
 
 from litegripd.model.motor import CanFrame
-from litegripd.sim.console import Console
 from litegripd.sim.interface import Arrival, MotorWire
 
 OK, ERROR = b"\r", b"\a"
@@ -233,10 +232,9 @@ class PtyServer:
         self._fd = None
         self._forget_client()
 
-    def run(self, stop: StopSignal, console: Console) -> None:
+    def run(self, stop: StopSignal) -> None:
         """Serve until `stop` is set."""
         while not stop.is_set:
-            console.serve()
             now_s = time.monotonic()
             self._tell(self.wire.late(now_s))
             wait_s = min(ADVANCE_S, max(self.wire.next_s - now_s, 0.0))
@@ -296,13 +294,12 @@ class BusServer:
         self.wire = wire
         self._bus = bus
 
-    def run(self, is_stopped: Callable[[], bool], console: Console) -> None:
+    def run(self, is_stopped: Callable[[], bool]) -> None:
         """Answer as the motor would, until `is_stopped` returns True.
 
         Raises `can.CanError` when the bus fails.
         """
         while not is_stopped():
-            console.serve()
             self._send(self.wire.late(time.monotonic()))
             wait_s = min(ADVANCE_S, max(self.wire.next_s - time.monotonic(), 0.0))
             message = self._bus.recv(timeout=wait_s)
@@ -311,19 +308,6 @@ class BusServer:
             if message is not None and not _is_foreign(message):
                 frame = CanFrame(message.arbitration_id, bytes(message.data))
                 self._send(self.wire.carry(now_s, now_s, frame))
-
-    def inject(self, frame: CanFrame) -> None:
-        """Send a frame as another node on the bus would. Raises `can.CanError` when that fails."""
-        now_s = time.monotonic()
-        self._send([(now_s, frame), *self.wire.deliver(now_s, now_s, frame)])
-
-    def unplug(self) -> None:
-        """Raise `ValueError`: the adapter is not ours."""
-        raise ValueError("only the pseudo-terminal of --pty can be unplugged")
-
-    def plug(self) -> None:
-        """Raise `ValueError`: the adapter is not ours."""
-        raise ValueError("only the pseudo-terminal of --pty can be plugged in")
 
     def _send(self, arrivals: list[Arrival]) -> None:
         for _, frame in arrivals:

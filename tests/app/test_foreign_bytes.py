@@ -1,7 +1,7 @@
 """Bytes from outside at each reader: damage is refused by its own error, or passed.
 
-`bench.foreign_bytes` has all readers and more bytes. SLCAN lines: tests/io/test_slcan.py; requests:
-tests/rpc/test_fuzz.py; trajectories: tests/model/test_trajectory.py; messages of a fleet:
+`bench.hostile.foreign_bytes` has all readers and more bytes. SLCAN lines: tests/io/test_slcan.py;
+requests: tests/rpc/test_fuzz.py; trajectories: tests/model/test_trajectory.py; messages of a fleet:
 tests/fleet/test_messages.py.
 """
 
@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bench.foreign_bytes import all_figures
+from bench.hostile.foreign_bytes import all_figures
 from litegripd.app.config import ConfigError, load
 from litegripd.io.helper import atomic_file, files
 from litegripd.io.helper.atomic_file import FileError

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from litegrip_client import LiteGrip
+from litegrip_client import LiteGrip, Trajectory
 from litegrip_client.core import motion
 from litegrip_client.ctl.main import main
 from litegrip_client.line.connection import Connection
@@ -88,3 +88,20 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
 @pytest.fixture
 def there(daemon: FakeDaemon) -> FakeTrajectories:
     return FakeTrajectories(daemon)
+
+
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Trajectory]:
+    """Return the trajectories that are drawn from now on."""
+    pytest.importorskip("matplotlib")
+    from litegrip_client.ctl.plot import drawing  # noqa: PLC0415 - needs the extra
+
+    trajectories: list[Trajectory] = []
+    draw = drawing.draw_trajectory
+
+    def noting(trajectory: Trajectory, name: str) -> Any:
+        trajectories.append(trajectory)
+        return draw(trajectory, name)
+
+    monkeypatch.setattr(drawing, "draw_trajectory", noting)
+    return trajectories

@@ -63,7 +63,7 @@ LINES: tuple[str, ...] = (
     "trajectories delete copied",
     "trajectories export taught",
     "dump",
-    "plot taught --text",
+    "plot taught",
     "health",
     "metrics",
     "restart --hold",

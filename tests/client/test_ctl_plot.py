@@ -1,17 +1,15 @@
-"""litegripctl plot of trajectories: as a picture, and as text."""
+"""litegripctl plot of trajectories."""
 
-import json
 import sys
 from pathlib import Path
 
 import pytest
 
-from litegrip_client.ctl.commands.recorder import block_chart
+from litegrip_client import Trajectory
 from litegrip_client.ctl.main import main
 from tests.client.fake_daemon import FakeDaemon
 from tests.client.fake_trajectories import CONTENT, FakeTrajectories
 from tests.client.helpers import Ctl
-from tests.geometry import TRAVEL_MM
 from tests.trajectories import lgt
 
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -24,62 +22,14 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     path.mkdir()
     (path / "pick.lgt").write_bytes(CONTENT)
     monkeypatch.setenv("LITEGRIP_TRAJ_DIR", str(path))
-    monkeypatch.setenv("COLUMNS", "80")
     monkeypatch.chdir(tmp_path)
     return path
-
-
-def test_a_chart_fills_the_columns_up_to_the_value() -> None:
-    points = [(0.0, 0.0), (1.0, 80.0), (2.0, 80.0)]
-    assert block_chart(points, top=80.0, unit="mm", width=8, height=4) == [
-        "80 mm ┤   ▄████",
-        "      ┤  ▄█████",
-        "40 mm ┤ ▄██████",
-        " 0 mm ┤▄███████",
-        "      └────────",
-        "       0.00 s 2.00 s",
-    ]
-
-
-@pytest.mark.parametrize(
-    "points", [[(5.0, 40.0)], [(5.0, 40.0), (5.0, 40.0)], [(5.0, 40.0), (9.0, 40.0)]]
-)
-def test_a_chart_of_a_pose_is_level(points: list[tuple[float, float]]) -> None:
-    top, bottom = block_chart(points, top=80.0, unit="mm", width=5, height=2)[:2]
-    assert (top, bottom) == ("80 mm ┤", " 0 mm ┤█████")
-
-
-def test_a_chart_shows_what_is_outside_at_its_edge() -> None:
-    points = [(0.0, -5.0), (0.5, -5.0), (0.5, 99.0), (1.0, 99.0)]
-    lines = block_chart(points, top=10.0, unit="mm", width=2, height=2)
-    assert lines[0] == "10 mm ┤ █"
-
-
-def test_plot_text_needs_no_library_and_a_local_file_no_daemon(
-    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for missing in ("mcap", "matplotlib"):
-        monkeypatch.setitem(sys.modules, missing, None)
-    for arguments in (["--local", "pick"], [str(folder / "pick.lgt")]):
-        assert main([*NOWHERE, "plot", "--text", *arguments]) == 0
-        lines = capsys.readouterr().out.splitlines()
-        assert lines[0] == "300 samples, 2.99 s, mount normal"
-        assert lines[1].startswith(f"{TRAVEL_MM:.0f} mm ┤")
-        assert len(lines) == 1 + 10 + 2
-        assert all(len(line) <= 80 for line in lines)
-        assert "█" in lines[10]
-    assert main([*NOWHERE, "--json", "plot", "--text", "--local", "pick"]) == 0
-    data = json.loads(capsys.readouterr().out)
-    assert (data["samples"], len(data["lines"])) == (300, 12)
 
 
 def test_plot_of_a_name_is_the_daemons(daemon: FakeDaemon, ctl: Ctl, folder: Path) -> None:
     there = FakeTrajectories(daemon)
     there.kept = {"wave": lgt([(0.0, 0.0), (1.0, 1.0)])}
-    code, shown, error = ctl("plot", "wave", "--text")
-    assert (code, error) == (0, "")
-    assert shown.startswith("2 samples, 1.00 s")
-    assert ctl("plot", "pick", "--text")[0] == 4
+    assert ctl("plot", "pick")[0] == 4
     assert ctl("plot", "wave") == (0, "drawn in wave.png\n", "")
     assert Path("wave.png").read_bytes().startswith(PNG)
 
@@ -108,11 +58,12 @@ def test_plot_draws_a_pose_and_what_was_made_at_no_time(folder: Path) -> None:
 
 
 def test_a_trajectory_is_known_by_its_content(
-    folder: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, capsys: pytest.CaptureFixture[str], drawn: list[Trajectory]
 ) -> None:
     Path("wave").write_bytes(CONTENT)
-    assert main([*NOWHERE, "plot", "--text", "--last", "0.5", "wave"]) == 0
-    assert capsys.readouterr().out.startswith("51 samples, 0.50 s")
+    assert main([*NOWHERE, "plot", "--last", "0.5", "wave"]) == 0
+    assert capsys.readouterr().out == "drawn in wave.png\n"
+    assert len(drawn[0]) == 51
 
 
 @pytest.mark.parametrize(
@@ -127,7 +78,7 @@ def test_what_cannot_be_shown_says_why(
     folder: Path, capsys: pytest.CaptureFixture[str], name: str, content: bytes, why: str
 ) -> None:
     Path(name).write_bytes(content)
-    assert main([*NOWHERE, "plot", "--text", name]) != 0
+    assert main([*NOWHERE, "plot", name]) != 0
     assert why in capsys.readouterr().err
 
 

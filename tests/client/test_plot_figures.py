@@ -2,7 +2,6 @@
 
 import json
 import math
-import re
 import struct
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +15,6 @@ from matplotlib.lines import Line2D
 from mcap.reader import make_reader
 
 from litegrip_client import Trajectory
-from litegrip_client.ctl.main import main
 from litegrip_client.ctl.plot.drawing import Dump, draw, draw_trajectory, png, read
 from litegripd.recorder.files import read as read_memory
 from litegripd.recorder.files import to_mcap
@@ -134,19 +132,6 @@ def test_a_gripper_at_rest_is_a_line_and_no_landscape(tmp_path: Path) -> None:
     png(figure)  # the texts are known behind this
     for label in (OPENING, TORQUE, COIL):
         assert drawn[label].yaxis.get_offset_text().get_text() == ""
-
-
-def test_a_dump_is_shown_as_text(
-    path: Path, dump: Dump, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["plot", "--text", str(path)]) == 0
-    shown = capsys.readouterr().out.splitlines()
-    assert shown[0] == f"{len(dump.ticks)} ticks; 0 s is the end"
-    assert "mm ┤" in shown[1]
-    assert any(re.match(r" +-\d\.\d\d s  job \d+: grasp done", line) for line in shown)
-    assert main(["plot", "--text", "--last", "0.1", "--json", str(path)]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert all(event["time_s"] >= -0.1 for event in told["events"])
 
 
 def test_the_lines_of_a_dump_are_what_was_recorded(path: Path, dump: Dump) -> None:

@@ -15,7 +15,6 @@ from litegrip_client import (
     Trajectory,
     list_trajectories,
 )
-from litegrip_client.ctl.commands.recorder import block_chart
 from litegrip_client.ctl.commands.trajectories import played_text, recorded_text
 from litegrip_client.ctl.main import main
 from litegrip_client.ctl.plot.drawing import draw_trajectory, png
@@ -254,32 +253,6 @@ def test_what_was_recorded_and_played_tells_of_grips() -> None:
 # Plot
 
 
-def test_a_chart_marks_spans_each_in_one_column_at_least() -> None:
-    points = [(10.0, 1.0), (20.0, 1.0)]
-    spans = [(10.0, 12.9), (15.0, 15.0), (19.9, 20.0)]
-    lines = block_chart(points, top=1.0, unit="mm", width=10, height=2, spans=spans, span_label="x")
-    assert lines[3] == "   x  ━━━  ━   ━"
-    pose = block_chart([(1.0, 1.0)], top=1.0, unit="mm", width=4, height=2, spans=[(1.0, 1.0)])
-    assert pose[3].strip() == "━"
-
-
-def test_plot_as_text_shows_grips_and_their_force(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    with_grips(GRIPS[0]).save("pick")
-    assert main([*NOWHERE, "plot", "--text", "--local", "pick"]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    begin, end = lines[12].index("━"), lines[12].rindex("━")
-    assert lines[12].split()[0] == "grip"
-    left = lines[1].index("┤") + 1
-    assert begin - left == int(70 * 0.5 / 2.99)
-    assert end - left == int(70 * 1.25 / 2.99)
-    assert lines[-1] == "grip: 0.50 to 1.25 s, 8 N, 60.0 mm wide, motion.grasp by demo"
-    assert main([*NOWHERE, "--json", "plot", "--text", "--local", "pick"]) == 0
-    (grip,) = json.loads(capsys.readouterr().out)["grips"]
-    assert (grip["force_n"], grip["start_s"]) == (8.0, 0.5)
-
-
 def test_plot_draws_the_grips_of_the_daemon(daemon: FakeDaemon, ctl: Ctl, folder: Path) -> None:
     there = FakeTrajectories(daemon)
     there.kept, there.grips = {"pick": CONTENT}, {"pick": BESIDE}
@@ -287,12 +260,10 @@ def test_plot_draws_the_grips_of_the_daemon(daemon: FakeDaemon, ctl: Ctl, folder
     assert Path("pick.png").read_bytes() == png(draw_trajectory(TAUGHT, "pick"))
 
 
-def test_the_last_seconds_begin_within_a_grip(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_last_seconds_begin_within_a_grip(folder: Path, drawn: list[Trajectory]) -> None:
     TAUGHT.save("pick")
-    assert main([*NOWHERE, "--json", "plot", "--text", "--local", "--last", "0.5", "pick"]) == 0
-    (grip,) = json.loads(capsys.readouterr().out)["grips"]
-    assert (grip["start_s"], grip["end_s"]) == (pytest.approx(2.49), 2.99)
     assert main([*NOWHERE, "plot", "--local", "--last", "0.5", "pick"]) == 0
+    (grip,) = drawn[0].grips
+    assert grip.start_s == pytest.approx(2.49)
+    assert grip.end_s == 2.99
     assert Path("pick.png").read_bytes().startswith(PNG)

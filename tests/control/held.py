@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from bench.hand import Hand
+from bench.jaws.hand import Hand
 from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from tests.world import Client, World
 

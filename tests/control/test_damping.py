@@ -1,12 +1,12 @@
-"""A hold by force shakes on no motor, whatever has happened; bench/damping.py has the motors."""
+"""A hold by force shakes on no motor, whatever happens; bench/jaws/damping.py has the motors."""
 
 from collections.abc import Callable
 
 import pytest
 
-from bench.damping import MOTORS, Motor, swing_of_hold
-from bench.held import HeldRig
-from bench.holding import vanish
+from bench.jaws.damping import MOTORS, Motor, swing_of_hold
+from bench.jaws.held import HeldRig
+from bench.jaws.holding import vanish
 
 SWING_NM = 0.3
 

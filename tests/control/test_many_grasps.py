@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from bench.rig import PERIOD_S, Rig, ours
+from bench.jaws.rig import PERIOD_S, Rig, ours
 from litegripd.control.motions.grasp import GraspRequest
 from litegripd.model.calibration import NOMINAL, Calibration
 from litegripd.model.gripper import FASTEST_MM_S, Geometry

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 import litegrip_client
+from docs.generate import GENERATED
 from litegrip_client import LiteGrip
 from litegrip_client.ctl.commands import COMMANDS
 from litegrip_client.ctl.parser import parse
@@ -99,7 +100,9 @@ def test_the_names_of_the_client_are_all_in_the_page_on_the_sdk() -> None:
     methods = {name for name in dir(LiteGrip) if not name.startswith("_")}
     told = set(named) - {"aio", "litegrip_client", "help"}
     assert told <= methods | set(litegrip_client.__all__)
-    of_the_sdk = set(re.findall(r"\| `(?:LiteGrip\.)?(\w+)`", text_of("docs/sdk-compat.md")))
+    of_the_sdk = set(
+        re.findall(r"\| `(?:LiteGrip\.)?(\w+)`", text_of("docs/generated/sdk-compat.md"))
+    )
     assert told | of_the_sdk >= methods | set(litegrip_client.__all__)
     assert len(named) - len(set(named)) <= 1  # LiteGrip, in the sentence below the table
 
@@ -118,6 +121,25 @@ def test_code_that_is_shown_is_that_of_its_file() -> None:
     }
     for name, file, body in shown:
         assert text_of(file) == body, f"{file} in {name}"
+
+
+MOST_WORDS = 1500
+LONG = {
+    "installation.md",  # its commands are typed in a virtual machine, one after the other
+    "troubleshooting.md",  # most of it is the table of symptoms, which runs write
+    "from-the-sdk.md",
+}
+
+
+def test_a_page_is_read_in_ten_minutes() -> None:
+    """What is made from the code's tables is looked up in, not read."""
+    made = {Path(generated.path).name for generated in GENERATED}
+    long = {
+        path.name
+        for path in (ROOT / "docs").glob("*.md")
+        if len(path.read_text(encoding="utf-8").split()) > MOST_WORDS
+    }
+    assert long - made <= LONG
 
 
 def test_the_index_names_every_page() -> None:

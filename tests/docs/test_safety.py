@@ -1,4 +1,4 @@
-"""What docs/safety.md says of torques, measured at simulated jaws on something rigid."""
+"""What docs/pressing.md says of torques, measured at simulated jaws on something rigid."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path

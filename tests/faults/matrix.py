@@ -1,4 +1,4 @@
-"""The fault matrix and its page: `python -m tests.faults.matrix` writes docs/faults.md.
+"""The fault matrix and its page: `python -m tests.faults.matrix` writes docs/generated/faults.md.
 
 Every fault of `rows` in every situation of `cell`, and every method under a stop of `stopped`. The
 page says what the runs have shown.
@@ -14,7 +14,7 @@ from tests.faults.rows import FAULTS, Fault
 from tests.faults.situations import SITUATIONS, Situation
 from tests.faults.stopped import CALLED, RELEASING, RESTS, run_stopped
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "faults.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "generated" / "faults.md"
 HEAD = """# Faults
 
 <!-- Made by python -m tests.faults.matrix from runs of the daemon; not to be edited. -->

@@ -1,4 +1,4 @@
-"""Every fault in every situation: what must hold holds, and docs/faults.md says what happens."""
+"""Every fault in every situation: what must hold holds; docs/generated/faults.md has the rest."""
 
 import pytest
 

@@ -8,7 +8,7 @@ import random
 from collections.abc import Callable
 from typing import Any
 
-from bench.hostile_lines import HostileLines
+from bench.hostile.lines import HostileLines
 from litegripd.model.motor import UP, BusCondition, BusState, CanFrame
 from tests.control.exchange import exchange
 from tests.control.teleop_scene import Follower, sweep

@@ -1,8 +1,8 @@
 """Whether a file's gains change what motions come to: `python -m tests.plants.gains`.
 
-It writes the tables of docs/gains.md: for each pair of gains, on how many of some random grippers
-each motion came out right; and the same on many for the file that ships, beside a file that has no
-gains. It takes ten minutes on two cores.
+It writes the tables of docs/generated/gains-figures.md: for each pair of gains, on how many of some
+random grippers each motion came out right; and the same on many for the file that ships, beside a
+file that has no gains. It takes ten minutes on two cores.
 """
 
 import argparse
@@ -19,7 +19,7 @@ from litegripd.model.motion_config import damping_conflict
 from tests.plants.files import SHIPPED_KD, SHIPPED_KP, SHIPPED_WORK_MM, STEPS, play_all
 from tests.plants.parameters import PlantParameters, random_plant
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "gains.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "generated" / "gains-figures.md"
 KPS = (5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)
 KDS = (0.0, 0.05, 0.5, 1.0, 2.0, 5.0)
 MOUNTS = ("normal", "reverse")

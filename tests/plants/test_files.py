@@ -1,6 +1,6 @@
 """The file that ships, and the ends of what a file may have, on grippers of all kinds.
 
-`python -m tests.plants.gains` plays all pairs of gains and writes the table of docs/gains.md.
+`python -m tests.plants.gains` plays all pairs of gains: docs/generated/gains-figures.md.
 """
 
 import pytest

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from bench.teleop_follow import SETTLE_S
+from bench.teleop.follow import SETTLE_S
 from litegripd.app.build import METHODS
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import MotorPhase

@@ -23,7 +23,7 @@ mount = "{{mount}}"
 {BY_GATEWAY}"""
 """The configuration of one: `format` takes the mount."""
 
-HAND = ("-m", "bench.handheld", "2.5", "20", "65")
+HAND = ("-m", "bench.teleop.handheld", "2.5", "20", "65")
 """A hand that moves the jaws by 45 mm and back in 2.5 s: 57 mm/s at most."""
 
 

@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from bench.crowd_audit import Audit, Death, Sample
-from bench.crowd_run import survive
+from bench.crowd.audit import Audit, Death, Sample
+from bench.crowd.run import survive
 from tests.process.daemon_process import DaemonProcess
 
 pytestmark = [

@@ -29,6 +29,7 @@ def test_every_command(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setenv("LITEGRIP_TRAJ_DIR", str(tmp_path / "own"))
+    monkeypatch.chdir(tmp_path)  # a picture is written where the caller is
     monkeypatch.delenv("LITEGRIP_CHANNEL", raising=False)
     with simulated.connect() as client:
         client.until(lambda state: bool(state["motor"] == "disabled" and state["calibrated"]))

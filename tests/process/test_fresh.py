@@ -103,7 +103,7 @@ def flood(running: DaemonProcess, *uids: int, connections: int = 62) -> Iterator
     with contextlib.ExitStack() as stack:
         for uid in uids:
             where = [str(running.socket_path), str(connections), str(uid)]
-            command = [sys.executable, "-m", "bench.flood", *where]
+            command = [sys.executable, "-m", "bench.hostile.flood", *where]
             assert line_of(stack.enter_context(spawned(command))) == "on"
         yield
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from bench.polite import Polite
+from bench.hostile.polite import Polite
 from tests.process.daemon_process import DEADLINE_S, DaemonProcess, daemon, line_of
 
 pytestmark = pytest.mark.alone
@@ -43,7 +43,7 @@ class HostileProcess:
 
     def __init__(self, kind: str, path: Path, *uid: str) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "bench.hostile_clients", kind, str(path), *uid],
+            [sys.executable, "-m", "bench.hostile.clients", kind, str(path), *uid],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,

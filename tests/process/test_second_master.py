@@ -13,7 +13,7 @@ from tests.process.daemon_process import SLCAN, Client, daemon
 from tests.sim.simulator_process import SimulatorProcess, simulator
 
 NO_GAINS = codec.encode_command(MitCommand(0.0, 0.0, 0.0, 0.0, 0.0), DM4310.ranges)
-FOREIGN = f"inject 008#{NO_GAINS.hex()}"
+FOREIGN = f"inject 008 {NO_GAINS.hex()}"
 
 
 @contextlib.contextmanager

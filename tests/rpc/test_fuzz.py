@@ -7,7 +7,7 @@ import json
 import os
 import random
 
-from bench.hostile_lines import HostileLines
+from bench.hostile.lines import HostileLines
 from tests.world import Client, World
 
 LINES = int(os.environ.get("LITEGRIPD_FUZZ_LINES", "50000"))

@@ -1,1 +1,1 @@
-"""A scene for every sentence of the SDK's own description; docs/sdk-sentences.md is the table."""
+"""A scene for every sentence of the SDK's description; docs/generated/sdk-sentences.md has all."""

@@ -1,11 +1,11 @@
-"""docs/sdk-sentences.md names a test for every sentence, and every test of this package."""
+"""docs/generated/sdk-sentences.md names a test for every sentence, and every test in here."""
 
 import ast
 import re
 from pathlib import Path
 
 HERE = Path(__file__).parent
-TABLE = HERE.parent.parent / "docs" / "sdk-sentences.md"
+TABLE = HERE.parent.parent / "docs" / "generated" / "sdk-sentences.md"
 SECTIONS = (
     "Quick start",
     "Reverse mounts and two grippers on one machine",

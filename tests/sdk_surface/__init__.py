@@ -1,1 +1,1 @@
-"""The vendor SDK's surface beyond its manual: names, arguments, meanings; docs/sdk-compat.md."""
+"""The vendor SDK's surface beyond its manual, as docs/generated/sdk-compat.md lists it."""

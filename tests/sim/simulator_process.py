@@ -1,4 +1,4 @@
-"""Runs the command `litegrip-sim` as a process of its own, for tests."""
+"""Runs the command `litegrip-sim` as a process of its own, for tests, with somebody beside it."""
 
 import contextlib
 import select
@@ -17,7 +17,7 @@ class SimulatorProcess:
 
     def __init__(self, *arguments: str) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "litegripd.app.sim_main", *arguments],
+            [sys.executable, "-m", "tests.sim.attended", *arguments],
             bufsize=0,  # so that a line that waits to be read can be seen by select
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -30,15 +30,9 @@ class SimulatorProcess:
         return self._process.pid
 
     def write(self, *lines: str) -> None:
-        """Give it commands."""
+        """Do something to it, as `tests.sim.attended` reads it."""
         assert self._process.stdin is not None
         self._process.stdin.write("".join(f"{line}\n" for line in lines).encode())
-
-    def end_input(self) -> None:
-        """Let its standard input end."""
-        assert self._process.stdin is not None
-        self._process.stdin.close()
-        self._process.stdin = None
 
     def read_line(self) -> str:
         """Wait for a line of output; an empty one means that the process has ended."""

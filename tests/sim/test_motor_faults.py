@@ -29,6 +29,14 @@ def test_no_other_status_can_be_latched(status: int) -> None:
         Driver().gripper.latch_fault(status)
 
 
+@pytest.mark.parametrize("share", [-0.1, 1.5, math.nan])
+def test_no_other_share_of_a_torque_can_be_made(share: float) -> None:
+    driver = Driver()
+    with pytest.raises(ValueError, match="made_share must be 0 to 1"):
+        driver.gripper.weaken(share)
+    assert driver.gripper.made_share == 1.0
+
+
 @pytest.mark.parametrize("torque_nm", [3.0, -3.0])
 @pytest.mark.parametrize("where_mm", [60.0, 1.0, 118.0])
 def test_a_stuck_rotor_stands_whatever_its_torque(where_mm: float, torque_nm: float) -> None:

@@ -80,7 +80,7 @@ COMMANDS = (
     CommandRow("play", "replay a recorded motion", "trajectories"),
     CommandRow("trajectories", "list what was recorded, copy or remove it", "trajectories"),
     CommandRow("dump", "write the last minute, tick by tick, to a file", "recorder"),
-    CommandRow("plot", "draw a dump or a trajectory, as a picture or as text", "recorder"),
+    CommandRow("plot", "draw a dump or a trajectory as a picture", "recorder"),
     CommandRow(
         "doctor",
         "check link, daemon, motor and calibration; say what corrects them",

@@ -5,10 +5,7 @@ Only pictures need anything but the standard library, and only when they are dra
 
 from __future__ import annotations
 
-import math
-import shutil
-from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 from litegrip_client.core.session import ACTION_TIMEOUT_S
@@ -25,76 +22,6 @@ from litegrip_client.values.trajectory_format import MAGIC
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from types import ModuleType
-    from typing import Any
-
-    from litegrip_client.values.trajectory_format import TaughtGrip
-
-
-_EIGHTHS = " ▁▂▃▄▅▆▇█"
-
-
-def block_chart(
-    points: Sequence[tuple[float, float]],
-    *,
-    top: float,
-    unit: str,
-    width: int = 72,
-    height: int = 10,
-    spans: Sequence[tuple[float, float]] = (),
-    span_label: str = "",
-) -> list[str]:
-    """Return the lines of a chart, `width` columns wide besides its labels.
-
-    `points` are times in s, which never run backwards, and values of 0 to `top`; what is outside
-    is drawn at the edge. A column shows the value at its middle, on the line between the points.
-    `spans`, from when to when, are marked below, each in one column at least.
-    """
-    labels = [f"{share * top:.0f} {unit}" for share in (1.0, 0.5, 0.0)]
-    margin = max(map(len, labels))
-    levels = [round(_share(value, top) * height * 8) for value in _resampled(points, width)]
-    lines = []
-    for row in range(height):
-        below = (height - 1 - row) * 8
-        label = {0: labels[0], height // 2: labels[1], height - 1: labels[2]}.get(row, "")
-        blocks = "".join(_EIGHTHS[min(max(level - below, 0), 8)] for level in levels)
-        lines.append(f"{label:>{margin}} ┤{blocks}".rstrip())
-    first, last = (f"{points[end][0]:.2f} s" for end in (0, -1))
-    lines.append(f"{'':>{margin}} └{'─' * width}")
-    if spans:
-        lines.append(f"{span_label:>{margin}}  {_marks(points, spans, width)}".rstrip())
-    lines.append(f"{'':>{margin}}  {first}{last:>{max(width - len(first), len(last) + 1)}}")
-    return lines
-
-
-def _share(value: float, top: float) -> float:
-    return min(max(value / top, 0.0), 1.0)
-
-
-def _marks(
-    points: Sequence[tuple[float, float]], spans: Sequence[tuple[float, float]], width: int
-) -> str:
-    begin_s, span_s = points[0][0], points[-1][0] - points[0][0]
-    marks = [" "] * width
-    for from_s, to_s in spans:
-        first, last = (
-            min(int(width * (at_s - begin_s) / span_s), width - 1) if span_s > 0.0 else 0
-            for at_s in (from_s, to_s)
-        )
-        marks[first : last + 1] = "━" * (last + 1 - first)
-    return "".join(marks)
-
-
-def _resampled(points: Sequence[tuple[float, float]], width: int) -> list[float]:
-    begin_s, span_s = points[0][0], points[-1][0] - points[0][0]
-    values, at = [], 0
-    for column in range(width):
-        time_s = begin_s + span_s * (column + 0.5) / width
-        while at + 1 < len(points) and points[at + 1][0] <= time_s:
-            at += 1
-        (here_s, here), (next_s, after) = points[at], points[min(at + 1, len(points) - 1)]
-        share = (time_s - here_s) / (next_s - here_s) if next_s > here_s else 0.0
-        values.append(here + (after - here) * share)
-    return values
 
 
 _DUMP = """\
@@ -143,8 +70,6 @@ def _content(path: str) -> bytes:
 
 
 _LIBRARIES = ("matplotlib", "mcap")
-_WIDEST = 100
-_LABELS = 10
 
 
 _PLOT = """\
@@ -160,12 +85,8 @@ def plot_options(parser: LateParser) -> None:
     parser.description = _PLOT
     parser.add_argument("file", metavar="FILE|NAME", help="a dump, or a trajectory")
     parser.add_argument("--local", action="store_true", help="a trajectory of this user's")
-    how = parser.add_mutually_exclusive_group()
-    how.add_argument(
+    parser.add_argument(
         "-o", "--output", metavar="PNG", help="the picture (default: beside FILE, as .png)"
-    )
-    how.add_argument(
-        "--text", action="store_true", help="a quick look at the opening, here in the terminal"
     )
     parser.add_argument("--last", type=positive, metavar="S", help="only the last S seconds of it")
 
@@ -174,8 +95,6 @@ def plot(run: Run) -> int:
     """Draw a dump or a trajectory."""
     options = run.options
     trajectory = _trajectory(run)
-    if options.text:
-        return _show(run, trajectory)
     picture = _picture(run, trajectory)
     here = Path(options.file) if trajectory is None or not options.local else None
     target = options.output or f"{Path(options.file).stem}.png"
@@ -223,66 +142,6 @@ def _begins_as_one(path: str) -> bool:
             return file.read(len(MAGIC)) == MAGIC
     except OSError:
         return False  # its reader says why
-
-
-def _show(run: Run, trajectory: Trajectory | None) -> int:
-    """Draw it in the terminal."""
-    if trajectory is None:
-        return _show_dump(run)
-    travel_mm = trajectory.travel_mm
-    lines = block_chart(
-        [(one.t, one.openness * travel_mm) for one in trajectory.samples],
-        top=travel_mm,
-        unit="mm",
-        width=max(20, min(_WIDEST, shutil.get_terminal_size().columns) - _LABELS),
-        spans=[(grip.start_s, grip.end_s) for grip in trajectory.grips],
-        span_label="grip",
-    )
-    mount = f", mount {trajectory.mount}" if trajectory.mount else ""
-    head = f"{len(trajectory)} samples, {trajectory.duration_s:.2f} s{mount}"
-    data: dict[str, Any] = {
-        "samples": len(trajectory),
-        "duration_s": trajectory.duration_s,
-        "mount": trajectory.mount,
-        "travel_mm": travel_mm,
-        "grips": [asdict(grip) for grip in trajectory.grips],
-        "lines": lines,
-    }
-    run.output.result(data, "\n".join([head, *lines, *map(_grip_line, trajectory.grips)]))
-    return OK
-
-
-def _show_dump(run: Run) -> int:
-    """Draw the opening of a dump in the terminal, and list what happened."""
-    dump = _drawing().read(run.options.file)
-    end_s = dump.ticks[-1]["monotonic_s"]
-    from_s = -math.inf if run.options.last is None else -run.options.last
-    points = [
-        (tick["monotonic_s"] - end_s, tick["opening_mm"])
-        for tick in dump.ticks
-        if "opening_mm" in tick and tick["monotonic_s"] - end_s >= from_s
-    ]
-    lines = ["the opening was not known"]
-    if points:
-        width = max(20, min(_WIDEST, shutil.get_terminal_size().columns) - _LABELS)
-        top_mm = max(1.0, *(value for _, value in points))
-        lines = block_chart(points, top=top_mm, unit="mm", width=width)
-    events = [
-        {"time_s": event.at_s - end_s, "kind": event.kind, "message": event.message}
-        for event in dump.events
-        if event.at_s - end_s >= from_s
-    ]
-    head = f"{len(dump.ticks)} ticks; 0 s is the end"
-    happened = [f"{event['time_s']:8.2f} s  {plain(event['message'])}" for event in events]
-    data = {"ticks": len(dump.ticks), "lines": lines, "events": events}
-    run.output.result(data, "\n".join([head, *lines, *happened]))
-    return OK
-
-
-def _grip_line(grip: TaughtGrip) -> str:
-    """Return a grip that is kept with a trajectory."""
-    span = f"{grip.start_s:.2f} to {grip.end_s:.2f} s"
-    return f"grip: {span}, {grip.force_n:g} N, {grip.width_mm:.1f} mm wide, {plain(grip.source)}"
 
 
 def _picture(run: Run, trajectory: Trajectory | None) -> bytes:

@@ -26,7 +26,7 @@ _SECONDS = struct.Struct("<d")
 FRAME_LIFETIME_PERIODS = 2.0
 _BELOW_CONTROL = 2
 """The pump's real-time priority: so far below the control thread's, and above ordinary processes,
-which kept frames waiting for longer than they live (python -m bench.pump)."""
+which kept frames waiting for longer than they live (python -m bench.timing.pump)."""
 _TOO_LATE = (
     "frames waited up to {ms:.0f} ms for the process that drives the adapter, and were dropped:"
     " this machine is too busy{rights}"

@@ -1,6 +1,6 @@
 """What the jaws do over a network that is cut, loses, delays and reorders.
 
-How soon it happens is measured by `python -m bench.fleet_faults`; here, that it does, and within
+How soon it happens is measured by `python -m bench.fleet.faults`; here, that it does, and within
 the limits that the documentation names.
 """
 

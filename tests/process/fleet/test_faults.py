@@ -1,6 +1,6 @@
 """What the jaws do when something between the operator and the gripper ends, hangs or is cut off.
 
-When it happens is measured by `python -m bench.fleet_faults`; here, that it does.
+When it happens is measured by `python -m bench.fleet.faults`; here, that it does.
 """
 
 import signal

@@ -21,9 +21,9 @@ from typing import Any
 import pytest
 import zenoh
 
-from bench.hostile_clients import OTHERS_RIGHT
-from bench.hostile_lines import HostileLines
-from bench.polite import Polite
+from bench.hostile.clients import OTHERS_RIGHT
+from bench.hostile.lines import HostileLines
+from bench.hostile.polite import Polite
 from litegrip_fleet.far.gateway import MOST_ASKED_ABOUT
 from litegrip_fleet.wire.lateness import MOTION_COUNTS_S
 from litegrip_fleet.wire.messages import LONGEST_BYTES, VERSION, Ask, Reply, packed, unpacked

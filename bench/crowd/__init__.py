@@ -1,0 +1,1 @@
+"""Fifty clients that hang and die at one daemon."""

@@ -1,0 +1,1 @@
+"""Grippers of other machines: latency, scale, faults."""

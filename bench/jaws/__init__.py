@@ -1,0 +1,1 @@
+"""The jaws in virtual time: how hard, how fast, what holds."""

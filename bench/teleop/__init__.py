@@ -1,0 +1,1 @@
+"""A follower behind its leader, over networks good and bad."""

@@ -1,0 +1,1 @@
+"""How long the daemon takes: ticks, stops, restarts, on a busy machine."""
