@@ -291,8 +291,8 @@ class HelperFigures(TypedDict):
 class LinkFigures(TypedDict):
     """The process of the teleoperation's link.
 
-    `reach` is how far a slave over zenoh has come to its leader, and `unreached` what is in the
-    way, and for how long.
+    `reach` is how far a slave has come to its leader, or a master over UDP to its followers, and
+    `unreached` what is in the way, and for how long.
     """
 
     pid: int | None
