@@ -95,9 +95,12 @@ TELEOP: Mapping[str, tuple[str, str]] = {
     "link_protected": (_LINK, "false: whoever reaches it can take part; null: not open"),
     "link_reach": (
         _LINK,
-        "a slave over zenoh: resolving (its leader's name), connecting, connected, frames",
+        "a slave: resolving (its leader), connecting, connected, frames; udp: bound or sending",
     ),
-    "link_unreached": (_LINK, "why its leader is not reached, and for how long; null: no reason"),
+    "link_unreached": (
+        _LINK,
+        "why the other end is not reached, and for how long; null: no reason",
+    ),
     "matching": (_LINK, "a master over zenoh: whether anybody listens; null: nobody can know"),
     "frames": (_OWN, "sent by a master, followed by a slave"),
     "last_frame_age_ms": (_OWN, "since the newest of them was sent, or came"),

@@ -64,6 +64,8 @@ class Link:
     termination_ohm: int | None = None
     """Of the adapter's own resistor between the wires, 0 where it is off; None where it has none
     that can be switched."""
+    index: int | None = None
+    """The kernel's number, which stays with an interface that is renamed."""
     modes: tuple[str, ...] = ()
     """The controller's modes that are on, as iproute2 names them: LISTEN-ONLY, FD, ..."""
 
@@ -101,6 +103,7 @@ def from_ip(text: str) -> Link:
         rx_errors=_integer(errors.get("rx")),
         termination_ohm=_integer(data.get("termination")),
         history={name: value for name, value in counters.items() if isinstance(value, int)},
+        index=_integer(link.get("ifindex")),
         modes=_modes(data.get("ctrlmode"), _integer(link.get("mtu")) if kind == "can" else None),
     )
 
@@ -123,6 +126,7 @@ def from_files(name: str, files: Mapping[str, str]) -> Link:
         is_can=int(files["type"]) == ARPHRD_CAN,
         is_up=bool(int(files["flags"], 16) & _IFF_UP),
         queue_frames=int(files["tx_queue_len"]),
+        index=int(files["ifindex"]) if "ifindex" in files else None,
     )
 
 
@@ -215,7 +219,7 @@ def from_netlink(message: bytes) -> Link | None:
     """Read the kernel's answer to RTM_GETLINK; None for its error that there is no such link."""
     if len(message) < _HEADER.size + _LINK.size or _HEADER.unpack_from(message)[1] != _NEWLINK:
         return None
-    _family, kind, _index, flags, _change = _LINK.unpack_from(message, _HEADER.size)
+    _family, kind, index, flags, _change = _LINK.unpack_from(message, _HEADER.size)
     found = _attributes(message[_HEADER.size + _LINK.size :])
     info = _attributes(found.get(_LINKINFO, b""))
     data = _attributes(info.get(_DATA, b""))
@@ -227,6 +231,7 @@ def from_netlink(message: bytes) -> Link | None:
         is_up=bool(flags & _IFF_UP),
         kind=info.get(_KIND, b"").rstrip(b"\0").decode(errors="replace") or None,
         bitrate=int.from_bytes(timing[:4], sys.byteorder) or None,
+        index=index,
         modes=tuple(mode for bit, mode in _MODE_BITS.items() if bits & bit),
     )
 

@@ -34,6 +34,7 @@ from litegrip_fleet.far.dead_man import DeadMansSwitch
 from litegrip_fleet.far.gateway import Gateway
 from litegrip_fleet.near.portal import Portal
 from litegrip_fleet.wire.keys import BadNameError, check_name
+from litegrip_fleet.wire.log import RepeatsHandler, poll_handlers
 from litegrip_fleet.wire.network import (
     CONNECT_WITHIN_S,
     Network,
@@ -86,7 +87,7 @@ def run() -> NoReturn:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command; return its exit code."""
     arguments = make_parser().parse_args(argv)
-    logging.basicConfig(format="%(message)s", level=logging.INFO, stream=sys.stderr)
+    logging.basicConfig(format="%(message)s", level=logging.INFO, handlers=[RepeatsHandler()])
     # It is one gripper of the shell: all of a gateway's would be that one.
     os.environ.pop(SOCKET_VARIABLE, None)
     try:
@@ -257,8 +258,9 @@ async def _until_a_signal(
     serving = asyncio.create_task(serve())
     waiting = asyncio.create_task(ending.wait())
     watching = asyncio.create_task(_watched(certificate))
+    polling = asyncio.create_task(poll_handlers())
     await asyncio.wait((serving, waiting, watching), return_when=asyncio.FIRST_COMPLETED)
-    for task in (serving, waiting, watching):
+    for task in (serving, waiting, watching, polling):
         task.cancel()
     ended = await asyncio.gather(serving, watching, return_exceptions=True)
     for problem in ended:

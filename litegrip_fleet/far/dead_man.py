@@ -15,6 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent import futures
 
 from litegrip_client.values.errors import LiteGripError
+from litegrip_client.values.repeats import EACH
 from litegrip_fleet.far import daemon
 from litegrip_fleet.far.presence import DeadMan, Presence
 from litegrip_fleet.wire.keys import Place
@@ -118,11 +119,12 @@ class _Stopper:
             self._dead_man.done(confirmed=False)
             if self._told != error.message:
                 self._told = error.message
-                _log.error("%s is NOT stopped, although %s: %s", self._place, why, error.message)
+                text = "%s is NOT stopped, although %s: %s"
+                _log.error(text, self._place, why, error.message, extra=EACH)
             return
         self._dead_man.done(confirmed=True)
         self._told = ""
-        _log.warning("%s: stopped (%s): %s", self._place, self._level, why)
+        _log.warning("%s: stopped (%s): %s", self._place, self._level, why, extra=EACH)
 
     async def _watch(self) -> None:
         """Notice that a stop is cleared, and that the daemon is another one."""

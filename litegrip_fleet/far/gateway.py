@@ -19,6 +19,7 @@ import zenoh
 from litegrip_client.core.sockets import STOP_LEVELS, stop_path
 from litegrip_client.core.stop import WHY_CHARACTERS
 from litegrip_client.values.errors import LiteGripError
+from litegrip_client.values.repeats import EACH, REPEATS
 from litegrip_fleet.far.daemon import STOP_WITHIN_S, asked_of, connected, how_it_is, unreachable
 from litegrip_fleet.far.dead_man import DeadMansSwitch
 from litegrip_fleet.far.far_session import FarSession
@@ -139,7 +140,7 @@ class Gateway:
             self._hello = hello  # from now on there are sessions, and each knows what is voided
             await asked_of(reader, writer, "events.subscribe", {"kinds": ["stop"]})
             token = self._session.liveliness().declare_token(self.place.alive)
-            _log.info("%s: %s can be reached", self.place, self._channel)
+            _log.info("%s: %s can be reached", self.place, self._channel, extra={REPEATS: True})
             while line := await reader.readline():
                 self._note(line)
                 if not line.startswith(_ALIVE_ANSWER):  # a stop: how many there were by now
@@ -369,7 +370,7 @@ class Gateway:
             answer = self._stopped(in_the_name_of(f"{user}@{self.place.site}", line))
             loop.call_soon_threadsafe(self._note, answer)
             became = "stopped" if b'"result":' in answer else "NOT stopped for sure, though asked"
-            _log.warning("%s: %s by %s", self.place, became, user)
+            _log.warning("%s: %s by %s", self.place, became, user, extra=EACH)
             # By our own key: a stop of a whole site was asked by one with a wildcard.
             query.reply(self.place.stop(user), answer)
 

@@ -16,6 +16,8 @@ from typing import Any
 
 import zenoh
 
+from litegrip_client.values.repeats import REPEATS
+
 _log = logging.getLogger(__name__)
 
 LEASE_MS = 2000
@@ -137,7 +139,7 @@ async def log_routers(connecting: "futures.Future[zenoh.Session]", where: str) -
         session = session_in(connecting)
         is_there = session is not None and bool(session.info.routers_zid())
         if is_there and not was_there:
-            _log.info("connected to a router (%s)", where)
+            _log.info("connected to a router (%s)", where, extra={REPEATS: True})
             was_there = True
         elif not is_there and was_there:
             _log.warning("the connection to the router is lost (%s): trying again", where)

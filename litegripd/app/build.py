@@ -191,10 +191,12 @@ class LinkWatch:
     """Has the interface's bit rate read at each link-up: a wrong one looks like a cable's fault.
 
     `bitrate` is what was read, None where nothing is known; `doubt` what is wrong with the link.
+    `ifindex` is the kernel's number of the interface: it stays when the interface is renamed.
     """
 
     def __init__(self, bus: BusSettings) -> None:
         self.bitrate: int | None = None
+        self.ifindex: int | None = None
         self.doubt: str | None = None
         self._bus = bus
         self._was_up = False
@@ -204,7 +206,7 @@ class LinkWatch:
         is_up = condition.state not in _NO_LINK and self._bus.interface == "socketcan"
         was_up, self._was_up = self._was_up, is_up
         if not is_up:
-            self.bitrate = self.doubt = None
+            self.bitrate = self.ifindex = self.doubt = None
         if not is_up or was_up:
             return None
         return HelperTask("link.look", {"channel": self._bus.channel}, self._take)
@@ -220,7 +222,7 @@ class LinkWatch:
         if result.error is not None or not isinstance(result.value, dict) or not self._was_up:
             return
         name, found = self._bus.channel, result.value
-        self.bitrate = found["bitrate"]
+        self.bitrate, self.ifindex = found["bitrate"], found["ifindex"]
         wrong = []
         if self.bitrate is not None and self.bitrate != BITRATE:
             wrong.append(f"runs at {rate_text(self.bitrate)}, and the motor speaks at 1 Mbit/s")
@@ -353,6 +355,7 @@ class Parts:
                 "state": machine.controller.bus.state,
                 "error": machine.controller.bus.error,
                 "bitrate": self.link.bitrate,
+                "ifindex": self.link.ifindex,
                 "load": round(self.bus_load, 4),
                 "sent": counters.sent,
                 "received": counters.received,

@@ -91,6 +91,7 @@ def look_at_link(parameters: Parameters) -> dict[str, object]:
         raise OSError(f"there is no network interface {name}")
     return {
         "bitrate": link.bitrate if link.kind == "can" else None,
+        "ifindex": link.index,
         "modes": {mode.lower(): why for mode, why in link.bad_modes.items()},
         "set_by": [setting.text for setting in settings_of(name) if setting.is_wrong],
     }

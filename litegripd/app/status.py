@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from litegrip_client.values.repeats import REPEATS
 from litegripd.app.build import Parts
 from litegripd.app.config import Config
 from litegripd.app.machine import Machine
@@ -22,7 +23,7 @@ from litegripd.io.log import FIELDS, JournalSink, LogHandler, goes_to_journal
 from litegripd.io.server import MAX_CONNECTIONS, MAX_CONNECTIONS_PER_UID
 from litegripd.model.gripper import STROKE_MM, MotorType
 from litegripd.model.motor import UNANSWERED, MotorIdentity, MotorPhase
-from litegripd.model.state import Event
+from litegripd.model.state import Event, EventKind
 from litegripd.motor.identity import STILL_READ, warnings
 from litegripd.motor.phases import RESTING
 from litegripd.rpc.jsonrpc import MAX_LINE_BYTES
@@ -65,6 +66,16 @@ _WARNINGS = frozenset(
 )
 
 
+_REPEATED: frozenset[EventKind] = frozenset(
+    {"bus", "motor", "teleop", "recorder", "client_lost", "lease_lost"}
+)
+"""What a loose plug, a leader or a program that fails repeats without end, also as information."""
+
+_ALWAYS: frozenset[EventKind] = frozenset(
+    {"stop", "stop_cleared", "released_by_fault", "object_lost", "calibration"}
+)
+"""Somebody's act, or the loss of what was held: each is logged."""
+
 _UNPOWERED = (
     "the motor does not answer, and nobody uses the gripper: normal while its power is off;"
     " otherwise check its 24 V supply, the CAN wiring and its id"
@@ -96,7 +107,10 @@ def log_event(event: Event) -> None:
     is_bad = is_bad and not event.data.get("at_rest")
     level = logging.WARNING if is_bad else logging.INFO
     fields = {name: event.data[key] for key, name in _FIELDS.items() if event.data.get(key)}
-    _log.log(level, "%s", event.message, extra={FIELDS: {"LITEGRIP_EVENT": event.kind, **fields}})
+    extra: dict[str, object] = {FIELDS: {"LITEGRIP_EVENT": event.kind, **fields}}
+    if event.kind in _REPEATED or event.kind in _ALWAYS:
+        extra[REPEATS] = event.kind in _REPEATED
+    _log.log(level, "%s", event.message, extra=extra)
 
 
 def warn_of_untried(motor_type: MotorType) -> None:
@@ -148,7 +162,11 @@ class MotorGreeting:
 def _log_motor(identity: MotorIdentity) -> None:
     serial = identity.registers.get("SN")
     _log.info(
-        "motor 0x%02X answers on 0x%02X, serial %s", identity.can_id, identity.master_id, serial
+        "motor 0x%02X answers on 0x%02X, serial %s",
+        identity.can_id,
+        identity.master_id,
+        serial,
+        extra={REPEATS: True},
     )
 
 

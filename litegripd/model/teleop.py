@@ -73,12 +73,16 @@ class Arrival:
 LinkState: TypeAlias = Literal["opening", "open", "failed"]
 
 
-ReachState: TypeAlias = Literal["resolving", "connecting", "connected", "frames"]
+ReachState: TypeAlias = Literal[
+    "resolving", "connecting", "connected", "bound", "sending", "frames"
+]
+"""Over zenoh a follower resolves, connects and is connected. Over UDP, which has no connections, a
+follower is bound and a leader sends. `frames`: they come."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """How far a follower has come on the way to its leader.
+    """How far an end has come on the way to the other one.
 
     `why` says what is in the way, since `since_s` (CLOCK_MONOTONIC); None while nothing is known
     to be.
@@ -103,7 +107,7 @@ class LinkStatus:
     `matching` is True if another end listens to a leader, None if nobody can know; `dropped` counts
     what came faster than any leader sends, or from an unexpected sender. `is_protected` is True if
     only ends that the configuration names can take part, None before it is open. `reach` is how
-    far a follower has come to its leader, None of an end that goes to nobody.
+    far this end has come to the other one, None of an end that cannot know.
     """
 
     state: LinkState = "opening"
@@ -150,7 +154,8 @@ class TeleopStatus:
     `host` and `port` are the link's: where a slave's leader is, with UDP also where a master sends
     to; None without a network. `link_protected` is False if anyone who reaches the link can take
     part; like `link_state` and `matching` it is None after the end. `link_reach` is how far a slave
-    over zenoh has come to its leader, and `link_unreached` what is in the way. `force_limited` is
+    has come to its leader, or a master over UDP to its followers, and `link_unreached` what is in
+    the way. `force_limited` is
     True if a slave would press harder without its limits. With force reflection `reflected_n` is
     what a slave has last reported to its leader (squeezing positive; None while it reports none),
     or how hard a master's jaws push now (opening positive). `followers` counts those whose force a

@@ -2,7 +2,7 @@
 
 A client asks for a dump, or there is a `Cause`. This file only makes the task; the helper process
 writes. There is one dump at a time, and by itself at most one in `APART_S`: the next dump shows
-what happens between.
+what happens between. A cause that comes again and again is dumped at intervals that double.
 """
 
 import json
@@ -312,6 +312,12 @@ AFTER_S = 1.0
 APART_S = KEPT_S - 5.0
 """Less than the recorded time: the next dump still shows a fault right after this one."""
 
+APART_AT_MOST_S = 3600.0
+_FLAPPING: frozenset[Cause] = frozenset({"bus_lost", "motor_silent", "motor_reset"})
+"""What a loose plug causes. From its third dump on, each waits twice as long as the one before, an
+hour at most: one in every `APART_S` is 1570 files a day, and the ten that are kept would be of its
+last ten minutes. What has stayed away for an hour is dumped at once."""
+
 _MOST_CAUSES = 10
 _POWERED = (MotorPhase.ENABLING, MotorPhase.ENABLED, MotorPhase.DISABLING)
 
@@ -320,14 +326,17 @@ class Dumps:
     """Asks for dumps; call `step` once per tick."""
 
     NOT_CARRIED = (
+        "_apart_s",
         "_bus_was_up",
         "_causes",
         "_controller",
         "_due_s",
         "_dumped_s",
+        "_dumps_s",
         "_has_worked",
         "_is_busy",
         "_is_powered",
+        "_noted_s",
         "_phase",
         "_seen_s",
     )
@@ -343,6 +352,9 @@ class Dumps:
         self._is_powered = False
         self._bus_was_up = True
         self._seen_s: dict[Cause, float] = {}
+        self._noted_s: dict[Cause, float] = {}  # when a cause has come last
+        self._dumps_s: dict[Cause, float] = {}  # and was dumped last
+        self._apart_s: dict[Cause, float] = {}  # and how long after that it may be again
 
     def ask(self, cause: Cause, note: str, then: Callable[[TaskResult], None]) -> Refusal | None:
         """Ask for a dump, or return a refusal; `then` gets the result."""
@@ -412,6 +424,11 @@ class Dumps:
         self._seen_s[cause] = now_s
 
     def _note(self, cause: Cause, now_s: float) -> None:
+        if now_s - self._noted_s.get(cause, float("-inf")) > APART_AT_MOST_S:
+            self._apart_s.pop(cause, None)
+        self._noted_s[cause] = now_s
+        if now_s - self._dumps_s.get(cause, float("-inf")) < self._apart_s.get(cause, 0.0):
+            return  # a dump has shown it, and the events tell of this one
         if not self._causes:
             self._due_s = max(now_s + AFTER_S, self._dumped_s + APART_S)
         if len(self._causes) < _MOST_CAUSES:
@@ -419,6 +436,11 @@ class Dumps:
 
     def _dump(self, now_s: float) -> None:
         causes, self._causes, self._dumped_s = self._causes, [], now_s
+        for cause in _FLAPPING.intersection(causes):
+            apart_s = self._apart_s.get(cause)
+            doubled_s = 0.0 if apart_s is None else 2.0 * max(apart_s, APART_S)
+            self._apart_s[cause] = min(doubled_s, APART_AT_MOST_S)
+            self._dumps_s[cause] = now_s
         self.ask(causes[0], ", then ".join(causes), lambda _result: None)
 
 

@@ -214,7 +214,8 @@ class ControlFigures(TypedDict):
 class BusFigures(TypedDict):
     """The figures of the bus.
 
-    `bitrate` (bit/s) is the network interface's, null where it has none or it is not known.
+    `bitrate` (bit/s) is the network interface's, null where it has none or it is not known, and
+    `ifindex` the kernel's number of it, which stays when it is renamed.
     `pump_late_us`: the longest that a frame has lately waited for the process that drives the
     adapter while the adapter was free; null for an adapter without such a process.
     """
@@ -222,6 +223,7 @@ class BusFigures(TypedDict):
     state: BusState
     error: str | None
     bitrate: int | None
+    ifindex: int | None
     load: float
     sent: int
     received: int
@@ -289,8 +291,8 @@ class HelperFigures(TypedDict):
 class LinkFigures(TypedDict):
     """The process of the teleoperation's link.
 
-    `reach` is how far a slave over zenoh has come to its leader, and `unreached` what is in the
-    way, and for how long.
+    `reach` is how far a slave has come to its leader, or a master over UDP to its followers, and
+    `unreached` what is in the way, and for how long.
     """
 
     pid: int | None

@@ -1,5 +1,6 @@
 """The ends of a link in its process: plain UDP, and zenoh without any discovery."""
 
+import contextlib
 import errno
 import json
 import os
@@ -26,6 +27,17 @@ Address: TypeAlias = tuple[Any, ...]
 
 _LOOK_EVERY_S = 0.2
 _MOST_LEADERS = 8
+_SILENT_AFTER_S = 3.0
+"""Without a frame for so long nobody sends; without a refusal for so long nobody refuses: a system
+answers at least once a second that nobody listens at a port (icmp_ratelimit)."""
+
+
+_TELL_REFUSALS = {
+    socket.AF_INET: (socket.IPPROTO_IP, 11),
+    socket.AF_INET6: (socket.IPPROTO_IPV6, 25),
+}
+"""IP_RECVERR and IPV6_RECVERR of Linux, ip(7): a socket that is not connected hears of refusals,
+too. A connected one would keep the own address that this machine had when it was opened."""
 
 
 class Endpoint(Protocol):
@@ -90,26 +102,30 @@ class UdpListener:
 class UdpLeader:
     """Sends every frame as one datagram to each follower; raises `OSError` for an unknown host.
 
-    With reflection it takes what those hosts send back to its sockets, and nothing else.
+    With reflection it takes what those hosts send back to its sockets, and nothing else. Without it
+    each follower has a socket, which hears that nobody listens there.
     """
 
-    matching = reach = None
+    matching = None
     is_protected = False
 
     def __init__(self, options: LinkOptions, deliver: Deliver, refuse: Refuse) -> None:
         self._deliver = deliver
         self._refuse = refuse
         self._listeners: list[UdpListener] = []
-        found = [
-            socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
-            for host, port in udp_targets(options)
-        ]
+        found = [_resolved(host, port)[0] for host, port in udp_targets(options)]
         self._hosts = {str(entry[4][0]) for entry in found}
-        families = {entry[0] for entry in found}
-        self._sockets = {family: socket.socket(family, socket.SOCK_DGRAM) for family in families}
-        self._targets: list[tuple[socket.socket, Address]] = [
-            (self._sockets[entry[0]], entry[4]) for entry in found
-        ]
+        self._refused_s: dict[Address, tuple[float, float]] = {}  # the first and the last time
+        self._sockets: dict[object, socket.socket] = {}  # by family, or one for each follower
+        self._targets: list[tuple[socket.socket, Address]] = []
+        for family, _kind, _protocol, _name, address in found:
+            whose = family if options.reflects else address
+            if whose not in self._sockets:
+                self._sockets[whose] = socket.socket(family, socket.SOCK_DGRAM)
+            own = self._sockets[whose]
+            self._targets.append((own, address))
+            if not options.reflects:
+                own.setsockopt(*_TELL_REFUSALS[family], 1)
         if options.reflects:
             for own in self._sockets.values():
                 own.bind(("", 0))
@@ -120,9 +136,19 @@ class UdpLeader:
         """What has ended a listener, or None."""
         return next((listener.failure for listener in self._listeners if listener.failure), None)
 
+    @property
+    def reach(self) -> Reach:
+        """That it sends, and who refuses it: a datagram that is lost tells nobody."""
+        since_s = time.monotonic() - _SILENT_AFTER_S
+        for address, (first_s, last_s) in tuple(self._refused_s.items()):
+            if last_s >= since_s:
+                why = f"{_where(address)} refuses what is sent: nobody listens at that port"
+                return Reach("sending", why, first_s)
+        return Reach("sending")
+
     def publish(self, payload: bytes) -> None:
         """Send one datagram to each; nobody has to be there, and an error delays no other one."""
-        errors = [_sent(own, payload, address) for own, address in self._targets]
+        errors = [self._sent(own, payload, address) for own, address in self._targets]
         failed = next((error for error in errors if error is not None), None)
         if failed is not None:
             raise failed
@@ -137,6 +163,20 @@ class UdpLeader:
         for own in self._sockets.values():
             own.close()
 
+    def _sent(self, own: socket.socket, payload: bytes, address: Address) -> OSError | None:
+        """Send a datagram; return the error. A refusal is of an earlier one: it is sent again."""
+        failed = _sent(own, payload, address)
+        if not isinstance(failed, ConnectionRefusedError):
+            return failed
+        with contextlib.suppress(OSError):  # or the queue of refusals fills up
+            own.recvmsg(MAX_PAYLOAD_BYTES, 256, socket.MSG_ERRQUEUE | socket.MSG_DONTWAIT)
+        now_s = time.monotonic()
+        first_s, last_s = self._refused_s.get(address, (now_s, now_s))
+        is_new = now_s - last_s > _SILENT_AFTER_S
+        self._refused_s[address] = (now_s if is_new else first_s, now_s)
+        failed = _sent(own, payload, address)
+        return None if isinstance(failed, ConnectionRefusedError) else failed
+
     def _hear(self, payload: bytes, sender: Address) -> None:
         if sender[0] in self._hosts:
             self._deliver(payload, name_of(sender))
@@ -150,7 +190,7 @@ class UdpFollower:
     Raises `OSError` if the port is taken, the host is unknown or the address is none of here.
     """
 
-    matching = reach = None
+    matching = None
     is_protected = False
 
     def __init__(self, options: LinkOptions, deliver: Deliver, refuse: Refuse) -> None:
@@ -158,12 +198,16 @@ class UdpFollower:
         self._refuse = refuse
         self._leaders: OrderedDict[str, Address] = OrderedDict()
         self._hosts: set[str] | None = None
+        self._options = options
+        self._since_s = time.monotonic()  # of the last frame, or since it listens
+        self._is_heard = False
+        self._stranger: tuple[str, float] | None = None
         family, address = socket.AF_INET, ""
         if options.bind is not None:
-            own = socket.getaddrinfo(options.bind, options.port, type=socket.SOCK_DGRAM)[0]
+            own = _resolved(options.bind, options.port)[0]
             family, address = own[0], str(own[4][0])
         if options.host is not None:
-            found = socket.getaddrinfo(options.host, None, type=socket.SOCK_DGRAM)
+            found = _resolved(options.host, None)
             family = found[0][0] if options.bind is None else family
             self._hosts = {str(entry[4][0]) for entry in found if entry[0] == family}
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
@@ -179,6 +223,19 @@ class UdpFollower:
         """What has ended the listener, or None."""
         return self._listener.failure
 
+    @property
+    def reach(self) -> Reach:
+        """Whether frames come, and if not, for how long none has come."""
+        since_s, now_s = self._since_s, time.monotonic()
+        if now_s - since_s < _SILENT_AFTER_S:
+            return Reach("frames" if self._is_heard else "bound")
+        port, host, stranger = self._options.port, self._options.host, self._stranger
+        if stranger is not None and now_s - stranger[1] < _SILENT_AFTER_S:
+            name = f"frames come to UDP port {port} from {stranger[0]}, and none from {host}"
+            return Reach("bound", name, since_s)
+        whose = "" if host is None else f" from {host}"
+        return Reach("bound", f"no frame comes to UDP port {port}{whose}", since_s)
+
     def publish(self, _payload: bytes) -> None:
         """Do nothing: a follower only listens, and replies."""
 
@@ -188,7 +245,7 @@ class UdpFollower:
         if address is None:
             return
         failed = _sent(self._socket, payload, address)
-        if failed is not None:
+        if failed is not None and not isinstance(failed, ConnectionRefusedError):
             raise failed
 
     def close(self) -> None:
@@ -197,8 +254,10 @@ class UdpFollower:
 
     def _hear(self, payload: bytes, sender: Address) -> None:
         if self._hosts is not None and sender[0] not in self._hosts:
+            self._stranger = (str(sender[0]), time.monotonic())
             self._refuse()
             return
+        self._since_s, self._is_heard = time.monotonic(), True
         name = name_of(sender)
         if name not in self._leaders:
             if len(self._leaders) >= _MOST_LEADERS:
@@ -207,17 +266,33 @@ class UdpFollower:
         self._deliver(payload, name)
 
 
+class UnresolvedError(OSError):
+    """A name that does not resolve; the message names it."""
+
+
+def _resolved(host: str, port: int | None) -> list[Any]:
+    """Return the addresses of a name; raises `UnresolvedError`."""
+    try:
+        return socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
+    except (OSError, UnicodeError) as error:
+        text = error.strerror if isinstance(error, OSError) else str(error)
+        raise UnresolvedError(f"the name {host} does not resolve: {text}") from error
+
+
+def _where(address: Address) -> str:
+    host, port = address[0], address[1]
+    return f"[{host}]:{port}" if ":" in str(host) else f"{host}:{port}"
+
+
 def name_of(sender: Address) -> str:
     """Return a sender's name, which distinguishes it from others."""
     return f"{sender[0]}:{sender[1]}"
 
 
 def _sent(own: socket.socket, payload: bytes, address: Address) -> OSError | None:
-    """Send a datagram; return the error, unless nobody is there (yet, or any more)."""
+    """Send a datagram; return the error."""
     try:
         own.sendto(payload, socket.MSG_DONTWAIT, address)
-    except ConnectionRefusedError:
-        return None
     except OSError as error:
         return error
     return None

@@ -168,7 +168,14 @@ class TeleopLeader(TeleopAction):
     def status(self, now_s: float) -> TeleopStatus:
         """Return the status."""
         status, frame, forces = self.base_status(), self._frame, self._forces
-        status = replace(status, phase="leading", rejected=forces.rejected)
+        reach = self.link.status.reach
+        status = replace(
+            status,
+            phase="leading",
+            rejected=forces.rejected,
+            link_reach=None if reach is None else reach.state,
+            link_unreached=None if reach is None else reach.problem(now_s),
+        )
         if self.options.reflects:
             trip_s = forces.round_trip_s if forces.followers(now_s) else None
             status = replace(

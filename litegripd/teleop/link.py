@@ -323,15 +323,17 @@ class TeleopAction(PlainAction, ABC):
         self._note_reach(status)
 
     def _note_reach(self, status: LinkStatus) -> None:
-        """Report each reason why the leader is not reached once, until it is."""
+        """Report each reason why the other end is not reached once, until it is."""
         reach = status.reach
         if reach is None:
             return
-        if reach.state == "connected":
-            self._unreached.clear()
-        elif reach.why is not None and reach.why not in self._unreached:
+        if reach.why is None:
+            if reach.state in ("connected", "sending", "frames"):
+                self._unreached.clear()
+        elif reach.why not in self._unreached:
             self._unreached.add(reach.why)
-            self.report(f"the leader is not reached: {reach.why}", warning=True, link=status.state)
+            whom = "a follower" if self.options.mode == "master" else "the leader"
+            self.report(f"{whom} is not reached: {reach.why}", warning=True, link=status.state)
 
     def base_status(self) -> TeleopStatus:
         """Return the part of the status that is the same for both ends."""

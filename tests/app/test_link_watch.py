@@ -1,6 +1,7 @@
 """A wrong bit rate, or a mode in which no motor answers, is read at each link-up and named."""
 
 import logging
+import socket
 import struct
 from typing import Any
 
@@ -18,7 +19,7 @@ from tests.world import World
 
 DOWN = BusCondition("link_down", "the link is down")
 STALLED = BusCondition("bus_stalled", "no frame can be sent, since nobody acknowledges any")
-RIGHT: dict[str, Any] = {"bitrate": 1_000_000, "modes": {}, "set_by": []}
+RIGHT: dict[str, Any] = {"bitrate": 1_000_000, "ifindex": 3, "modes": {}, "set_by": []}
 SLOW: dict[str, Any] = {**RIGHT, "bitrate": 500_000}
 FILE = "/etc/systemd/network/can.network:5 (systemd-networkd) sets 0.5 Mbit/s"
 MEND = "sudo ip link set can0 down && sudo ip link set can0 up type can bitrate 1000000"
@@ -99,7 +100,11 @@ def test_an_adapter_that_is_no_network_interface_has_none(interface: str) -> Non
 
 
 def test_the_helper_asks_the_kernel() -> None:
-    assert helper_main.OPERATIONS["link.look"]({"channel": "lo"}) == {**RIGHT, "bitrate": None}
+    assert helper_main.OPERATIONS["link.look"]({"channel": "lo"}) == {
+        **RIGHT,
+        "bitrate": None,
+        "ifindex": socket.if_nametoindex("lo"),
+    }
     with pytest.raises(OSError, match="no network interface nothere9"):
         helper_main.OPERATIONS["link.look"]({"channel": "nothere9"})
 
@@ -118,7 +123,7 @@ def test_what_the_kernel_answers_is_read(bits: int, modes: tuple[str, ...]) -> N
     body += attribute(3, b"can0\0") + attribute(18 | 0x8000, info)
     message = struct.pack("=IHHII", 16 + len(body), 16, 0, 1, 0) + body
     assert can_link.from_netlink(message) == can_link.Link(
-        "can0", is_can=True, is_up=True, kind="can", bitrate=500_000, modes=modes
+        "can0", is_can=True, is_up=True, kind="can", bitrate=500_000, index=3, modes=modes
     )
     for end in range(len(message)):
         can_link.from_netlink(message[:end])
@@ -138,3 +143,10 @@ def test_a_silent_motor_on_a_slow_link_is_not_told_as_a_fault_of_the_cable() -> 
     message = world.client().call("motor.enable")["error"]["message"]
     assert "the motor does not answer, and can0 runs at 0.5 Mbit/s" in message
     assert MEND in message
+
+
+def test_the_number_of_the_interface_is_known_while_the_link_is_up() -> None:
+    watching = looked(watch(), RIGHT)
+    assert watching.ifindex == 3
+    watching.step(DOWN)
+    assert watching.ifindex is None

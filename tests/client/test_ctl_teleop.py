@@ -139,7 +139,9 @@ def test_detached_it_returns_when_the_link_is_open_or_has_failed(
     daemon.handlers["teleop.start"] = lambda _request: opening
     daemon.handlers["teleop.status"] = lambda _request: next(looks)
     daemon.handlers["teleop.stop"] = stop
-    assert ctl("teleop", "slave", "--host", "b", "--detach")[:2] == (code, told)
+    ended, out, said = ctl("teleop", "slave", "--host", "b", "--detach")
+    assert (ended, out) == (code, told)
+    assert ("the link has failed, and nothing runs: port 17448 is in use" in said) is bool(code)
     assert len(stops) == code
 
 
@@ -165,6 +167,8 @@ def test_detached_it_tells_why_its_leader_is_not_reached(daemon: FakeDaemon, ctl
         ("connecting", "zenoh connecting"),
         ("connected", "zenoh connected, no frame yet"),
         ("frames", "zenoh connected, frames come"),
+        ("bound", "zenoh bound, no frame comes"),
+        ("sending", "zenoh sending"),
         (None, "zenoh open"),
     ],
 )
@@ -174,6 +178,18 @@ def test_the_status_says_how_far_the_link_has_come(reach: str | None, said: str)
     (line,) = [line for line in text.splitlines() if line.startswith("link ")]
     assert line.startswith(f"link              {said}, ")
     assert (f"not reached: {why}" in text) is (why is not None)
+
+
+def test_a_master_that_is_refused_names_a_follower(daemon: FakeDaemon, ctl: Ctl) -> None:
+    why = "b:1 refuses what is sent: nobody listens at that port (for 2 s)"
+    leads = {**STATUS, "mode": "master", "link": "udp", "link_state": "open"}
+    daemon.handlers["teleop.start"] = lambda _request: {
+        **leads,
+        "link_reach": "sending",
+        "link_unreached": why,
+    }
+    _code, out, _said = ctl("teleop", "master", "--link", "udp", "--host", "b", "--detach")
+    assert f"master: it runs, but a follower is not reached: {why}" in out
 
 
 def test_detached_it_tells_of_an_end_while_the_link_opened(daemon: FakeDaemon, ctl: Ctl) -> None:

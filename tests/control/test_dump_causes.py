@@ -1,6 +1,9 @@
 """What makes the daemon dump by itself though no motor faults: silence, reset, jump, stranger."""
 
+import pytest
+
 from litegripd.model.motor import CanFrame, MotorPhase
+from litegripd.model.state import TaskResult
 from litegripd.motor import codec
 from litegripd.recorder.recorder import APART_S
 from tests.control.test_dumps import causes, recover, watching
@@ -130,3 +133,27 @@ def test_a_jump_is_dumped_once_however_often_the_motor_is_disabled_after_it() ->
         client.result("motor.disable")
     world.run(APART_S + 10.0)
     assert causes(observer) == ["implausible"]
+
+
+@pytest.mark.parametrize("every_s", [2.0, 30.0, 300.0])
+def test_a_plug_that_is_loose_for_a_day_is_dumped_ever_more_rarely(every_s: float) -> None:
+    """The motor stays enabled: without a bound this wrote a file in every 55 s, of a megabyte."""
+    world = World()
+    world.enabled()
+    written_s: list[float] = []
+    for number in range(round(86_400.0 / every_s)):
+        at_s = world.now_s + number * every_s
+        for bus_is_up, after_s in ((False, 0.0), (True, 0.02), (True, 1.5)):
+            world.dumps.step(at_s + after_s, failed=False, bus_is_up=bus_is_up)
+        tasks, world.controller.tasks = world.controller.tasks, []
+        for task in tasks:
+            written_s.append(at_s)
+            task.on_result(TaskResult(None, "a full disk"))
+    assert 20 < len(written_s) < 35
+    assert written_s[1] - written_s[0] < max(61.0, 1.5 * every_s)
+    others = world.controller.take_events()
+    assert len(others) == len(written_s)
+    print(f"{every_s:g} s: {len(written_s)} dumps")
+    world.dumps.step(world.now_s + 86_401.0, failed=True, bus_is_up=True)
+    world.dumps.step(world.now_s + 86_460.0, failed=False, bus_is_up=True)
+    assert [task.parameters["cause"] for task in world.controller.tasks] == ["tick_error"]

@@ -139,6 +139,10 @@ TRIED: list[tuple[str, str | None]] = [
     ("`connecting`, \"has refused", (f"{REACH}"
      "test_a_port_where_nobody_listens_refuses_until_a_leader_is_there_and_again_after_it")),
     ("`connecting`, \"does not answer", None),
+    ("`bound`, \"no frame comes", f"{REACH}test_a_udp_follower_that_hears_nobody_says_so"),
+    ("`bound`, \"frames come", f"{REACH}test_a_udp_follower_that_hears_nobody_says_so"),
+    ("a master's `sending`", (f"{REACH}"
+     "test_a_udp_leader_says_that_nobody_listens_until_a_follower_is_there")),
     ("`connecting`, \"is no leader's", (f"{REACH}"
      "test_a_port_at_which_something_else_listens_is_no_leaders")),
     ("`connected, no frame yet`", ("tests/process/test_teleop.py::"

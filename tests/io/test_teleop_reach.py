@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from litegripd.model.teleop import LinkOptions, Reach
+from litegripd.model.teleop import LinkOptions, Reach, TeleopMode
 from litegripd.teleop import ends
 from litegripd.teleop.ends import Reaching
 from litegripd.teleop.links import TeleopLinks
@@ -111,3 +111,91 @@ def test_each_way_of_not_being_reached_is_told_apart(
 def test_what_lasts_is_told_with_its_age() -> None:
     assert Reach("connecting").problem(5.0) is None
     assert Reach("connecting", "it is off", 2.0).problem(14.4) == "it is off (for 12 s)"
+
+
+# UDP ----------------------------------------------------------------------------------------------
+
+
+def test_a_udp_leader_says_that_nobody_listens_until_a_follower_is_there() -> None:
+    port = free_port(socket.SOCK_DGRAM)
+    with linked() as leading:
+        leader = leading.open(LinkOptions("master", "udp", "127.0.0.1", port))
+
+        def is_refused() -> bool:
+            leader.publish(FRAME, 0.0)
+            return "nobody listens at that port" in why(leader.status.reach)
+
+        until(leader, is_refused)
+        found = leader.status.reach
+        assert found is not None
+        assert (found.state, leader.status.state) == ("sending", "open")
+        assert why(found).startswith(f"127.0.0.1:{port} refuses")
+        with linked() as following:
+            follower = following.open(LinkOptions("slave", "udp", None, port))
+            until(follower, lambda: follower.status.reach == Reach("bound"))
+            arrived: list[object] = []
+
+            def is_reached() -> bool:
+                leader.publish(FRAME, 0.0)
+                arrived.extend(follower.receive(0.0))
+                return leader.status.reach == Reach("sending") and bool(arrived)
+
+            until(leader, is_reached)
+            until(follower, lambda: follower.status.reach == Reach("frames"))
+
+
+def test_no_frame_is_lost_to_a_refusal_of_another_follower() -> None:
+    nobody = free_port(socket.SOCK_DGRAM)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as follower:
+        follower.bind(("127.0.0.1", 0))
+        follower.settimeout(DEADLINE_S)
+        hosts = f"127.0.0.1:{nobody},127.0.0.1:{follower.getsockname()[1]}"
+        leader = ends.UdpLeader(LinkOptions("master", "udp", hosts, 1), deliver, refuse)
+        for number in range(50):
+            leader.publish(bytes([number]))
+            assert follower.recv(10) == bytes([number])
+        assert f"127.0.0.1:{nobody} refuses" in why(leader.reach)
+        leader.close()
+
+
+def deliver(_payload: bytes, _source: str) -> None:
+    pass
+
+
+def refuse() -> None:
+    pass
+
+
+def test_a_udp_follower_that_hears_nobody_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    port = free_port(socket.SOCK_DGRAM)
+    monkeypatch.setattr(ends, "_SILENT_AFTER_S", 0.2)
+    follower = ends.UdpFollower(
+        LinkOptions("slave", "udp", "127.0.0.2", port, bind="127.0.0.1"), deliver, refuse
+    )
+    assert follower.reach == Reach("bound")
+    wait(lambda: why(follower.reach) == f"no frame comes to UDP port {port} from 127.0.0.2")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as leader:
+        leader.bind(("127.0.0.1", 0))
+        leader.sendto(FRAME, ("127.0.0.1", port))
+        wait(lambda: f"port {port} from 127.0.0.1, and none from 127.0.0.2" in why(follower.reach))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as leader:
+        leader.bind(("127.0.0.2", 0))
+        leader.sendto(FRAME, ("127.0.0.1", port))
+        wait(lambda: follower.reach.state == "frames")
+    wait(lambda: why(follower.reach).startswith("no frame comes"))
+    follower.close()
+    corrected = LinkOptions("slave", "udp", "127.0.0.1", port, bind="127.0.0.1")
+    follower = ends.UdpFollower(corrected, deliver, refuse)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as leader:
+        leader.bind(("127.0.0.1", 0))
+        leader.sendto(FRAME, ("127.0.0.1", port))
+        wait(lambda: follower.reach.state == "frames")
+    follower.close()
+
+
+@pytest.mark.parametrize("mode", ["master", "slave"])
+def test_a_name_that_does_not_resolve_is_named_over_udp_too(mode: TeleopMode) -> None:
+    with linked() as links:
+        end = links.open(LinkOptions(mode, "udp", NOBODY))
+        until(end, lambda: end.status.state == "failed")
+        assert str(end.status.error).startswith(f"the name {NOBODY} does not resolve: ")

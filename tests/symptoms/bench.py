@@ -133,6 +133,7 @@ class Bench:
         (self.folder / "net/can0/type").write_text("280\n")
         (self.folder / "net/can0/flags").write_text("0x40081\n")
         (self.folder / "net/can0/tx_queue_len").write_text("10\n")
+        (self.folder / "net/can0/ifindex").write_text("3\n")
         if name is not None:
             (device / "driver").symlink_to(f"/sys/bus/usb/drivers/{name}")
 

@@ -168,6 +168,7 @@ def _leave(run: Run, data: dict[str, Any]) -> int:
         why = data.get("link_error")
         data = run.connection.call("teleop.stop")
         text = f"{data['mode']}: ended, the link has failed: {why}"
+        run.output.note(f"the link has failed, and nothing runs: {why}")
         run.output.result({**data, "link_error": why}, text)
         return NOT_OK
     if not data["active"]:
@@ -175,7 +176,8 @@ def _leave(run: Run, data: dict[str, Any]) -> int:
         return NOT_OK
     opening = ", its link is still opening" if data.get("link_state") == "opening" else ""
     if data.get("link_unreached"):
-        opening = f", but its leader is not reached: {plain(data['link_unreached'])}"
+        whom = "a follower" if data.get("mode") == "master" else "its leader"
+        opening = f", but {whom} is not reached: {plain(data['link_unreached'])}"
     text = f"{data['mode']}: it runs{opening}; end it with: litegripctl teleop stop"
     run.output.result(data, text)
     return OK
@@ -261,7 +263,11 @@ def status_text(data: Data) -> str:
     return "\n".join(f"{label:<{_LABEL_WIDTH}} {plain(text)}" for label, text in rows)
 
 
-_REACH = {"connected": "connected, no frame yet", "frames": "connected, frames come"}
+_REACH = {
+    "connected": "connected, no frame yet",
+    "bound": "bound, no frame comes",
+    "frames": "connected, frames come",
+}
 
 
 def _link_state(data: Data) -> str:

@@ -188,13 +188,21 @@ def health(facts: Facts) -> Finding | None:
 
 
 def teleop(facts: Facts) -> Finding | None:
-    """Check that a follower reaches its leader; None where nobody is followed."""
+    """Check that teleoperation reaches the other end; None where that is not known."""
     figures = {} if facts.daemon is None else facts.daemon.health.get("teleop", {})
     reach, why = figures.get("reach"), figures.get("unreached")
     if reach is None:
         return None
     if reach in ("connected", "frames"):
         return ok("the leader is reached")
+    if reach == "sending":
+        if why is None:
+            return ok("frames are sent, and no follower refuses them: over UDP no more is known")
+        return error(
+            why,
+            f"{facts.ctl} teleop status",
+            "on that machine: the follower is to be started, at that port",
+        )
     return error(
         f"{reach}: {why or 'the leader is not reached yet'}",
         f"{facts.ctl} teleop status",

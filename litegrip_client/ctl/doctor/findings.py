@@ -36,6 +36,8 @@ class System:
     """What a USB adapter calls itself."""
     device: Device | None = None
     settings: tuple[Setting, ...] = ()
+    renamed_from: str | None = None
+    """The name under which the daemon opened the interface, where it has another one by now."""
     """What files of this system do to the link at every plug and boot."""
 
 

@@ -173,19 +173,50 @@ def is_remote_name(channel: str) -> bool:
 
 
 NET = Path("/sys/class/net")
-_FILES = ("type", "flags", "tx_queue_len")
+_FILES = ("type", "flags", "tx_queue_len", "ifindex")
 
 
-def system(interface: str, bus_channel: str, net: Path = NET, root: Path = Path("/")) -> System:
-    """Ask about the bus that python-can's `interface` opens as `bus_channel`."""
+def system(
+    interface: str,
+    bus_channel: str,
+    net: Path = NET,
+    root: Path = Path("/"),
+    held_index: int | None = None,
+) -> System:
+    """Ask about the bus that python-can's `interface` opens as `bus_channel`.
+
+    `held_index` is the kernel's number of the interface that a daemon holds: if that has another
+    name by now, it is asked about that one.
+    """
     if interface in SIMULATED:
         return System()
     if interface != "socketcan":
         return System(device=_device(bus_channel, root))
     link, problem = _link(bus_channel, net)
+    renamed_from = None
+    if held_index is not None and (link is None or link.index not in (None, held_index)):
+        now_called = _name_of(held_index, net)
+        if now_called is not None:
+            renamed_from, bus_channel = bus_channel, now_called
+            link, problem = _link(bus_channel, net)
     driver, adapter = _hardware(net / bus_channel / "device")
     settings = tuple(settings_of(bus_channel, driver, root))
-    return System(link, problem, _can_links(net), driver, adapter, settings=settings)
+    links = _can_links(net)
+    return System(
+        link, problem, links, driver, adapter, settings=settings, renamed_from=renamed_from
+    )
+
+
+def _name_of(index: int, net: Path) -> str | None:
+    """Return the present name of the network interface with a number, None if it is gone."""
+    for file in net.glob("*/ifindex"):
+        try:
+            is_it = file.read_text(encoding="ascii").strip() == str(index)
+        except OSError:  # unplugged meanwhile
+            continue
+        if is_it:
+            return file.parent.name
+    return None
 
 
 def is_can(name: str) -> bool:
@@ -346,6 +377,10 @@ def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
     may_be_it = file is not None and file.unchecked is not None and is_can(channel)
     interface = str(bus.get("interface", "socketcan")) if is_read or may_be_it else None
     bus_channel = str(bus.get("channel", channel))
+    held = None if daemon is None or is_remote else daemon.health.get("bus", {}).get("ifindex")
+    asked_system = system(interface, bus_channel, held_index=held) if interface else System()
+    if asked_system.renamed_from is not None and asked_system.link is not None:
+        bus_channel = asked_system.link.name
     fleet_file = DIRECTORY / "fleet.toml"
     is_in_fleet = fleet_file.exists() or (is_remote and daemon is None)
     where = f" -c {channel}" if is_channel_known else ""
@@ -355,7 +390,7 @@ def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
         channel=channel,
         version=litegrip_client.__version__,
         user=user(configuration.get("rpc", {}).get("group", GROUP)),
-        system=system(interface, bus_channel) if interface else System(),
+        system=asked_system,
         sockets=sockets(paths),
         daemon=daemon,
         failure=failure,

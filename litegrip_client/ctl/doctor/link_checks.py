@@ -88,6 +88,16 @@ def link(facts: Facts) -> Finding | None:
             f"{name} is no CAN interface",
             advice=f'name one in the configuration, [bus] channel = "..."; there are: {listed}',
         )
+    former = facts.system.renamed_from
+    if former is not None and found.is_up:
+        taken = former in facts.system.can_links
+        other = f"; what is called {former} now is another interface" if taken else ""
+        return warning(
+            f"{former} is called {name} now; the daemon holds it{other}",
+            advice=f'at its next start the daemon looks for {former}: set [bus] channel = "{name}"'
+            f" in its configuration, or give the old name back while {facts.ctl} state says that"
+            " the motor is disabled",
+        )
     virtual = ", virtual: without bit rate and error counters" if _is_virtual(found) else ""
     if not found.is_up:
         if virtual:

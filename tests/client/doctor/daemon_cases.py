@@ -320,6 +320,28 @@ DAEMON_CASES = [
     ),
     Case(
         "teleop",
+        with_daemon(health_teleop={"reach": "sending", "unreached": None}),
+        "ok",
+        "no follower refuses them",
+    ),
+    Case(
+        "teleop",
+        with_daemon(health_teleop={"reach": "sending", "unreached": "b:1 refuses (for 9 s)"}),
+        "error",
+        "b:1 refuses (for 9 s)",
+        "litegripctl -c can0 teleop status",
+        "the follower is to be started",
+    ),
+    Case(
+        "teleop",
+        with_daemon(health_teleop={"reach": "bound", "unreached": "no frame comes (for 9 s)"}),
+        "error",
+        "bound: no frame comes (for 9 s)",
+        "litegripctl -c can0 teleop status",
+        "need the same port",
+    ),
+    Case(
+        "teleop",
         with_daemon(
             health_teleop={
                 "reach": "connecting",

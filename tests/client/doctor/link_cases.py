@@ -18,6 +18,11 @@ CLOSED = replace(SERIAL, is_accessible=False)
 CYCLE = "sudo ip link set can1 down && sudo ip link set can1 up"
 ONLY_FILES = replace(link("healthy"), kind=None, bitrate=None, sample_point=None, state=None)
 WIRING = "wiring"
+RENAMED = replace(
+    system(link=replace(link("healthy"), name="gripper0")),
+    renamed_from="can0",
+    can_links=("gripper0",),
+)
 
 
 def serial(device: Device | None, **changes: object) -> Facts:
@@ -66,6 +71,20 @@ LINK_CASES = [
     Case("link", facts(), "ok", "can0 is up"),
     Case(
         "link", facts("vcan", bus_channel="vcan0"), "ok", "vcan0 is up, virtual: without bit rate"
+    ),
+    Case(
+        "link",
+        facts(system=RENAMED, bus_channel="gripper0"),
+        "warning",
+        "can0 is called gripper0 now; the daemon holds it",
+        advises='set [bus] channel = "gripper0"',
+    ),
+    Case(
+        "link",
+        facts(system=replace(RENAMED, can_links=("can0", "gripper0")), bus_channel="gripper0"),
+        "warning",
+        "the daemon holds it; what is called can0 now is another interface",
+        advises="at its next start the daemon looks for can0",
     ),
     Case("link", facts("down"), "error", "can0 is down", UP, advises=LOST),
     Case("link", facts("unset"), "error", "can0 is down", f"{UP} restart-ms 100", REFUSED),

@@ -32,7 +32,7 @@ def machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """Return what the system is asked, on a machine that is as it should be."""
     asked: dict[str, Any] = {"system": ADAPTER}
 
-    def system(interface: str, bus_channel: str) -> System:
+    def system(interface: str, bus_channel: str, held_index: int | None = None) -> System:
         asked["bus"] = (interface, bus_channel)
         found = asked["system"]
         assert isinstance(found, System)
@@ -305,7 +305,7 @@ def test_what_the_daemon_says_is_told_in_commands(well: FakeDaemon, ctl: Ctl) ->
 
 
 def test_an_interrupt_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupted(interface: str, bus_channel: str) -> System:
+    def interrupted(interface: str, bus_channel: str, held_index: int | None) -> System:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(gather, "system", interrupted)

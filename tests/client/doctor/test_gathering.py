@@ -25,11 +25,12 @@ def net(tmp_path: Path) -> Path:
     (tmp_path / "drivers" / "gs_usb").mkdir(parents=True)
     (usb / "1-1.0" / "driver").symlink_to(tmp_path / "drivers" / "gs_usb")
     root = tmp_path / "net"
-    for name, kind in (("can0", "280"), ("can1", "280"), ("eth0", "1")):
+    for number, (name, kind) in enumerate((("can0", "280"), ("can1", "280"), ("eth0", "1")), 3):
         (root / name).mkdir(parents=True)
         (root / name / "type").write_text(f"{kind}\n", encoding="ascii")
         (root / name / "flags").write_text("0x40081\n", encoding="ascii")
         (root / name / "tx_queue_len").write_text("10\n", encoding="ascii")
+        (root / name / "ifindex").write_text(f"{number}\n", encoding="ascii")
     (root / "can0" / "device").symlink_to(usb / "1-1.0")
     return root
 
@@ -57,6 +58,48 @@ def test_iproute2_is_asked_for_one_link(net: Path, programs: Path) -> None:
     assert gather.system("socketcan", "can0", net) == System(
         link("healthy"), None, ("can0", "can1"), "gs_usb", "candleLight USB to CAN adapter"
     )
+
+
+def rename_can0(net: Path, programs: Path) -> None:
+    """Rename can0 to gripper0, in the kernel's files and in what iproute2 says."""
+    (net / "can0").rename(net / "gripper0")
+    links = json.loads((LINKS / "healthy.json").read_text(encoding="utf-8"))
+    answer = json.dumps([{**links[0], "ifname": "gripper0", "ifindex": 3}])
+    ip_says(
+        programs,
+        f'[ "$5" = show ] && [ "$6" = gripper0 ] && echo \'{answer}\' && exit 0\n'
+        f"echo 'Device \"'$6'\" does not exist.' >&2; exit 1",
+    )
+
+
+def test_an_interface_that_is_renamed_is_found_by_its_number(net: Path, programs: Path) -> None:
+    rename_can0(net, programs)
+    asked = gather.system("socketcan", "can0", net, held_index=3)
+    assert asked.renamed_from == "can0"
+    assert asked.link is not None
+    assert (asked.link.name, asked.link.index, asked.link.is_up) == ("gripper0", 3, True)
+    assert asked.driver == "gs_usb"
+
+
+def test_another_interface_under_the_old_name_is_not_taken_for_the_daemons(
+    net: Path, programs: Path
+) -> None:
+    (net / "can0").rename(net / "gripper0")
+    (net / "can1").rename(net / "can0")  # without iproute2: the kernel's files tell
+    asked = gather.system("socketcan", "can0", net, held_index=3)
+    assert (asked.renamed_from, asked.link and asked.link.name) == ("can0", "gripper0")
+
+
+def test_an_interface_that_is_gone_is_not_called_renamed(net: Path, programs: Path) -> None:
+    rename_can0(net, programs)
+    for held_index in (None, 99):
+        asked = gather.system("socketcan", "can0", net, held_index=held_index)
+        assert (asked.renamed_from, asked.link) == (None, None)
+
+
+def test_the_interface_under_its_own_name_is_not_called_renamed(net: Path, programs: Path) -> None:
+    asked = gather.system("socketcan", "can0", net, held_index=3)
+    assert (asked.renamed_from, asked.link and asked.link.name) == (None, "can0")
 
 
 def test_whether_systemd_has_the_unit_is_asked(
@@ -205,7 +248,7 @@ def test_without_iproute2_the_kernels_files_tell(
     if script is not None:
         ip_says(programs, script)
     found = gather.system("socketcan", "can1", net)
-    assert found.link == Link("can1", True, True, queue_frames=10)
+    assert found.link == Link("can1", True, True, queue_frames=10, index=4)
     assert problem in str(found.ip_problem)
     assert (found.driver, found.adapter) == (None, None)
     assert gather.system("socketcan", "can9", net).link is None

@@ -26,6 +26,7 @@ def test_a_healthy_adapter() -> None:
         tx_errors=0,
         rx_errors=0,
         history=NOTHING,
+        index=2,
     )
 
 
@@ -52,8 +53,8 @@ def test_a_bit_rate_of_nothing_is_none() -> None:
 
 
 def test_a_virtual_bus_has_no_controller() -> None:
-    assert link("vcan") == Link("vcan0", True, True, "vcan", 1000)
-    assert link("vcan_down") == Link("vcan0", True, False, "vcan", 1000)
+    assert link("vcan") == Link("vcan0", True, True, "vcan", 1000, index=4)
+    assert link("vcan_down") == Link("vcan0", True, False, "vcan", 1000, index=4)
 
 
 def test_an_adapter_that_was_never_set_up_has_no_bit_rate() -> None:
