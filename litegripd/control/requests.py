@@ -153,7 +153,7 @@ class MotionRequests:
                 geometry=geometry,
                 config=config,
                 gains=DEFAULT_GAINS,
-                travel_nm=config.travel_nm,
+                travel_nm=config.travel_nm_at(speed),
                 period_s=controller.period_s,
                 limit_rad=geometry.open_rad,
             )
@@ -163,7 +163,7 @@ class MotionRequests:
             speed,
             geometry=geometry,
             config=config,
-            travel_nm=config.travel_nm,
+            travel_nm=config.travel_nm_at(speed),
             period_s=controller.period_s,
         )
         if held is not None and direction == "close":
@@ -241,7 +241,7 @@ class MotionRequests:
             geometry=geometry,
             config=config,
             gains=gains,
-            travel_nm=config.travel_nm,
+            travel_nm=config.travel_nm_at(speed),
             period_s=controller.period_s,
         )
         return controller.begin("move", action, owner, detached, turn)
