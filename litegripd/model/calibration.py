@@ -19,6 +19,7 @@ from litegripd.model.gripper import (
     Geometry,
     why_not_driven,
 )
+from litegripd.model.motor import KD_MAX_NM_S_RAD, KP_MAX_NM_RAD
 
 
 class Saved(TypedDict):
@@ -39,7 +40,7 @@ class Dumped(TypedDict):
 
 
 _KNOWN_NUMBERS = ("zero_position_rad", "max_position_rad", "rad_to_mm")
-_GAIN_RANGES = {"kp": (1.0, 500.0), "kd": (0.0, 5.0)}
+_GAIN_RANGES = {"kp": (1.0, KP_MAX_NM_RAD), "kd": (0.0, KD_MAX_NM_S_RAD)}
 """The upper ends are what a command frame can carry. Without stiffness nothing would be held. Any
 damping will do, none too: a hold has its own (`SwingGuard.bound`), and what follows set-points has
 what its stiffness needs (`Gains.following`)."""
