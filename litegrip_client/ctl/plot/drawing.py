@@ -25,13 +25,12 @@ from mcap.reader import McapReader, make_reader
 
 from litegrip_client.ctl.render import date
 from litegrip_client.values.errors import CommandError
+from litegrip_client.values.fields import STALE_AFTER_S
 from litegrip_client.values.trajectory import Trajectory
 from litegrip_client.values.trajectory_format import TaughtGrip
 
 _WARNING = 3
 """The level of a warning in the format of a dump's events, `foxglove.Log`."""
-STALE_AFTER_S = 0.15
-"""A disabled motor is asked at 20 Hz; one that has missed three questions is silent."""
 
 
 @dataclass(frozen=True)
