@@ -259,13 +259,13 @@ class MotionRequests:
         position_rad = idle.position_rad if isinstance(idle, Hold) else feedback.position_rad
         return controller.settle("hold", idle, owner, HoldResult(position_rad))
 
-    def zero_gravity(self, owner: Owner) -> Job | Refusal:
+    def zero_gravity(self, owner: Owner, turn: Turn) -> Job | Refusal:
         """Release the jaws: enabled, but without stiffness, damping and torque."""
-        feedback = self._powered()
+        feedback = self._powered(turn)
         if isinstance(feedback, Refusal):
             return feedback
         result = SlackResult(feedback.position_rad)
-        return self._controller.settle("zero_gravity", Slack(), owner, result)
+        return self._controller.settle("zero_gravity", Slack(), owner, result, turn)
 
     def set_force(self, force_n: float, owner: Owner, config: MotionConfig) -> Job | Refusal:
         """Squeeze with `force_n` from now on: the present object, or from where the jaws are.
@@ -352,9 +352,9 @@ class MotionRequests:
             steps=0,
         )
 
-    def _powered(self) -> Feedback | Refusal:
+    def _powered(self, turn: Turn = NOW) -> Feedback | Refusal:
         """Return the present feedback if the motor is free and enabled, otherwise a refusal."""
-        refusal = self._controller.why_busy() or motor_refusal(self._controller.motor)
+        refusal = self._controller.why_busy(turn) or motor_refusal(self._controller.motor)
         return refusal or self._controller.motor.feedback or NO_FEEDBACK
 
     def _ready(self, turn: Turn = NOW) -> Geometry | Refusal:

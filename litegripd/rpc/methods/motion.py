@@ -311,7 +311,7 @@ class MotionMethods:
         waits=True,
     )
     def _zero_gravity(self, call: Call) -> Answer:
-        return later(self._motions.zero_gravity(call.owner))
+        return later(self._motions.zero_gravity(call.owner, call.turn))
 
     @Method(
         "motion.set_force",
