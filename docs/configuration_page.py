@@ -28,7 +28,8 @@ MEANINGS = {
     "stall_cycles": "Samples in the window of the stall test.",
     "stall_ratio": "Less than this share of the expected way is a stall.",
     "stall_delta": "The least way in the window that is none, rad.",
-    "max_lead_mm": "How hard the lead pushes on the way: 1.34 N·m for each mm, 2 N·m at most.",
+    "max_lead_mm": "How hard the lead pushes on the way: 1.34 N·m for each mm, 2 N·m at most;"
+    " `open`, `close` and `move` push at least with 2 N·m · speed / 150 mm/s.",
     "press_overshoot": "Share of the travel by which `open` and `close` aim past the stop.",
     "press_zone_mm": "From how near the stop on `stop_lead_mm` counts, mm.",
     "stop_lead_mm": "How hard the command's lead presses there: 1.34 N·m for each mm, 0.94 N·m.",

@@ -34,6 +34,7 @@ from litegrip_client.values.errors import OWN_REASONS  # noqa: E402
 from litegripd.app.build import METHODS, SIMULATED_METHODS  # noqa: E402
 from litegripd.io.stop_socket import MAX_STOP_LINE_BYTES  # noqa: E402
 from litegripd.model.errors import ERROR_TABLE  # noqa: E402
+from litegripd.model.state import EXCUSE, SEVERITIES, WARNING_MEMBERS, WARNINGS  # noqa: E402
 from litegripd.rpc.jsonrpc import MAX_LINE_BYTES  # noqa: E402
 from litegripd.rpc.method import Method, Param  # noqa: E402
 from litegripd.rpc.methods.reading import STATE_FIELDS  # noqa: E402
@@ -74,6 +75,24 @@ def client_error_table() -> str:
             *codes,
             "}",
             '"""JSON-RPC code of an error: its reason."""',
+            "",
+        )
+    )
+
+
+def page_severity() -> str:
+    """Make the page's rule which events are warnings."""
+    kinds = ", ".join(f'"{kind}"' for kind in SEVERITIES if kind in WARNINGS)
+    members = " || ".join(f"data.{member}" for member in WARNING_MEMBERS)
+    return "\n".join(
+        (
+            "/* Which events are warnings: made by docs/generate.py, not by hand. */",
+            "",
+            f"const WARNINGS = new Set([{kinds}]);",
+            "",
+            "export function isWarning({ kind, data }) {",
+            f"  return !data.{EXCUSE} && Boolean(WARNINGS.has(kind) || {members});",
+            "}",
             "",
         )
     )
@@ -232,6 +251,7 @@ user who may not write there.
 GENERATED = (
     Generated("litegrip_client/values/error_table.py", client_error_table),
     Generated("litegrip_client/threads/actions.py", blocking_client),
+    Generated("litegrip_web/page/severity.js", page_severity),
     Generated("docs/errors.md", errors_page),
     Generated("docs/generated/sdk-compat.md", surface_page),
     Generated("docs/protocol.md", protocol_page),

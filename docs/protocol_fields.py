@@ -13,7 +13,15 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from litegripd.app.build import METHODS, SIMULATED_METHODS
 from litegripd.control.snapshot import GripperState
-from litegripd.model.state import JobKind, JobState, Progress, ReplayProgress, Result
+from litegripd.model.state import (
+    SEVERITIES,
+    WARNINGS,
+    JobKind,
+    JobState,
+    Progress,
+    ReplayProgress,
+    Result,
+)
 from litegripd.model.teleop import TeleopStatus
 from litegripd.rpc.method import REFERENCE, Method, Schema, Schemas
 from litegripd.rpc.openrpc import FORMS, NOTIFICATIONS, result_schema
@@ -43,7 +51,9 @@ PARAMS: Mapping[str, str] = {
         " `made_nm` and `commanded_nm`, `pressing` has `pressing_n`, `most_n` (the most so far),"
         " `kind` (the motion that led the jaws there) and `job` (its number while it runs)). `seq`"
         " counts all events since the daemon's start, those of other kinds included. No event is"
-        " dropped."
+        " dropped. The journal, dumps and the page show these kinds as warnings: "
+        + ", ".join(f"`{kind}`" for kind in SEVERITIES if kind in WARNINGS)
+        + "; and every event whose data has `error` or `warning`, but none with `at_rest`."
     ),
     "job.progress": ("See [below](#progress)."),
     "stream.refused": (

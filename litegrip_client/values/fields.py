@@ -8,6 +8,8 @@ TYPE_CHECKING = False
 
 STROKE_MM = 85.0
 """How far the jaws of the gripper that ships open, by a caliper."""
+STALE_AFTER_S = 0.15
+"""A disabled motor is asked 20 times a second. Three unanswered requests make its state stale."""
 SPAN_INSET_MM = 1.0
 """A probe presses this far into the open stop: the two limits span the stroke and this."""
 RAD_TO_MM = (STROKE_MM + SPAN_INSET_MM) / 1.14

@@ -1,9 +1,9 @@
 /* The list of events, the newest first; how a job ended stands with its end. */
 
 import { inPageWords, outcome, time } from "./format.js";
+import { isWarning } from "./severity.js";
 
 const MOST = 100;
-const WARNINGS = new Set(["stop", "object_lost", "released_by_fault", "pressing", "heat", "refused", "lease_lost", "second_master"]);
 
 export class Events {
   #place;
@@ -33,7 +33,7 @@ export class Events {
     text.textContent = inPageWords(event.message);
     line.append(when, text);
     line.dataset.kind = event.kind;
-    line.classList.toggle("warning", event.data.warning || WARNINGS.has(event.kind));
+    line.classList.toggle("warning", isWarning(event));
     this.#place.prepend(line);
     while (this.#place.children.length > MOST) this.#place.lastChild.remove();
     if (event.kind === "job_ended") this.#tellOutcome(event, line, text);

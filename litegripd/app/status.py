@@ -23,7 +23,7 @@ from litegripd.io.log import FIELDS, JournalSink, LogHandler, goes_to_journal
 from litegripd.io.server import MAX_CONNECTIONS, MAX_CONNECTIONS_PER_UID
 from litegripd.model.gripper import STROKE_MM, MotorType
 from litegripd.model.motor import UNANSWERED, MotorIdentity, MotorPhase
-from litegripd.model.state import Event, EventKind
+from litegripd.model.state import Event, EventKind, is_warning
 from litegripd.motor.identity import STILL_READ, warnings
 from litegripd.motor.phases import RESTING
 from litegripd.rpc.jsonrpc import MAX_LINE_BYTES
@@ -51,21 +51,6 @@ _FIELDS = {
 }
 """The members of an event's data by which the journal can be searched."""
 
-_WARNINGS = frozenset(
-    {
-        "stop",
-        "refused",
-        "object_lost",
-        "released_by_fault",
-        "pressing",
-        "swing",
-        "heat",
-        "second_master",
-        "implausible",
-    }
-)
-
-
 _REPEATED: frozenset[EventKind] = frozenset(
     {"bus", "motor", "teleop", "recorder", "client_lost", "lease_lost"}
 )
@@ -75,6 +60,7 @@ _ALWAYS: frozenset[EventKind] = frozenset(
     {"stop", "stop_cleared", "released_by_fault", "object_lost", "calibration"}
 )
 """Somebody's act, or the loss of what was held: each is logged."""
+
 
 _UNPOWERED = (
     "the motor does not answer, and nobody uses the gripper: normal while its power is off;"
@@ -103,9 +89,7 @@ def make_log_handler(channel: str, post: Callable[[str], bool]) -> LogHandler:
 
 def log_event(event: Event) -> None:
     """Log one event."""
-    is_bad = event.kind in _WARNINGS or any(event.data.get(key) for key in ("error", "warning"))
-    is_bad = is_bad and not event.data.get("at_rest")
-    level = logging.WARNING if is_bad else logging.INFO
+    level = logging.WARNING if is_warning(event.kind, event.data) else logging.INFO
     fields = {name: event.data[key] for key, name in _FIELDS.items() if event.data.get(key)}
     extra: dict[str, object] = {FIELDS: {"LITEGRIP_EVENT": event.kind, **fields}}
     if event.kind in _REPEATED or event.kind in _ALWAYS:

@@ -8,7 +8,7 @@ only through `step`.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Protocol, TypeVar
+from typing import Protocol
 
 from litegripd.control import events
 from litegripd.control.admission import (
@@ -33,7 +33,14 @@ from litegripd.control.authority import (
 )
 from litegripd.control.calibration import CalibrationInUse, content_of, save_task
 from litegripd.control.detectors import PressWatch
-from litegripd.control.events import RELEASES_WITHIN_S, JobBook, RegisterReads, Start
+from litegripd.control.events import (
+    NOW,
+    RELEASES_WITHIN_S,
+    JobBook,
+    RegisterReads,
+    Start,
+    Turn,
+)
 from litegripd.control.holds import Grip, Hold, Idle, Slack
 from litegripd.control.limiter import (
     CATCHING_GAINS,
@@ -76,6 +83,7 @@ from litegripd.model.state import (
     HelperTask,
     Job,
     JobKind,
+    JobState,
     OnLost,
     Owner,
     Progress,
@@ -96,8 +104,6 @@ _MOTOR_REASONS = ("motor_silent", "bus_down", "motor_fault")
 FORETELL_EVERY_S, FORETELL_MORE = 600.0, 1.1
 """How often it is said that a hold is too hot to last, and by how much more a force is said again.
 A program that grasps again and again must not fill the journal."""
-
-_Begun = TypeVar("_Begun")
 
 
 class Recording(Protocol):
@@ -179,8 +185,6 @@ class Controller:
         "_is_ending",
         "_owed",
         "_ranges",
-        "_replaced",
-        "_starting",
     )
 
     def __init__(
@@ -216,8 +220,6 @@ class Controller:
         self._ranges: Ranges | None = None
         self._is_ending = False
         self._owed: OnLost | None = None
-        self._starting: Job | None = None
-        self._replaced: Refusal | None = None
 
     @property
     def geometry(self) -> Geometry | None:
@@ -232,19 +234,22 @@ class Controller:
     @property
     def grip(self) -> Grip | None:
         """The present hold by force, of a running grasp or after one; None without one."""
-        if self._replaced is not None:
-            idle: Idle | None = self._left()
-        else:
-            idle = self.idle if self.action is None else self.action.idle_after()
+        idle = self.idle if self.action is None else self.action.idle_after()
         return idle if isinstance(idle, Grip) else None
 
-    @property
-    def in_the_way(self) -> Job | None:
-        """The running job, or the queued one that is next, unless the next motion replaces it."""
+    def grip_at(self, turn: Turn) -> Grip | None:
+        """Return the hold by force that a motion which begins at its turn would find, or None."""
+        if turn.replaces is None:
+            return self.grip
+        left = self._left()
+        return left if isinstance(left, Grip) else None
+
+    def in_the_way(self, turn: Turn = NOW) -> Job | None:
+        """Return the running job, or the queued one that is next, unless it is the turn's own."""
         jobs = self.jobs
-        if self._replaced is not None:
+        if turn.replaces is not None:
             return None
-        if jobs.running is None and jobs.queue and self._starting is None:
+        if jobs.running is None and jobs.queue and turn.queued is None:
             return jobs.queue[0].job
         return jobs.running
 
@@ -352,11 +357,11 @@ class Controller:
 
     # Refusals
 
-    def why_busy(self) -> Refusal | None:
+    def why_busy(self, turn: Turn = NOW) -> Refusal | None:
         """Return why no motion may begin, or None: the end, a stop, another sender or a motion."""
         ending = ENDING if self._is_ending else None
         refused = ending or self.stop_latch.refusal() or self.second_master.refusal()
-        return refused or busy_refusal(self.in_the_way)
+        return refused or busy_refusal(self.in_the_way(turn))
 
     def why_not_restartable(self) -> Refusal | None:
         """Return why no successor can take over now, or None.
@@ -381,12 +386,14 @@ class Controller:
 
     # Jobs
 
-    def begin(self, kind: JobKind, action: Action, owner: Owner, detached: bool) -> Job:
-        """Begin a job; the caller has checked that it may begin."""
-        self._end_replaced()
+    def begin(
+        self, kind: JobKind, action: Action, owner: Owner, detached: bool, turn: Turn = NOW
+    ) -> Job:
+        """Begin a job; the caller has checked that it may begin at this turn."""
+        self._end_replaced(turn)
         if kind not in _SAFE_JOBS:
             self._put_in_force()
-        job = self._new_job(kind, owner, detached)
+        job = self._new_job(kind, owner, detached, turn)
         self.jobs.begin(job, self.now_s)
         self.action, self.has_stepped = action, False
         if action.needs_power:
@@ -394,29 +401,20 @@ class Controller:
         self.events.append(events.job_started(job))
         return job
 
-    def settle(self, kind: JobKind, idle: Idle, owner: Owner, result: Result) -> Job:
+    def settle(
+        self, kind: JobKind, idle: Idle, owner: Owner, result: Result, turn: Turn = NOW
+    ) -> Job:
         """Change at once what idle jaws do; the job has ended when this returns."""
-        self._end_replaced()
+        self._end_replaced(turn)
         if isinstance(idle, Grip) and kind == "set_force":
             self._moved_by = kind
         self._put_in_force()
         self.idle = idle
-        job = self._new_job(kind, owner, detached=True)
+        job = self._new_job(kind, owner, detached=True, turn=turn)
         self.jobs.begin(job, self.now_s)
         self.events.append(events.job_started(job))
         self.end(result)
         return job
-
-    def replace(self, reason: Refusal, start: Callable[[], _Begun]) -> _Begun:
-        """Begin another motion in place of the running one, which ends with `reason`.
-
-        The running one ends when the other one begins. If the other one is rejected, it continues.
-        """
-        self._replaced = reason
-        try:
-            return start()
-        finally:
-            self._replaced = None
 
     def queue(self, kind: JobKind, owner: Owner, detached: bool, start: Start) -> Job | Refusal:
         """Let a motion wait for the end of the running one; then `start` is called."""
@@ -463,13 +461,10 @@ class Controller:
             action.close()
 
     def break_off(self, error: Exception) -> None:
-        """End the running or starting job in the tick in which a defect raised `error`.
+        """End the running job in the tick in which a defect raised `error`.
 
         It would fail in every tick, and the motor would get no commands.
         """
-        starting, self._starting = self._starting, None
-        if starting is not None:
-            self._end_queued(starting, _defect(starting, error))
         running = self.jobs.running
         if running is not None:
             self.must_disable = self.must_disable or running.kind == "disable"
@@ -482,10 +477,9 @@ class Controller:
         self.end(ENDING)
         self._drop_queued(ENDING, lambda _job: True)
 
-    def _end_replaced(self) -> None:
-        reason, self._replaced = self._replaced, None
-        if reason is not None:
-            self.end(reason)
+    def _end_replaced(self, turn: Turn) -> None:
+        if turn.replaces is not None:
+            self.end(turn.replaces)
 
     def _put_in_force(self) -> None:
         """Let the present calibration and configuration count for what the jaws do from now on."""
@@ -517,10 +511,9 @@ class Controller:
     def _press_nm(self, hold: Hold) -> float:
         return self.in_force.config.stop_nm if hold.press_nm is None else hold.press_nm
 
-    def _new_job(self, kind: JobKind, owner: Owner, detached: bool) -> Job:
+    def _new_job(self, kind: JobKind, owner: Owner, detached: bool, turn: Turn) -> Job:
         """Return the queued job whose turn it is, or a new one, under the present lease."""
-        job, self._starting = self._starting, None
-        job = job or self.jobs.add(kind, owner, detached, self.now_s)
+        job = turn.queued or self.jobs.add(kind, owner, detached, self.now_s)
         holder = self.lease.holder
         job.grant = None if holder is None else holder.number
         return job
@@ -529,11 +522,15 @@ class Controller:
         """Start the queued motion whose turn it is; if it is rejected now, it ends with that."""
         while self.jobs.queue and self.jobs.running is None:
             entry = self.jobs.queue.popleft()
-            self._starting = entry.job
-            refused = self.lease.refusal(entry.job.owner) or entry.start()
-            self._starting = None
+            job = entry.job
+            try:
+                refused = self.lease.refusal(job.owner) or entry.start(Turn(queued=job))
+            except Exception as error:
+                if job.state is JobState.QUEUED:
+                    self._end_queued(job, _defect(job, error))
+                raise
             if isinstance(refused, Refusal):
-                self._end_queued(entry.job, refused)
+                self._end_queued(job, refused)
 
     def _drop_queued(self, refusal: Refusal, which: Callable[[Job], bool]) -> None:
         for job in self.jobs.take_queued(which):
@@ -576,7 +573,7 @@ class Controller:
 
     def acquire(self, owner: Owner, options: LeaseOptions) -> Grant | Refusal:
         """Grant the lease if it is free and no other client's motion runs, or is next."""
-        before, in_the_way = self.lease.holder, self.in_the_way
+        before, in_the_way = self.lease.holder, self.in_the_way()
         if before is None and in_the_way is not None and in_the_way.owner.client != owner.client:
             return busy_with(in_the_way)
         answer = self.lease.acquire(owner, options, self.now_s)
@@ -628,7 +625,7 @@ class Controller:
         What still runs under the lapsed lease, runs under this one then; another client's motion
         must have ended.
         """
-        in_the_way, running = self.in_the_way, self.jobs.running
+        in_the_way, running = self.in_the_way(), self.jobs.running
         if (
             self.lease.may_resume(number)
             and in_the_way is not None

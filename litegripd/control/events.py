@@ -50,7 +50,19 @@ MOST_QUEUED = 8
 _CANCELLED_BY = frozenset({"cancelled", "client_lost", "lease_lost", "replaced", "stopped"})
 
 
-Start: TypeAlias = Callable[[], Job | Refusal]
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """When a motion that is asked for may begin: without either, only while nothing else runs."""
+
+    replaces: Refusal | None = None
+    """The running motion ends for this reason, as soon as this one begins; else it continues."""
+    queued: Job | None = None
+    """The job whose turn it is now; it does not wait for those queued behind it."""
+
+
+NOW = Turn()
+
+Start: TypeAlias = Callable[[Turn], Job | Refusal]
 """Asks for a motion again, as its request did; by now it may be rejected."""
 
 

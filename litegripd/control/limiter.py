@@ -28,7 +28,13 @@ from litegripd.model.motion_config import (
     REACHING_KP_NM_RAD,
     MotionConfig,
 )
-from litegripd.model.motor import Feedback, MitCommand, Ranges
+from litegripd.model.motor import (
+    KD_MAX_NM_S_RAD,
+    KP_MAX_NM_RAD,
+    Feedback,
+    MitCommand,
+    Ranges,
+)
 from litegripd.model.plain import Carried
 
 CALM_KD_NM_S_RAD = 1.0
@@ -214,8 +220,6 @@ UNSEEN_RAD_S = 1.0
 
 _MOST_AHEAD_S = 0.02
 """The longest time that is foretold: an age and a period at 100 Hz. No speed lasts for longer."""
-_KP_MAX = 500.0
-_KD_MAX = 5.0
 _BRAKE_KD_NM_S_RAD = 1.0
 _DAMPING_BACK_S = 0.1
 """Damping that follows a late measurement of the speed, up and down, throws the jaws to and fro."""
@@ -466,16 +470,16 @@ def _within_ranges(command: MitCommand, ranges: Ranges) -> MitCommand:
     if (
         abs(command.position_rad) <= ranges.position_rad
         and abs(command.velocity_rad_s) <= ranges.velocity_rad_s
-        and 0.0 <= command.kp_nm_rad <= _KP_MAX
-        and 0.0 <= command.kd_nm_s_rad <= _KD_MAX
+        and 0.0 <= command.kp_nm_rad <= KP_MAX_NM_RAD
+        and 0.0 <= command.kd_nm_s_rad <= KD_MAX_NM_S_RAD
         and abs(command.torque_nm) <= ranges.torque_nm
     ):
         return command
     return MitCommand(
         _clamp(command.position_rad, ranges.position_rad),
         _clamp(command.velocity_rad_s, ranges.velocity_rad_s),
-        min(max(command.kp_nm_rad, 0.0), _KP_MAX),
-        min(max(command.kd_nm_s_rad, 0.0), _KD_MAX),
+        min(max(command.kp_nm_rad, 0.0), KP_MAX_NM_RAD),
+        min(max(command.kd_nm_s_rad, 0.0), KD_MAX_NM_S_RAD),
         _clamp(command.torque_nm, ranges.torque_nm),
     )
 

@@ -26,6 +26,7 @@ from litegripd.control.admission import (
 )
 from litegripd.control.calibration import Saving, content_of, save_task
 from litegripd.control.controller import Controller
+from litegripd.control.events import NOW, Turn
 from litegripd.control.holds import Grip, GripSettings, Hold, Slack
 from litegripd.control.limiter import DEFAULT_GAINS, Gains
 from litegripd.control.motions.base import ClearFault, Disable, Enable, SetZero
@@ -123,14 +124,16 @@ class MotionRequests:
         owner: Owner,
         config: MotionConfig,
         speed_mm_s: float | None,
+        *,
         detached: bool,
+        turn: Turn,
     ) -> Job | Refusal:
         """Begin to open or close at `speed_mm_s` (the configured speed by default).
 
         With a work stroke, opening is a plain move to that opening, and never meets the stop. Jaws
         that hold something wider let go of it: they open as far as they can, and press nowhere.
         """
-        controller, geometry = self._controller, self._ready()
+        controller, geometry = self._controller, self._ready(turn)
         if isinstance(geometry, Refusal):
             return geometry
         speed = config.speed_mm_s if speed_mm_s is None else speed_mm_s
@@ -138,7 +141,7 @@ class MotionRequests:
         refusal = conflict_refusal(move_conflict(config, speed, geometry, motor_type))
         if refusal is not None:
             return refusal
-        held, feedback = self._held(), controller.motor.feedback
+        held, feedback = self._held(turn), controller.motor.feedback
         work_mm = controller.calibrated.work_opening_mm
         if direction == "open" and work_mm is not None:
             if held is not None and feedback is not None:
@@ -150,28 +153,34 @@ class MotionRequests:
                 geometry=geometry,
                 config=config,
                 gains=DEFAULT_GAINS,
-                travel_nm=config.travel_nm,
+                travel_nm=config.travel_nm_at(speed),
                 period_s=controller.period_s,
                 limit_rad=geometry.open_rad,
             )
-            return controller.begin(direction, opening, owner, detached)
+            return controller.begin(direction, opening, owner, detached, turn)
         action = MoveToStop(
             direction,
             speed,
             geometry=geometry,
             config=config,
-            travel_nm=config.travel_nm,
+            travel_nm=config.travel_nm_at(speed),
             period_s=controller.period_s,
         )
         if held is not None and direction == "close":
-            return controller.settle("close", held, owner, self._blocked(action.target_rad))
-        return controller.begin(direction, action, owner, detached)
+            return controller.settle("close", held, owner, self._blocked(action.target_rad), turn)
+        return controller.begin(direction, action, owner, detached, turn)
 
     def grasp(
-        self, request: GraspRequest, owner: Owner, config: MotionConfig, detached: bool
+        self,
+        request: GraspRequest,
+        owner: Owner,
+        config: MotionConfig,
+        *,
+        detached: bool,
+        turn: Turn,
     ) -> Job | Refusal:
         """Begin to close until something is gripped; an object that is held already stays held."""
-        controller, geometry = self._controller, self._ready()
+        controller, geometry = self._controller, self._ready(turn)
         if isinstance(geometry, Refusal):
             return geometry
         is_default = request.speed_mm_s == config.grasp_speed_mm_s
@@ -182,7 +191,7 @@ class MotionRequests:
         )
         if conflict is None and request.hold_by == "gains":
             conflict = damping_conflict(config.hold_kp, config.hold_kd, "hold_")
-        held = self._held()
+        held = self._held(turn)
         hot = None if held else heat_refusal(controller.output.heat.allowance_nm, BUDGET_NM)
         refusal = conflict_refusal(conflict) or hot
         refusal = refusal or force_refusal(request.force_n, geometry, motor_type)
@@ -196,7 +205,7 @@ class MotionRequests:
             motor_type=motor_type,
             held=held,
         )
-        return controller.begin("grasp", action, owner, detached)
+        return controller.begin("grasp", action, owner, detached, turn)
 
     def move_to(
         self,
@@ -207,9 +216,10 @@ class MotionRequests:
         pace: "Pace",
         gains: Gains,
         detached: bool,
+        turn: Turn,
     ) -> Job | Refusal:
         """Begin to move to a position; stiffer gains than the calibration's press no harder."""
-        controller, geometry = self._controller, self._ready()
+        controller, geometry = self._controller, self._ready(turn)
         feedback = controller.motor.feedback
         if isinstance(geometry, Refusal) or feedback is None:
             return geometry if isinstance(geometry, Refusal) else NO_FEEDBACK
@@ -221,20 +231,20 @@ class MotionRequests:
         speed = pace.speed_over(distance_mm, geometry, config, controller.gripper_id.motor_type)
         if isinstance(speed, Refusal):
             return speed
-        held = self._held()
+        held = self._held(turn)
         closes = (target_rad - feedback.position_rad) * geometry.close_sign > 0.0
         if held is not None and closes:
-            return controller.settle("move", held, owner, self._blocked(target_rad))
+            return controller.settle("move", held, owner, self._blocked(target_rad), turn)
         action = MoveTo(
             target_rad,
             geometry.to_rad(speed),
             geometry=geometry,
             config=config,
             gains=gains,
-            travel_nm=config.travel_nm,
+            travel_nm=config.travel_nm_at(speed),
             period_s=controller.period_s,
         )
-        return controller.begin("move", action, owner, detached)
+        return controller.begin("move", action, owner, detached, turn)
 
     def hold(self, owner: Owner) -> Job | Refusal:
         """Hold from now on: the present object or hold, otherwise the measured position."""
@@ -249,13 +259,13 @@ class MotionRequests:
         position_rad = idle.position_rad if isinstance(idle, Hold) else feedback.position_rad
         return controller.settle("hold", idle, owner, HoldResult(position_rad))
 
-    def zero_gravity(self, owner: Owner) -> Job | Refusal:
+    def zero_gravity(self, owner: Owner, turn: Turn) -> Job | Refusal:
         """Release the jaws: enabled, but without stiffness, damping and torque."""
-        feedback = self._powered()
+        feedback = self._powered(turn)
         if isinstance(feedback, Refusal):
             return feedback
         result = SlackResult(feedback.position_rad)
-        return self._controller.settle("zero_gravity", Slack(), owner, result)
+        return self._controller.settle("zero_gravity", Slack(), owner, result, turn)
 
     def set_force(self, force_n: float, owner: Owner, config: MotionConfig) -> Job | Refusal:
         """Squeeze with `force_n` from now on: the present object, or from where the jaws are.
@@ -318,9 +328,9 @@ class MotionRequests:
         action.set(point)
         return running or controller.begin("stream", action, owner, detached=False)
 
-    def _held(self) -> Grip | None:
+    def _held(self, turn: Turn) -> Grip | None:
         """Return the hold of an object, None without one."""
-        grip = self._controller.grip
+        grip = self._controller.grip_at(turn)
         return grip if grip is not None and grip.is_holding else None
 
     def _blocked(self, target_rad: float) -> MoveResult:
@@ -342,15 +352,15 @@ class MotionRequests:
             steps=0,
         )
 
-    def _powered(self) -> Feedback | Refusal:
+    def _powered(self, turn: Turn = NOW) -> Feedback | Refusal:
         """Return the present feedback if the motor is free and enabled, otherwise a refusal."""
-        refusal = self._controller.why_busy() or motor_refusal(self._controller.motor)
+        refusal = self._controller.why_busy(turn) or motor_refusal(self._controller.motor)
         return refusal or self._controller.motor.feedback or NO_FEEDBACK
 
-    def _ready(self) -> Geometry | Refusal:
+    def _ready(self, turn: Turn = NOW) -> Geometry | Refusal:
         """Return the travel if a motion in it may begin, otherwise a refusal."""
         controller = self._controller
-        refusal = controller.why_busy()
+        refusal = controller.why_busy(turn)
         if refusal is not None:
             return refusal
         geometry = controller.geometry
@@ -378,13 +388,14 @@ class CalibrationRequests:
         stroke_mm: float | None,
         keep: bool,
         detached: bool,
+        turn: Turn,
     ) -> Job | Refusal:
         """Begin to probe both stops; `mount` sets the direction, otherwise the calibration does.
 
         `stroke_mm` is how far the jaws open, None for what is configured.
         """
         controller = self._controller
-        refusal = self._unready()
+        refusal = self._unready(turn)
         if refusal is not None:
             return refusal
         refusal = stroke_refusal(stroke_mm, controller.gripper_id)
@@ -401,7 +412,8 @@ class CalibrationRequests:
         saving = Saving(
             before, controller.gripper_id, controller.gains, stroke_mm=stroke_mm, keep=keep
         )
-        return controller.begin("zero", Calibrate(close_sign, config, saving), owner, detached)
+        action = Calibrate(close_sign, config, saving)
+        return controller.begin("zero", action, owner, detached, turn)
 
     def by_hand(self, owner: Owner, config: MotionConfig) -> Job | Refusal:
         """Begin a calibration by hand: the jaws go slack."""
@@ -501,9 +513,9 @@ class CalibrationRequests:
         controller.tasks.append(replace(save_task(controller.gripper_id, content, saved), uid=uid))
         return None
 
-    def _unready(self) -> Refusal | None:
+    def _unready(self, turn: Turn = NOW) -> Refusal | None:
         controller = self._controller
-        return controller.why_busy() or motor_refusal(controller.motor)
+        return controller.why_busy(turn) or motor_refusal(controller.motor)
 
     def _by_hand_of(self, owner: Owner) -> CalibrateByHand | Refusal:
         running, action = self._controller.jobs.running, self._controller.action

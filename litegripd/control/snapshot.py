@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
+from litegrip_client.values.fields import STALE_AFTER_S
 from litegripd.control.controller import Controller
 from litegripd.control.holds import Grip, Slack
 from litegripd.model.calibration import ScaleDoubt
@@ -106,8 +107,6 @@ class GripperState:
 
 
 STALE_AFTER_PERIODS = 4.0
-STALE_AFTER_POLL_S = 0.15
-"""A disabled motor is asked 20 times a second. Three unanswered requests make its state stale."""
 
 _MODES: dict[MotorPhase, Mode] = {
     MotorPhase.UNKNOWN: "offline",
@@ -127,7 +126,7 @@ def snapshot(controller: Controller, now_s: float, period_s: float) -> GripperSt
     out_of_reach = motor.phase in (MotorPhase.SILENT, MotorPhase.UNKNOWN)
     feedback = motor.feedback or (motor.last_known if out_of_reach else None)
     age_s = None if feedback is None else now_s - feedback.at_s
-    stale_after_s = STALE_AFTER_PERIODS * period_s if enabled else STALE_AFTER_POLL_S
+    stale_after_s = STALE_AFTER_PERIODS * period_s if enabled else STALE_AFTER_S
     command, requested = controller.output.command, controller.output.requested
     grip = controller.grip
     held = grip if grip is not None and grip.is_holding and enabled else None

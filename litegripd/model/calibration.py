@@ -19,7 +19,7 @@ from litegripd.model.gripper import (
     Geometry,
     why_not_driven,
 )
-from litegripd.model.motion_config import damping_conflict
+from litegripd.model.motor import KD_MAX_NM_S_RAD, KP_MAX_NM_RAD
 
 
 class Saved(TypedDict):
@@ -40,11 +40,10 @@ class Dumped(TypedDict):
 
 
 _KNOWN_NUMBERS = ("zero_position_rad", "max_position_rad", "rad_to_mm")
-_GAIN_RANGES = {"kp": (1.0, 500.0), "kd": (0.0, 5.0)}
-"""The upper ends are what a command frame can carry. Without stiffness nothing would be held."""
-
-_USUAL_GAINS = {"kp": 100.0, "kd": 2.0}
-"""The values used for a gain that a file leaves out, when the two are checked together."""
+_GAIN_RANGES = {"kp": (1.0, KP_MAX_NM_RAD), "kd": (0.0, KD_MAX_NM_S_RAD)}
+"""The upper ends are what a command frame can carry. Without stiffness nothing would be held. Any
+damping will do, none too: a hold has its own (`SwingGuard.bound`), and what follows set-points has
+what its stiffness needs (`Gains.following`)."""
 
 _MAX_NESTING = 16
 """The depth to which objects and arrays of a file may be nested. The SDK's files have one level.
@@ -433,13 +432,12 @@ def read_content(content: object) -> Calibration:
     except ValueError as error:
         raise CalibrationError(str(error)) from None
     _check_motor_type(_type_name(content))
-    kp_nm_rad, kd_nm_s_rad = _gains(content)
     return Calibration(
         geometry=geometry,
         calibrated=_typed(content, "calibrated", bool, default=True),
         channel=_typed(content, "channel", str, default=None),
-        kp_nm_rad=kp_nm_rad,
-        kd_nm_s_rad=kd_nm_s_rad,
+        kp_nm_rad=_gain(content, "kp"),
+        kd_nm_s_rad=_gain(content, "kd"),
         work_stroke_mm=work_stroke_mm,
         content=content,
     )
@@ -476,16 +474,6 @@ def _number(content: Mapping[str, Any], key: str) -> float:
 
 def _optional(content: Mapping[str, Any], key: str, default: float) -> float:
     return default if content.get(key) is None else _number(content, key)
-
-
-def _gains(content: Mapping[str, Any]) -> tuple[float | None, float | None]:
-    """Return kp and kd, each None if the file has none; raises if the two do not fit."""
-    gains = {name: _gain(content, name) for name in _USUAL_GAINS}
-    judged = {name: _USUAL_GAINS[name] if value is None else value for name, value in gains.items()}
-    conflict = damping_conflict(judged["kp"], judged["kd"])
-    if conflict is not None:
-        raise CalibrationError(conflict.message)
-    return gains["kp"], gains["kd"]
 
 
 def _gain(content: Mapping[str, Any], key: str) -> float | None:

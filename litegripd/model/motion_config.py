@@ -27,6 +27,10 @@ MOST_PUSH_NM = 2.0
 """No motion pushes harder by itself. Jaws that something has held with this torque, and lets go,
 have 8 mJ before the motor's current follows its damping; with the 5.35 N·m of the vendor's lead
 they had 49. Friction takes up to 1.4 N·m (field use, random plants), so less would not do."""
+NEEDED_NM_S_MM = MOST_PUSH_NM / FASTEST_MM_S
+"""The torque that a lead needs for each mm/s: friction, and what the jaws travel while they are
+measured. At 150 mm/s they stopped on the way with 0.67 and 0.94 N·m (100 and 200 Hz), and with
+1.07 were thrown at 184 mm/s (1000 Hz), for the command waits and begins again; with 2 at 167."""
 REACHING_KP_NM_RAD = 55.0
 """With less, friction keeps the jaws away from a target by more than `reach_tol`: 1.1 N·m on 0.02
 rad."""
@@ -97,6 +101,10 @@ class MotionConfig:
     def travel_nm(self) -> float:
         """The largest torque of a lead on the way: `max_lead_mm` in N·m, `MOST_PUSH_NM` at most."""
         return min(self.max_lead_mm * PRESS_NM_PER_MM, MOST_PUSH_NM)
+
+    def travel_nm_at(self, speed_mm_s: float) -> float:
+        """Return the largest torque of a lead at a speed: at least what moves jaws that fast."""
+        return min(max(self.travel_nm, NEEDED_NM_S_MM * speed_mm_s), MOST_PUSH_NM)
 
     @property
     def stop_nm(self) -> float:

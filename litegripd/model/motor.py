@@ -83,11 +83,16 @@ UP = BusCondition("up")
 NOT_OPENED = BusCondition("down", "not opened yet")
 
 
+KP_MAX_NM_RAD, KD_MAX_NM_S_RAD = 500.0, 5.0
+"""What a command frame can carry."""
+
+
 @dataclass(frozen=True, slots=True)
 class MitCommand:
     """One MIT-mode command: the motor applies kp·(q - q') + kd·(dq - dq') + torque.
 
-    `kp_nm_rad` is 0 to 500 and `kd_nm_s_rad` 0 to 5; the motor's registers hold the other ranges.
+    `kp_nm_rad` and `kd_nm_s_rad` are 0 to what a frame can carry; the motor's
+    registers hold the other ranges.
     """
 
     position_rad: float

@@ -9,6 +9,8 @@ from typing import Literal
 
 from litegripd.model.errors import Refusal
 from litegripd.model.motor import (
+    KD_MAX_NM_S_RAD,
+    KP_MAX_NM_RAD,
     CanFrame,
     Feedback,
     MitCommand,
@@ -19,8 +21,6 @@ from litegripd.model.motor import (
 )
 from litegripd.motor.phases import SILENT, Phase
 
-KP_MAX_NM_RAD = 500.0
-KD_MAX_NM_S_RAD = 5.0
 FRAME_BYTES = 8
 
 _SPECIAL = b"\xff" * 7

@@ -30,6 +30,7 @@ from litegripd.io.helper.child import MEMORY_FD, copy_of
 from litegripd.io.helper.files import own_directory
 from litegripd.model.calibration import Dumped
 from litegripd.model.motor import MitCommand, Ranges, status_name
+from litegripd.model.state import is_warning
 from litegripd.motor import codec
 from litegripd.motor.phases import Phase
 from litegripd.recorder import recorder
@@ -180,19 +181,6 @@ EVENT_SCHEMA: Mapping[str, Any] = {
     },
 }
 _INFO, _WARNING = 2, 3
-_WARNINGS = frozenset(
-    {
-        "stop",
-        "object_lost",
-        "released_by_fault",
-        "pressing",
-        "heat",
-        "refused",
-        "recorder",
-        "lease_lost",
-        "weak",
-    }
-)
 # Looking up a name in an enumeration is slow, and a dump has tens of thousands of them.
 _PHASE_NAMES = {
     **{phase.value: phase.name.lower() for phase in Phase},
@@ -312,17 +300,18 @@ def _finite(fields: Mapping[str, float | None]) -> dict[str, float]:
 
 def _event_fields(event: RecordedEvent, at_ns: int) -> dict[str, Any]:
     content = event.content
+    kind, data = content["kind"], content.get("data", {})
     sec, nsec = divmod(at_ns, 1_000_000_000)
     return {
         "timestamp": {"sec": sec, "nsec": nsec},
-        "level": _WARNING if content["kind"] in _WARNINGS else _INFO,
+        "level": _WARNING if is_warning(kind, data) else _INFO,
         "message": content["message"],
-        "name": content["kind"],
+        "name": kind,
         "file": "",
         "line": 0,
         "seq": event.number,
         "monotonic_s": event.at_s,
-        "data": content.get("data", {}),
+        "data": data,
     }
 
 

@@ -22,6 +22,7 @@ from typing import (
 )
 
 from litegripd.control.admission import conflict_refusal
+from litegripd.control.events import NOW, Turn
 from litegripd.control.limiter import Gains
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import DM4310, MotorType
@@ -317,6 +318,7 @@ class Call(NamedTuple):
     params: Mapping[str, Any]
     now_s: float
     received_s: float
+    turn: Turn = NOW
 
     @property
     def detached(self) -> bool:

@@ -6,6 +6,7 @@ from typing import get_args
 
 from litegripd.control.admission import ENDING
 from litegripd.control.controller import Controller
+from litegripd.control.events import Turn
 from litegripd.model.errors import Refusal
 from litegripd.model.plain import Carried
 from litegripd.model.state import Event, Job, JobKind, Owner
@@ -113,17 +114,20 @@ class Requests:
 
     def _begin(self, method: Method, call: Call) -> Answer:
         """Carry it out at once, in place of the caller's own motion, or after the running one."""
-        if_busy, in_the_way = call.params.get("if_busy"), self._controller.in_the_way
+        if_busy, in_the_way = call.params.get("if_busy"), self._controller.in_the_way()
         if if_busy is None or in_the_way is None:
             return self._carried_out(method, call)
         kind = _kind_of(method)
         running = self._controller.jobs.running
         if if_busy == "replace" and running is not None and _is_own(running, call.owner):
             reason = Refusal("replaced", f"{method.name} of the same client replaced it")
-            return self._controller.replace(reason, lambda: self._carried_out(method, call))
+            return self._carried_out(method, call._replace(turn=Turn(replaces=reason)))
         if if_busy == "queue" and kind is not None:
-            begin = lambda: _job_of(self._carried_out(method, call))  # noqa: E731
-            return later(self._controller.queue(kind, call.owner, call.detached, begin))
+
+            def start(turn: Turn) -> Job | Refusal:
+                return _job_of(self._carried_out(method, call._replace(turn=turn)))
+
+            return later(self._controller.queue(kind, call.owner, call.detached, start))
         return self._carried_out(method, call)
 
     def _carried_out(self, method: Method, call: Call) -> Answer:

@@ -173,7 +173,7 @@ class Teleoperation:
         controller = self._controller
         refusal = controller.why_busy() or controller.recording_refusal()
         if refusal is not None and refusal.reason == "busy":
-            refusal = trajectory_or_teleop_refusal(controller.in_the_way) or refusal
+            refusal = trajectory_or_teleop_refusal(controller.in_the_way()) or refusal
         if refusal is not None:
             return refusal
         geometry = controller.geometry

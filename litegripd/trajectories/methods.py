@@ -280,6 +280,7 @@ class TrajectoryMethods:
                 config,
                 call.gains(DEFAULT_GAINS),
                 detached=call.detached,
+                turn=call.turn,
             )
         )
 

@@ -20,6 +20,7 @@ from litegripd.control.admission import (
     trajectory_or_teleop_refusal,
 )
 from litegripd.control.controller import Controller
+from litegripd.control.events import NOW, Turn
 from litegripd.control.limiter import Gains
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import Geometry
@@ -124,11 +125,12 @@ class Trajectories:
         self._controller = controller
         self._keeping: Keeping | None = None
 
-    def refusal(self) -> Refusal | None:
-        """Return a refusal if a recording, a replay or teleoperation is under way."""
+    def refusal(self, turn: Turn = NOW) -> Refusal | None:
+        """Return a refusal if a recording, a replay or teleoperation is under way at its turn."""
         controller = self._controller
         refusal = (
-            trajectory_or_teleop_refusal(controller.in_the_way) or controller.recording_refusal()
+            trajectory_or_teleop_refusal(controller.in_the_way(turn))
+            or controller.recording_refusal()
         )
         if refusal is not None:
             return refusal
@@ -243,10 +245,11 @@ class Trajectories:
         gains: Gains,
         *,
         detached: bool,
+        turn: Turn,
     ) -> Job | Refusal:
         """Begin to load and replay a trajectory."""
         controller = self._controller
-        refusal, geometry = self.refusal() or controller.why_busy(), self._ready()
+        refusal, geometry = self.refusal(turn) or controller.why_busy(turn), self._ready()
         if refusal is not None or isinstance(geometry, Refusal):
             return refusal or (geometry if isinstance(geometry, Refusal) else NO_FEEDBACK)
         if request.force == "replay":
@@ -267,7 +270,7 @@ class Trajectories:
             motor_type=controller.gripper_id.motor_type,
             idle=lambda: controller.idle,
         )
-        self.replay_job = controller.begin("play", action, owner, detached)
+        self.replay_job = controller.begin("play", action, owner, detached, turn)
         self.replay = action
         return self.replay_job
 

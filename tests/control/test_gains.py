@@ -1,4 +1,4 @@
-"""Gains that cannot be safe: refused, wherever a caller may give them."""
+"""Gains that cannot be safe: refused where a caller gives them, without effect in a file."""
 
 from typing import Any
 
@@ -17,14 +17,15 @@ from tests.world import World
 SLAVE = {"mode": "slave", "fake_leader": True}
 
 
-def shaken_mm_s(gains: Gains) -> float:
+def shaken_mm_s(gains: Gains, *, guarded: bool = False) -> float:
     """Return how fast the jaws still are a second after a blow, on a motor that is no simulator."""
     world = PlantWorld(PlantParameters(), "normal", 200, opening_mm=60.0)
     geometry = world.controller.geometry
     assert geometry is not None
     kp, kd = gains.kp_nm_rad, gains.kd_nm_s_rad
     world.controller.use_calibration(Calibration(geometry, kp_nm_rad=kp, kd_nm_s_rad=kd))
-    unguard(world.controller)
+    if not guarded:
+        unguard(world.controller)
     world.enabled()
     world.mechanics.rotor_rad_s += 3.0
     world.run(1.0)
@@ -43,15 +44,29 @@ def test_the_bound_is_where_jaws_swing_by_themselves(kp_nm_rad: float) -> None:
     assert conflict.limit == pytest.approx(least)
 
 
-def test_a_calibration_without_damping_is_refused_and_the_present_one_stays() -> None:
+@pytest.mark.parametrize("kp_nm_rad", [5.0, 100.0, 500.0])
+def test_jaws_held_by_a_file_without_damping_do_not_swing(kp_nm_rad: float) -> None:
+    """A blow as that by which they swing without the bound of holds."""
+    assert shaken_mm_s(Gains(kp_nm_rad, 0.0), guarded=True) < 1.0
+
+
+@pytest.mark.parametrize("kp_nm_rad", [5.0, 100.0, 500.0])
+def test_no_command_is_without_damping_because_a_file_is(kp_nm_rad: float) -> None:
+    """Of all that uses a file's gains: the hold, a stream, a follower."""
     world = World()
     client = world.enabled()
-    before = world.controller.calibrated.calibration
     content = client.result("calibration.get")["content"]
-    answer = client.call("calibration.load", content={**content, "kp": 500, "kd": 0})
-    assert "kd is 0, with kp 500 it must be at least 1" in answer["error"]["message"]
-    assert world.controller.calibrated.calibration is before
-    assert world.controller.gains == DEFAULT_GAINS
+    client.result("calibration.load", content={**content, "kp": kp_nm_rad, "kd": 0})
+    since_s = world.now_s
+    client.result("motion.move", opening_mm=50.0)
+    world.run(0.5)
+    client.result("stream.set", opening_mm=40.0)
+    world.run(0.5)
+    client.result("teleop.start", **SLAVE)
+    world.run(1.0)
+    stiff = [command for _, command in world.commands_since(since_s) if command.kp_nm_rad > 0.0]
+    assert len(stiff) > 200
+    assert all(damping_conflict(each.kp_nm_rad, each.kd_nm_s_rad) is None for each in stiff)
 
 
 def test_a_file_with_one_gain_does_not_get_the_other_of_a_stiffer_one() -> None:
@@ -71,7 +86,16 @@ def test_a_file_with_one_gain_does_not_get_the_other_of_a_stiffer_one() -> None:
         assert world.controller.gains == expected
 
 
-FILES = [(1.0, 0.01), (5.0, 2.0), (5.0, 5.0), (50.0, 0.1), (200.0, 2.0), (500.0, 1.0), (500.0, 5.0)]
+FILES = [
+    (1.0, 0.0),
+    (500.0, 0.0),
+    (5.0, 2.0),
+    (5.0, 5.0),
+    (50.0, 0.1),
+    (200.0, 2.0),
+    (500.0, 1.0),
+    (500.0, 5.0),
+]
 
 
 def came_to(kp_nm_rad: float, kd_nm_s_rad: float) -> list[tuple[str, float, float]]:

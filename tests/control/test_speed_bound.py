@@ -8,7 +8,7 @@ import pytest
 from litegripd.control.limiter import DEFAULT_GAINS, CommandLimiter, bounds_of, lead_within
 from litegripd.model.calibration import NOMINAL, Calibration
 from litegripd.model.gripper import DM4310, FASTEST_MM_S, MotorType
-from litegripd.model.motion_config import MotionConfig, fastest_mm_s
+from litegripd.model.motion_config import MOST_PUSH_NM, MotionConfig, fastest_mm_s
 from litegripd.model.motor import Feedback, MitCommand
 from tests.world import Client, World
 
@@ -128,17 +128,28 @@ def test_the_limiter_lets_no_command_be_faster(motor_type: MotorType, sign: floa
 
 @pytest.mark.parametrize("rate_hz", [100, 200, 1000])
 @pytest.mark.parametrize("method", ["motion.open", "motion.close"])
-def test_a_small_lead_is_no_reason_to_refuse_a_speed(method: str, rate_hz: int) -> None:
-    """At 100 Hz the jaws travel 1.5 mm in a period: the lead grows, not what it presses with."""
+@pytest.mark.parametrize("lead_mm", [0.5, 0.7, 0.8, 1.0])
+def test_a_small_lead_is_no_reason_to_refuse_a_speed(
+    method: str, rate_hz: int, lead_mm: float
+) -> None:
+    """At 100 Hz the jaws travel 1.5 mm in a period: a lead grows to what they need at a speed."""
     world = World(period_s=1.0 / rate_hz)
     client = world.enabled()
-    number, fastest_rad_s = client.send(method, speed_mm_s=150.0, config={"max_lead_mm": 1.0}), 0.0
+    client.result("motion.open" if method == "motion.close" else "motion.close")
+    config = {"max_lead_mm": lead_mm, "stop_lead_mm": min(lead_mm, 0.7)}
+    number, fastest_rad_s = client.send(method, speed_mm_s=150.0, config=config), 0.0
     while not client.has_answer(number):
         world.tick()
         fastest_rad_s = max(fastest_rad_s, abs(world.gripper.velocity_rad_s))
     assert client.answers[number]["result"]["outcome"] == "pressed_home"
     assert fastest_rad_s * NOMINAL[0].rad_to_mm > 0.9 * 150.0
     assert fastest_rad_s < OVERSHOOT * DM4310.fastest_rad_s
+
+
+def test_a_small_lead_stays_that_of_a_slow_motion() -> None:
+    config = MotionConfig(max_lead_mm=0.7, stop_lead_mm=0.7)
+    assert config.travel_nm_at(5.0) == config.travel_nm_at(50.0) == config.travel_nm
+    assert config.travel_nm_at(FASTEST_MM_S) == MotionConfig().travel_nm_at(5.0) == MOST_PUSH_NM
 
 
 def test_a_lead_is_at_least_the_travel_of_a_period() -> None:

@@ -92,10 +92,6 @@ def test_unknown_keys_are_kept_and_a_template_brings_direction_only() -> None:
         (changed(kp=-1), "kp"),
         (changed(kp=0), "kp is 0.0, it must be 1 to 500"),
         (changed(kd=5.1), "kd"),
-        (changed(kp=500, kd=0), "kd is 0, with kp 500 it must be at least 1: with less damping"),
-        (changed(kp=500, kd=0.99), "it must be at least 1"),
-        (changed(kp=None, kd=0.1), "kd is 0.1, with kp 100 it must be at least 0.2"),
-        (changed(kd=0), "swing by themselves"),
         (changed(calibrated=1), "calibrated"),
         (changed(channel=3), "channel"),
         (changed(work_stroke_mm=-0.1), "work_stroke_mm is -0.1, it must be the opening"),
@@ -271,9 +267,10 @@ def test_a_master_id_that_is_not_known_is_left_out(unknown: int | None) -> None:
 
 
 @pytest.mark.parametrize(
-    ("kp", "kd"), [(500, 1.0), (100, 0.2), (1, 0.002), (None, 0.2), (500, None), (None, None)]
+    ("kp", "kd"),
+    [(500, 0), (500, 1.0), (100, 0.2), (1, 0), (None, 0), (None, 0.1), (500, None), (None, None)],
 )
-def test_gains_that_damp_enough_are_taken(kp: float | None, kd: float | None) -> None:
+def test_gains_are_taken_with_any_damping(kp: float | None, kd: float | None) -> None:
     calibration = parse_calibration(changed(kp=kp, kd=kd))
     assert (calibration.kp_nm_rad, calibration.kd_nm_s_rad) == (kp, kd)
 

@@ -25,11 +25,12 @@ from mcap.reader import McapReader, make_reader
 
 from litegrip_client.ctl.render import date
 from litegrip_client.values.errors import CommandError
+from litegrip_client.values.fields import STALE_AFTER_S
 from litegrip_client.values.trajectory import Trajectory
 from litegrip_client.values.trajectory_format import TaughtGrip
 
-STALE_AFTER_S = 0.15
-"""A disabled motor is asked at 20 Hz; one that has missed three questions is silent."""
+_WARNING = 3
+"""The level of a warning in the format of a dump's events, `foxglove.Log`."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,7 @@ class Happening:
     kind: str
     message: str
     data: Mapping[str, Any]
+    is_warning: bool = False
 
 
 @dataclass(frozen=True)
@@ -92,7 +94,11 @@ def _read(reader: McapReader) -> Dump:
         elif channel.topic.endswith("/event"):
             events.append(
                 Happening(
-                    content["monotonic_s"], content["name"], content["message"], content["data"]
+                    content["monotonic_s"],
+                    content["name"],
+                    content["message"],
+                    content["data"],
+                    content["level"] >= _WARNING,
                 )
             )
     return Dump(about, ended_ns, ticks, events)
@@ -144,18 +150,6 @@ _APART_SHARE = 0.022
 """Two labels are at least this share of the shown time apart."""
 
 _LONGEST = 30
-_ALARMS = frozenset(
-    {
-        "stop",
-        "object_lost",
-        "released_by_fault",
-        "pressing",
-        "heat",
-        "client_lost",
-        "lease_lost",
-        "weak",
-    }
-)
 _ROUTINE = ("owner", "refused", "lease", "recorder", "job_ended", "calibration")
 """Not named while something else happens close by; the last ones rather than the first."""
 
@@ -191,17 +185,17 @@ def _label(group: list[Happening], end_s: float) -> Label:
 
 
 def _weight(event: Happening) -> int:
+    if event.kind in _ROUTINE and not (event.kind == "job_ended" and _is_alarm(event)):
+        return _ROUTINE.index(event.kind)
     if _is_alarm(event):
         return len(_ROUTINE) + (2 if event.kind == "job_ended" else 3)
-    if event.kind in _ROUTINE:
-        return _ROUTINE.index(event.kind)
     return len(_ROUTINE) + (event.kind == "job_started")
 
 
 def _is_alarm(event: Happening) -> bool:
     failed = event.kind == "job_ended" and event.data.get("state") in ("failed", "cancelled")
     fault = event.kind == "motor" and event.data.get("phase") in ("fault", "silent")
-    return event.kind in _ALARMS or failed or fault
+    return event.is_warning or failed or fault
 
 
 def _short(event: Happening) -> str:

@@ -75,6 +75,11 @@ class Action(Protocol):
         """Release what it has, other than the jaws; called once, when it has ended."""
 
 
+def gives_up_after_s(planned_s: float) -> float:
+    """Return how long a motion may take: twice what was planned, and 2 s more."""
+    return 2.0 * planned_s + 2.0
+
+
 def progress_of(
     phase: str, step: int, total_steps: int, command_rad: float, feedback: Feedback
 ) -> Progress:

@@ -37,10 +37,10 @@ from litegripd.control.limiter import (
     budgeted,
     clamp_lead,
 )
-from litegripd.control.motions.base import PlainAction, Step, progress_of
+from litegripd.control.motions.base import PlainAction, Step, gives_up_after_s, progress_of
 from litegripd.model.gripper import DM4310, Geometry, MotorType
 from litegripd.model.motion_config import MOVING_KP_NM_RAD, MotionConfig
-from litegripd.model.motor import Feedback, MitCommand, MotorView
+from litegripd.model.motor import KP_MAX_NM_RAD, Feedback, MitCommand, MotorView
 from litegripd.model.state import GraspOutcome, GraspResult, Progress
 
 Verdict: TypeAlias = Literal["contact", "stalled", "empty", "timed_out"]
@@ -93,11 +93,7 @@ SAGS_RAD = 0.004
 """A weight that opens the jaws by this much while they press is no object between them."""
 STANDS_S = 0.02
 """The time over which positions show that the jaws stand, whatever speed is reported."""
-KP_MAX_NM_RAD = 500.0  # what a command frame can carry
 SLOWEST_RAD_S = 0.02  # feedback counts velocity in steps of 0.015 rad/s
-
-_GIVE_UP_FACTOR = 2.0
-_GIVE_UP_EXTRA_S = 2.0
 
 
 class Approach:
@@ -239,7 +235,7 @@ class Approach:
         if (touches or stalls) and self._is_something(position_rad, stalls=stalls):
             return "contact" if touches else "stalled"
         began_s = now_s if self._began_s is None else self._began_s
-        late_s = _GIVE_UP_FACTOR * self._ramp_s + _GIVE_UP_EXTRA_S
+        late_s = gives_up_after_s(self._ramp_s)
         return "timed_out" if now_s - began_s > late_s else None
 
     def _touches(self, now_s: float, feedback: Feedback, held_back: bool) -> bool:

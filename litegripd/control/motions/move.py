@@ -38,7 +38,7 @@ from litegripd.control.limiter import (
     is_in_press_zone,
     lead_within,
 )
-from litegripd.control.motions.base import PlainAction, Step, progress_of
+from litegripd.control.motions.base import PlainAction, Step, gives_up_after_s, progress_of
 from litegripd.model.gripper import FASTEST_RAD_S, Geometry
 from litegripd.model.motion_config import MOVING_KD_NM_S_RAD, MOVING_KP_NM_RAD, MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorView
@@ -111,9 +111,6 @@ _FED_SHARE = 0.4
 jaws that begin at 150 mm/s overshoot to 174 mm/s; with 0.6, what holds them up feels too much."""
 FRICTION_NM = 1.1
 """More than what holds the jaws: the closing side may stick with 0.95 N·m (field measurements)."""
-
-_GIVE_UP_FACTOR, _GIVE_UP_EXTRA_S = 2.0, 2.0
-"""A move may take so many times what was planned, and so much more."""
 
 
 class MoveTo(PlainAction):
@@ -225,8 +222,8 @@ class MoveTo(PlainAction):
             if self._stall.add(now_s, position_rad):
                 return "blocked"
         planned = self._planned or ramp
-        late_s = now_s - planned.began_s - _GIVE_UP_FACTOR * planned.duration_s
-        return "timed_out" if late_s > _GIVE_UP_EXTRA_S else None
+        taken_s = now_s - planned.began_s
+        return "timed_out" if taken_s > gives_up_after_s(planned.duration_s) else None
 
     def _is_there(self, position_rad: float) -> bool:
         """Return True if the jaws are where they are to go."""
@@ -414,7 +411,7 @@ class MoveToStop(PlainAction):
             self._enter("settle", now_s)
         elif self._phase == "ramp" and ramp.is_over(now_s):
             self._enter("press", now_s)
-        elif in_phase_s > _GIVE_UP_FACTOR * (self._planned or ramp).duration_s + _GIVE_UP_EXTRA_S:
+        elif in_phase_s > gives_up_after_s((self._planned or ramp).duration_s):
             return "timed_out"
         return None
 

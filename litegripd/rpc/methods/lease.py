@@ -256,7 +256,7 @@ class LeaseMethods:
     def _take(self, call: Call) -> Answer:
         controller, params = self._controller, call.params
         holder, running = controller.lease.holder, controller.jobs.running
-        in_the_way = controller.in_the_way
+        in_the_way = controller.in_the_way()
         owners = [entry.owner for entry in (holder, in_the_way) if entry is not None]
         another = next((owner for owner in owners if owner.user != call.owner.user), None)
         if another is not None and call.session.role != "admin":

@@ -173,7 +173,9 @@ class MotionMethods:
         config = self._config(call)
         speed = call.params.get("speed_mm_s")
         return later(
-            self._motions.move_to_stop(direction, call.owner, config, speed, call.detached)
+            self._motions.move_to_stop(
+                direction, call.owner, config, speed, detached=call.detached, turn=call.turn
+            )
         )
 
     @Method(
@@ -233,7 +235,9 @@ class MotionMethods:
             width_mm=params.get("width_mm"),
             tolerance_mm=params.get("tolerance_mm", 0.0),
         )
-        return later(self._motions.grasp(request, call.owner, config, call.detached))
+        return later(
+            self._motions.grasp(request, call.owner, config, detached=call.detached, turn=call.turn)
+        )
 
     @Method(
         "motion.move",
@@ -278,6 +282,7 @@ class MotionMethods:
                 pace=pace,
                 gains=call.gains(DEFAULT_GAINS),
                 detached=call.detached,
+                turn=call.turn,
             )
         )
 
@@ -306,7 +311,7 @@ class MotionMethods:
         waits=True,
     )
     def _zero_gravity(self, call: Call) -> Answer:
-        return later(self._motions.zero_gravity(call.owner))
+        return later(self._motions.zero_gravity(call.owner, call.turn))
 
     @Method(
         "motion.set_force",

@@ -366,6 +366,7 @@ class SettingsMethods:
                 stroke_mm=call.params.get("stroke_mm"),
                 keep=call.params.get("save", True),
                 detached=call.detached,
+                turn=call.turn,
             )
         )
 
