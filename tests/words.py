@@ -7,6 +7,7 @@ place. A part of a longer name, as in `test_told_twice`, does not count. A gener
 words of the code that it is made from, so it counts apart.
 """
 
+import ast
 import re
 import sys
 from collections import Counter
@@ -73,6 +74,24 @@ def sources() -> list[str]:
     """Return the files of code."""
     found = (path for folder in CODE for path in (ROOT / folder).rglob("*.py"))
     return sorted(set(map(name_of, found)) - NOT_READ)
+
+
+def spoken() -> list[str]:
+    """Return the files of code whose sentences the daemon says."""
+    return [name for name in sources() if name.startswith("litegripd/")]
+
+
+def sentences(source: str) -> Iterator[tuple[int, str]]:
+    """Give the line and the text of each string of a module that has words; no docstring.
+
+    Of a formatted string that are its fixed parts. Strings that are written side by side are one.
+    """
+    tree = ast.parse(source)
+    docstrings = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    for node in ast.walk(tree):
+        text = node.value if isinstance(node, ast.Constant) else None
+        if isinstance(text, str) and " " in text and id(node) not in docstrings:
+            yield node.lineno, text
 
 
 def name_of(path: Path) -> str:

@@ -299,7 +299,7 @@ def pressing(lasting: Pressing, geometry: Geometry, kind: JobKind, running: Job 
     pressing_n = abs(geometry.force_n(lasting.torque_nm))
     most_n = abs(geometry.force_n(lasting.most_nm))
     lowered = f" ({most_n:.1f} N before)" if most_n > pressing_n * 1.05 else ""
-    state = "has left them there" if running is None else "goes on"
+    state = "has left them there" if running is None else "continues"
     text = (
         f"the jaws press with {pressing_n:.1f} N{lowered} on what is in their way: {kind} {state};"
         " open them, or let them go with zero_gravity"

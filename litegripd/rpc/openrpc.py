@@ -88,7 +88,7 @@ NOTIFICATIONS: tuple[Notification, ...] = (
     Notification(
         "stream.refused",
         "A `stream.set` without an `id` that was refused. Only the first of several with the same"
-        " reason is told, and again after one that was taken.",
+        " reason is reported, and again after one that was taken.",
         ErrorObject,
     ),
     Notification(

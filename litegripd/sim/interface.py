@@ -367,7 +367,7 @@ class SimulatedBus(can.BusABC):
                 f"unasked_hz, motor_type, gripper, monotonic_fn, receive_own_messages and bitrate"
             )
         if not isinstance(channel, str) or not channel:
-            raise ValueError(f"channel must be a name such as 'sim0', not {channel!r}")
+            raise ValueError(f"channel must be a name like 'sim0', not {channel!r}")
         if bitrate is not None and _number("bitrate", bitrate) != BITRATE:
             raise ValueError(f"bitrate must be {BITRATE}, as the motor's is, not {bitrate!r}")
         options = _Options(

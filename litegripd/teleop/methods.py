@@ -229,7 +229,7 @@ _WHERE = (
     Param(
         "host",
         "string",
-        "A slave's leader (with udp: the only one that is listened to; default: whoever sends)."
+        "A slave's leader (with udp: the only one that is listened to; default: anyone who sends)."
         " With udp a master needs it, too: whom it sends to, one or several (HOST or HOST:PORT,"
         " separated by commas).",
     ),
@@ -322,13 +322,13 @@ _HOW = (
     Param(
         "reflect",
         "boolean",
-        "A slave tells its leader the force that it presses with (default false).",
+        "A slave reports to its leader the force that it presses with (default false).",
     ),
     Param(
         "reflect_n",
         "number",
-        "A master's jaws push back with what its slaves tell, by no more than this; 0, the default:"
-        " they stay slack.",
+        "A master's jaws push back with what its slaves report, by no more than this; 0, the"
+        " default: they stay slack.",
         minimum=0,
         maximum=10,
     ),
@@ -399,7 +399,7 @@ class TeleopMethods:
 
     @Method(
         "teleop.status",
-        "Tell how teleoperation goes, or how the last one went.",
+        "Report how teleoperation goes, or how the last one went.",
         "The status.",
         TeleopStatus,
     )
@@ -504,7 +504,7 @@ def _of_reflection(params: Mapping[str, Any], *, fake: bool) -> _Problem:
         return None
     for name in ("reflect_n", "reflect_gain"):
         if name in params:
-            return name, "is for a master; a slave takes reflect, to tell its force"
+            return name, "is for a master; a slave takes reflect, to report its force"
     if fake and params.get("reflect", False):
         return "reflect", "needs a leader with a hand, which a fake one has not"
     return None

@@ -286,7 +286,7 @@ class TrajectoryMethods:
 
     @Method(
         "trajectory.control",
-        "Pause the replay that runs, let it go on, or change its speed; in force with the next"
+        "Pause the replay that runs, let it continue, or change its speed; in force with the next"
         " tick. Cancel it with job.cancel.",
         "As trajectory.status.",
         ReplayStatus,
@@ -321,7 +321,7 @@ class TrajectoryMethods:
 
     @Method(
         "trajectory.status",
-        "Tell of the recording or replay that runs, else of the latest one.",
+        "Report the recording or replay that runs, else of the latest one.",
         "active, kind (record, play or null), samples, error; of a recording also rate_hz,"
         " zero_gravity, loop_hz, missed, duration_s; of a replay frames, speed, openness,"
         " completed, loops, phase, grips. And job.",

@@ -119,7 +119,7 @@ class LeaseMethods:
 
     @Method(
         "lease.get",
-        "Tell who has the lease, and how many wait.",
+        "Report who has the lease, and how many wait.",
         "owner (or null), waiting.",
         LeaseView,
     )
@@ -182,7 +182,7 @@ class LeaseMethods:
 
     @Method(
         "lease.release",
-        "Give the lease back, if it is the present one; a running motion goes on.",
+        "Give the lease back, if it is the present one; a running motion continues.",
         "released.",
         Released,
         (LEASE,),
@@ -230,12 +230,12 @@ class LeaseMethods:
 
     @Method(
         "lease.take",
-        "Take the lease from whoever has it: of the same user, or as admin. A motion that runs"
-        " ends, a detached one, too; what others have queued never begins. The loser is told, and"
-        " moves nothing by its connection until it asks for the lease again.",
+        "Take the lease from anyone who has it: of the same user, or as admin. A motion that runs"
+        " ends, a detached one, too; what others have queued never begins. The loser is informed,"
+        " and moves nothing by its connection until it asks for the lease again.",
         "As of lease.acquire; from whom it was taken (taken_from, as the owner of lease.get, or"
         " null), the motion that has ended by it (ended_job, or null), and what the jaws do (jaws;"
-        " null where the taker's own motion, or disabling, goes on).",
+        " null where the taker's own motion, or disabling, continues).",
         Taken,
         (
             Param("why", "string", "The reason, for the loser and the log.", required=True),

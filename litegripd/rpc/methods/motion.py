@@ -407,8 +407,8 @@ class MotionMethods:
 
     @Method(
         "stop.clear",
-        "Allow motions again. While somebody has the lease, that one may, an admin, and whoever has"
-        " stopped (by uid); an observer only what nobody else has stopped, too. Refused where a"
+        "Allow motions again. While somebody has the lease, that one may, an admin, and anyone who"
+        " has stopped (by uid); an observer only what nobody else has stopped, too. Refused where a"
         " stop came after it was sent: look, clear again.",
         "The generation and the state.",
         Cleared,
@@ -426,7 +426,7 @@ class MotionMethods:
 
     @Method(
         "job.cancel",
-        "End a job, running or queued; the jaws go on holding what they hold.",
+        "End a job, running or queued; the jaws keep holding what they hold.",
         "The job.",
         Job,
         (JOB,),
@@ -480,5 +480,5 @@ def _check_grasp(params: Mapping[str, Any]) -> None:
         text = "motion.grasp: width_mm and tolerance_mm go together"
         raise Refused(Refusal("invalid_params", text, {"parameter": "tolerance_mm"}))
     if params.get("until") == "verdict" and "hold_s" in params:
-        text = 'motion.grasp: with until = "verdict" leave hold_s out: the hold goes on anyway'
+        text = 'motion.grasp: with until = "verdict" leave hold_s out: the hold continues anyway'
         raise Refused(Refusal("invalid_params", text, {"parameter": "hold_s"}))

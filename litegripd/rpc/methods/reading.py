@@ -126,7 +126,7 @@ class ReadingMethods:
 
     @Method(
         "hello",
-        "Tell who is there: versions, channel, motor, limits, stop generation.",
+        "Report who is there: versions, channel, motor, limits, stop generation.",
         "The daemon's description, the number of this connection (client), where stops are taken"
         " before everything else (stop_socket; null where there is no such socket), and the time"
         " by the daemon's CLOCK_MONOTONIC (monotonic_s), by which a client of another machine knows"
@@ -167,14 +167,14 @@ class ReadingMethods:
 
     @Method(
         "health",
-        "Tell how the daemon fares.",
+        "Report the daemon's health.",
         "A verdict, its reasons, and the figures.",
         Shape("Health", (Judged, Shape("Figures", (Figures,), partial=True))),
     )
     def _health(self, call: Call) -> Mapping[str, object]:
         return self._facts.health(call.now_s)
 
-    @Method("state.get", "Tell the gripper's present state.", "The state.", StateView)
+    @Method("state.get", "Return the gripper's present state.", "The state.", StateView)
     def _state(self, _call: Call) -> bytes:
         return self._reporter.state_line()
 
@@ -233,7 +233,7 @@ class ReadingMethods:
 
     @Method(
         "events.subscribe",
-        "Tell what happens from now on, as event notifications; none is ever left out.",
+        "Report what happens from now on, as event notifications; none is ever left out.",
         "The number of the subscription, the present state, and the last 32 events of these kinds.",
         EventsSubscribed,
         (
@@ -269,7 +269,7 @@ class ReadingMethods:
 
     @Method(
         "clients.list",
-        "Tell who is connected.",
+        "Report who is connected.",
         "clients: of each its number (client), pid, uid, program, role, connected_s, what is"
         " counted of it (requests, refused, bytes_in, bytes_out, dropped samples,"
         " worst_latency_ms), its subscriptions, its requests that wait (waiting), and is_me.",
@@ -280,8 +280,8 @@ class ReadingMethods:
 
     @Method(
         "info.get",
-        "Tell what does not change: motor, calibration, configuration.",
-        "Facts: what hello tells, the motor's registers, motor_warnings, the calibration's file,"
+        "Return what does not change: motor, calibration, configuration.",
+        "Facts: what hello returns, the motor's registers, motor_warnings, the calibration's file,"
         " channel and date (saved_s, Unix time; nominal: a template's figures, measured on no"
         " gripper), motion, configuration.",
         Info,
@@ -293,7 +293,7 @@ class ReadingMethods:
     def _list_jobs(self, _call: Call) -> bytes:
         return b'{"jobs":[%b]}' % b",".join(map(self._reporter.job, self._controller.jobs))
 
-    @Method("job.get", "Tell about one job.", "The job.", Job, (JOB,))
+    @Method("job.get", "Return one job.", "The job.", Job, (JOB,))
     def _get_job(self, call: Call) -> bytes:
         return self._reporter.job(self._job(call))
 

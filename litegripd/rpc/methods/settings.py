@@ -175,7 +175,9 @@ class SettingsMethods:
         self._calibrations = CalibrationRequests(controller)
         self._is_saving_config = False
 
-    @Method("calibration.get", "Tell the calibration in use.", "The calibration.", CalibrationView)
+    @Method(
+        "calibration.get", "Return the calibration in use.", "The calibration.", CalibrationView
+    )
     def _get_calibration(self, _call: Call) -> CalibrationView:
         return self._calibration()
 
@@ -215,7 +217,7 @@ class SettingsMethods:
         return found
 
     @Method(
-        "calibration.templates", "Tell the templates of the mounts.", "The templates.", Templates
+        "calibration.templates", "Return the templates of the mounts.", "The templates.", Templates
     )
     def _templates(self, call: Call) -> Answer:
         return self._task(call, "calibration.templates", {}, lambda value: {"templates": value})
@@ -432,8 +434,9 @@ class SettingsMethods:
 
     @Method(
         "motor.scan",
-        f"Ask the ids {SOUGHT_IDS[0]} to {SOUGHT_IDS[-1]} for their MST_ID, and tell which answer:"
-        " for a motor that is not found at its configured id. Refused while the motor is enabled.",
+        f"Ask the ids {SOUGHT_IDS[0]} to {SOUGHT_IDS[-1]} for their MST_ID, and report which"
+        " answer: for a motor that is not found at its configured id. Refused while the motor is"
+        " enabled.",
         "The ids that were asked, and the motors that have answered.",
         Scanned,
         role="operator",
@@ -485,7 +488,7 @@ class SettingsMethods:
         return later(self._calibrations.set_zero(call.owner, call.detached))
 
     @Method(
-        "config.get", "Tell the daemon's motion configuration.", "Fields and ranges.", ConfigView
+        "config.get", "Return the daemon's motion configuration.", "Fields and ranges.", ConfigView
     )
     def _get_config(self, _call: Call) -> ConfigView:
         return self._config()
