@@ -265,7 +265,7 @@ SYSTEM |= {"importlib._bootstrap_external", "_warnings", "encodings.ascii"}
 def test_what_a_plain_one_imports_is_next_to_nothing(
     daemon: FakeDaemon, stops: FakeDaemon, command: str
 ) -> None:
-    """What a start takes is what it imports: see `python -m bench.startup`."""
+    """What a start takes is what it imports: see `python -m bench.timing.startup`."""
     code = (
         "import site, sys; before = set(sys.modules); from litegrip_client.ctl.main import main\n"
         f"code = main([{command!r}])\n"

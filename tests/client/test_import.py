@@ -95,7 +95,7 @@ def test_importing_the_package_alone_imports_none_of_its_modules(tmp_path: Path)
 
 
 def test_the_first_line_of_a_program_imports_what_a_call_needs(tmp_path: Path) -> None:
-    """What an import takes is what it imports: see `python -m bench.startup`."""
+    """What an import takes is what it imports: see `python -m bench.timing.startup`."""
     code = (
         "import sys, json, socket, threading, contextlib, struct; before = set(sys.modules); "
         "from litegrip_client import LiteGrip; print(*set(sys.modules) - before)"

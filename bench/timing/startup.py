@@ -1,6 +1,6 @@
 """How many instructions it takes to import the client, and to start a command of `litegripctl`.
 
-python -m bench.startup
+python -m bench.timing.startup
 
 Instructions are counted by valgrind in the user's space, so that nothing else on the machine
 matters. The interpreter starts without the site's packages (-S), as those of some load much, but
@@ -17,7 +17,7 @@ from pathlib import Path
 
 from tests.client.fake_daemon import FakeDaemon
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 IMPORTS = (
     "import json, socket",
     "import litegrip_client",
