@@ -34,7 +34,7 @@ def test_the_clients_rooms_lie_on_six_floors_and_nothing_leads_back_up() -> None
 MOST_FILES = {
     "state.get": 9,
     "a grasp request": 20,
-    "a tick of a grasp": 20,
+    "a tick of a grasp": 21,
     "LiteGrip.grasp()": 10,
 }
 """What a reader opens to follow each walk; of the tick's, four are the simulator's."""

@@ -449,18 +449,6 @@ def test_a_calibration_is_for_all_and_is_not_changed_while_anything_moves(
         assert gripper.mount == "normal"
 
 
-def undamped(gripper: LiteGrip) -> dict[str, object]:
-    config = gripper.config
-    return {
-        "calibrated": True,
-        "zero_position_rad": config.pos_closed_rad,
-        "max_position_rad": config.pos_open_rad,
-        "rad_to_mm": MM_RAD,
-        "kp": 100.0,
-        "kd": 0.1,
-    }
-
-
 def hold_without_damping(gripper: LiteGrip) -> None:
     gripper.motion_config = tuned(hold_kp=100.0, hold_kd=0.1)
     gripper.grasp(10.0, hold_by="gains")
@@ -471,7 +459,6 @@ def hold_without_damping(gripper: LiteGrip) -> None:
     [
         lambda g: g.play(swing(), kp=100.0, kd=0.1),
         lambda g: g.teleop_start("slave", fake_leader=True, kp=100.0, kd=0.1),
-        lambda g: g._session.connection.call("calibration.load", {"content": undamped(g)}),
         hold_without_damping,
     ],
 )

@@ -95,8 +95,8 @@ def link(facts: Facts) -> Finding | None:
         return warning(
             f"{former} is called {name} now; the daemon holds it{other}",
             advice=f'at its next start the daemon looks for {former}: set [bus] channel = "{name}"'
-            f" in its configuration, or give the old name back while {facts.ctl} state says that"
-            " the motor is disabled",
+            f" in its configuration, or give the old name back once the motor is disabled"
+            f" ({facts.ctl} state)",
         )
     virtual = ", virtual: without bit rate and error counters" if _is_virtual(found) else ""
     if not found.is_up:

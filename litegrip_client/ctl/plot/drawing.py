@@ -188,7 +188,7 @@ def _weight(event: Happening) -> int:
     if event.kind in _ROUTINE and not (event.kind == "job_ended" and _is_alarm(event)):
         return _ROUTINE.index(event.kind)
     if _is_alarm(event):
-        return len(_ROUTINE) + (2 if event.kind == "job_ended" else 3)
+        return len(_ROUTINE) + {"job_ended": 2, "motor": 4}.get(event.kind, 3)
     return len(_ROUTINE) + (event.kind == "job_started")
 
 
