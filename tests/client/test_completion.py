@@ -7,15 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from docs.completion import CHOICES, COMPLETERS
+from docs.completion import CHOICES, COMPLETERS, completion_script
 from litegrip_client.ctl.main import main
 from tests.client.ctl_commands import every_command, every_parser
 from tests.client.ctl_terminal import ROOT
 from tests.client.fake_daemon import DEADLINE_S
 
-SCRIPTS = {
-    shell: ROOT / f"litegrip_client/data/litegripctl.{shell}" for shell in ("bash", "zsh", "fish")
-}
+SCRIPTS = {shell: completion_script(shell) for shell in ("bash", "zsh", "fish")}
 CASES = [
     ("tele", {"teleop"}),
     ("stop --level ", {"hold", "relax", "disable"}),
@@ -36,12 +34,12 @@ CASES = [
 @pytest.mark.parametrize("shell", SCRIPTS)
 def test_the_scripts_are_printed(shell: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["completion", shell]) == 0
-    assert capsys.readouterr().out == SCRIPTS[shell].read_text(encoding="utf-8")
+    assert capsys.readouterr().out == SCRIPTS[shell]
 
 
 @pytest.mark.parametrize("shell", SCRIPTS)
 def test_every_command_is_in_the_scripts(shell: str) -> None:
-    script = SCRIPTS[shell].read_text(encoding="utf-8")
+    script = SCRIPTS[shell]
     for command in every_command():
         name = command.replace("-", "_").replace(" ", "_")
         words = {"bash": f"_{name}_option_strings=", "zsh": f"_{name}_options="}
