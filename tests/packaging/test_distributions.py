@@ -79,7 +79,11 @@ def test_each_module_is_in_one_wheel_and_each_file_of_the_client_in_both_of_its(
         inside = set(wheel(folder, name).namelist())
         assert {path for path in inside if path.endswith(".py")} == modules
     needed = {
-        *(f"data/{kind}/{path.name}" for kind in ("etc", "systemd") for path in (ROOT / kind).iterdir()),
+        *(
+            f"data/{kind}/{path.name}"
+            for kind in ("etc", "systemd")
+            for path in (ROOT / kind).iterdir()
+        ),
         *(f"data/litegripctl.{shell}" for shell in ("bash", "zsh", "fish")),
         "data/normal.json",
         "data/reverse.json",
