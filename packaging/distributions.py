@@ -41,9 +41,6 @@ class Distribution:
 
     package: str
     description: str
-    script_files: tuple[str, ...] = ()
-    scripts: tuple[str, ...] = ()
-    entry_points: tuple[str, ...] = ()
     dependencies: tuple[str, ...] = ()
     """Names of requirements, of the project or of its extras."""
     extras: tuple[str, ...] = ()
@@ -59,16 +56,12 @@ DISTRIBUTIONS = {
     CLIENT: Distribution(
         "litegrip_client",
         "Use a LiteGrip gripper through litegripd; needs only the standard library",
-        scripts=("litegripctl",),
         extras=("metrics", "plot", "watch"),
         pages=("litegripctl.1",),
     ),
     "litegripd": Distribution(
         "litegripd",
         "A daemon that owns a LiteGrip gripper's CAN bus and lets many processes use it",
-        script_files=("litegripd/app/litegripd",),
-        scripts=("litegrip-sim",),
-        entry_points=("can.interface",),
         dependencies=("eclipse-zenoh", "mcap", "python-can", "tomli"),
         takes={
             "fleet": "litegrip-fleet",
@@ -83,7 +76,6 @@ DISTRIBUTIONS = {
     "litegrip-web": Distribution(
         "litegrip_web",
         "A page in the browser for LiteGrip grippers that litegripd drives",
-        scripts=("litegripd-web",),
         dependencies=("websockets",),
         needs=(CLIENT,),
         pages=("litegripd-web.8",),
@@ -91,7 +83,6 @@ DISTRIBUTIONS = {
     "litegrip-fleet": Distribution(
         "litegrip_fleet",
         "LiteGrip grippers of other machines: gateway and portal over zenoh",
-        scripts=("litegripd-fleet",),
         dependencies=("eclipse-zenoh", "tomli"),
         needs=(CLIENT,),
         pages=("litegripd-fleet.8",),
@@ -119,8 +110,12 @@ def tables(name: str, whole: dict[str, Any]) -> dict[str, Any]:
             **{extra: extras[extra] for extra in one.extras},
             **{extra: [f"{needed}=={version}"] for extra, needed in one.takes.items()},
         },
-        "scripts": {script: project["scripts"][script] for script in one.scripts},
-        "entry-points": {group: project["entry-points"][group] for group in one.entry_points},
+        "scripts": _inside(one.package, project["scripts"]),
+        "entry-points": {
+            group: rows
+            for group, every in project["entry-points"].items()
+            if (rows := _inside(one.package, every))
+        },
     }
     data: dict[str, list[str]] = {}
     for page in one.pages:
@@ -133,13 +128,20 @@ def tables(name: str, whole: dict[str, Any]) -> dict[str, Any]:
         "project": made,
         "tool": {
             "setuptools": {
-                "script-files": list(one.script_files),
+                "script-files": [
+                    row for row in tools["script-files"] if row.startswith(f"{one.package}/")
+                ],
                 "packages": {"find": {"include": [f"{one.package}*"]}},
                 "package-data": {one.package: tools["package-data"][one.package]},
                 "data-files": data,
             }
         },
     }
+
+
+def _inside(package: str, entries: dict[str, str]) -> dict[str, str]:
+    """Return the entries that lead into a package."""
+    return {name: where for name, where in entries.items() if where.startswith(f"{package}.")}
 
 
 def _name(requirement: str) -> str:
