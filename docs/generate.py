@@ -10,14 +10,12 @@ import argparse
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
 from docs.blocking_client import blocking_client  # noqa: E402
-from docs.completion import completion_script  # noqa: E402
 from docs.configuration_page import configuration_page, default_file  # noqa: E402
 from docs.manual import client_page, daemon_page, fleet_page, simulator_page, web_page  # noqa: E402
 from docs.protocol_fields import (  # noqa: E402
@@ -257,10 +255,6 @@ GENERATED = (
     Generated("docs/protocol.md", protocol_page),
     Generated("docs/configuration.md", configuration_page),
     Generated("etc/litegripd.toml", default_file),
-    *(
-        Generated(f"litegrip_client/data/litegripctl.{shell}", partial(completion_script, shell))
-        for shell in ("bash", "zsh", "fish")
-    ),
     Generated("man/litegripctl.1", client_page),
     Generated("man/litegrip-sim.1", simulator_page),
     Generated("man/litegripd.8", daemon_page),

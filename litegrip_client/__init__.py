@@ -357,12 +357,9 @@ def __getattr__(name: str) -> object:
     if name == "aio":
         return import_module(f"{__name__}.aio")
     if name == "__version__":
-        from importlib.metadata import PackageNotFoundError, version  # noqa: PLC0415 - 30 ms
+        from litegrip_client.values.version import client_version  # noqa: PLC0415
 
-        try:
-            return version("litegripd")
-        except PackageNotFoundError:
-            return "0.0.0+source"
+        return client_version()
     if name not in _MODULE_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = getattr(import_module(f"{__name__}.{_MODULE_OF[name]}"), name)

@@ -11,11 +11,11 @@ import signal
 import ssl
 import sys
 from collections.abc import Sequence
-from importlib.metadata import version
 from pathlib import Path
 
 from litegrip_client.core.discovery import check_channel
 from litegrip_client.values.errors import CommandError
+from litegrip_client.values.version import client_version
 from litegrip_web.bridge import Gripper
 from litegrip_web.server import Settings, is_loopback, listening
 
@@ -70,7 +70,7 @@ def make_parser() -> argparse.ArgumentParser:
         "which ends with a secret, may look and stop; with --operate, also move.",
         epilog=f"exit codes: {', '.join(f'{code} {text}' for code, text in EXIT_CODES)}",
     )
-    parser.add_argument("--version", action="version", version=f"%(prog)s {version('litegripd')}")
+    parser.add_argument("--version", action="version", version=f"%(prog)s {client_version()}")
     parser.add_argument("channels", nargs="+", metavar="CHANNEL", help="whose daemons to show")
     parser.add_argument("--operate", action="store_true", help="let the page move the grippers")
     parser.add_argument(

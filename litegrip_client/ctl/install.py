@@ -336,19 +336,24 @@ class Lacking:
         return any(one.startswith(name) for one in (*enabled(root), *running(root)))
 
 
-_NEEDS = (("litegripd-web", "websockets", "websockets.asyncio.server"),
-          ("litegripd-fleet@", "eclipse-zenoh", "zenoh"))  # fmt: skip
-"""Units, the package that each needs, and the module that is imported from it."""
+_NEEDS = (
+    ("litegripd-web", "litegrip-web", "litegrip_web"),
+    ("litegripd-web", "websockets", "websockets.asyncio.server"),
+    ("litegripd-fleet@", "litegrip-fleet", "litegrip_fleet"),
+    ("litegripd-fleet@", "eclipse-zenoh", "zenoh"),
+)
+"""Units, a package that each needs, and the module that is imported from it: first the distribution
+of the unit's program, which brings all others."""
 
 
 def lacking(programs: str) -> list[Lacking]:
     """Return the units whose packages are not in the running environment."""
-    found = []
+    found: dict[str, Lacking] = {}
     for unit, package, module in _NEEDS:
-        if not _is_there(module):
+        if unit not in found and not _is_there(module):
             remedy = f"{programs}/python -m pip install '{_requirement(package)}'"
-            found.append(Lacking(unit, package, remedy, is_fleet=unit.endswith("@")))
-    return found
+            found[unit] = Lacking(unit, package, remedy, is_fleet=unit.endswith("@"))
+    return list(found.values())
 
 
 def _is_there(module: str) -> bool:
@@ -360,10 +365,11 @@ def _is_there(module: str) -> bool:
 
 def _requirement(package: str) -> str:
     """Return a package with the versions that this program takes."""
-    with contextlib.suppress(importlib.metadata.PackageNotFoundError):
-        for row in importlib.metadata.requires("litegripd") or ():
-            if row.startswith(package):
-                return row.partition(";")[0].strip()
+    for name in ("litegripd", "litegrip-web", "litegrip-fleet"):
+        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+            for row in importlib.metadata.requires(name) or ():
+                if row.startswith(package):
+                    return row.partition(";")[0].strip()
     return package
 
 

@@ -19,7 +19,6 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent import futures
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
 
@@ -29,6 +28,7 @@ from litegrip_client.core.discovery import UNIT_DIRECTORIES, socket_paths
 from litegrip_client.ctl.doctor.findings import Finding, error, warning
 from litegrip_client.threads.blocking import connect
 from litegrip_client.values.errors import LiteGripError
+from litegrip_client.values.version import client_version
 from litegrip_fleet.admin import findings
 from litegrip_fleet.admin.by_portal import ANSWER_WITHIN_S
 from litegrip_fleet.admin.certificates import Certificate, CertificateError, authorities, met, own
@@ -333,7 +333,7 @@ def _grippers(config: FleetConfig, session: zenoh.Session | None) -> Found:
         for place, socket_facts in zip(config.portal.grippers, measured, strict=True):
             if session is not None:
                 yield "gripper", findings.of_remote(place, about.get(place))
-            yield from findings.of_socket(place, socket_facts, version("litegripd"))
+            yield from findings.of_socket(place, socket_facts, client_version())
 
 
 def _is_seen(session: zenoh.Session, place: Place) -> bool:

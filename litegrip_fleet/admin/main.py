@@ -14,7 +14,6 @@ import time
 from collections.abc import Callable, Coroutine, Iterator, Sequence
 from concurrent import futures
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -24,6 +23,7 @@ from litegrip_client.core.sockets import SOCKET_VARIABLE, STOP_LEVELS
 from litegrip_client.core.stop import WHY_CHARACTERS
 from litegrip_client.ctl.doctor.findings import as_data, as_text
 from litegrip_client.line.exchange import request_line
+from litegrip_client.values.version import client_version
 from litegrip_fleet.admin import by_portal
 from litegrip_fleet.admin.access import rules
 from litegrip_fleet.admin.acl_check import UnreadableError, access_control_in, wider
@@ -114,7 +114,7 @@ def make_parser() -> argparse.ArgumentParser:
         " a portal where they are used, a router between them.",
         epilog=f"exit codes: {', '.join(f'{code} {text}' for code, text in EXIT_CODES)}",
     )
-    parser.add_argument("--version", action="version", version=f"%(prog)s {version('litegripd')}")
+    parser.add_argument("--version", action="version", version=f"%(prog)s {client_version()}")
     parser.add_argument(
         "--config", default=FILE, metavar="FILE", help="the configuration (default: %(default)s)"
     )

@@ -11,7 +11,6 @@ import secrets
 import socket
 import time
 from collections import deque
-from importlib.metadata import version
 from typing import Any
 
 import zenoh
@@ -20,6 +19,7 @@ from litegrip_client.core.sockets import STOP_LEVELS, stop_path
 from litegrip_client.core.stop import WHY_CHARACTERS
 from litegrip_client.values.errors import LiteGripError
 from litegrip_client.values.repeats import EACH, REPEATS
+from litegrip_client.values.version import client_version
 from litegrip_fleet.far.daemon import STOP_WITHIN_S, asked_of, connected, how_it_is, unreachable
 from litegrip_fleet.far.dead_man import DeadMansSwitch
 from litegrip_fleet.far.far_session import FarSession
@@ -73,7 +73,7 @@ class Gateway:
         self._switch = switch
         self._session = session
         self._channel = channel
-        self._version = version("litegripd")
+        self._version = client_version()
         self._connections: dict[str, _Connection] = {}
         self._hello: dict[str, Any] = {}
         self._voided: frozenset[str] = frozenset()

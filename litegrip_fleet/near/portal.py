@@ -16,7 +16,6 @@ import stat
 import time
 from collections.abc import Callable, Coroutine, Sequence
 from hashlib import sha256
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +23,7 @@ import zenoh
 
 from litegrip_client.core.sockets import stop_path
 from litegrip_client.line.connection import peer_pid
+from litegrip_client.values.version import client_version
 from litegrip_fleet.near.near_session import AGAIN_AFTER_S, NearSession
 from litegrip_fleet.wire.answers import (
     BACKLOG_FULL,
@@ -81,7 +81,7 @@ class Portal:
     ) -> None:
         self.place = place
         self.way = {
-            "portal": version("litegripd"),
+            "portal": client_version(),
             "router": list(router),
             "insecure": insecure,
             "certificate_expires_s": certificate_expires_s,

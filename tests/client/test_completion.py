@@ -3,19 +3,17 @@
 import shlex
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
-from docs.completion import CHOICES, COMPLETERS
+from docs.completion import CHOICES, COMPLETERS, completion_script
 from litegrip_client.ctl.main import main
 from tests.client.ctl_commands import every_command, every_parser
-from tests.client.ctl_terminal import ROOT
 from tests.client.fake_daemon import DEADLINE_S
 
-SCRIPTS = {
-    shell: ROOT / f"litegrip_client/data/litegripctl.{shell}" for shell in ("bash", "zsh", "fish")
-}
+SCRIPTS = {shell: completion_script(shell) for shell in ("bash", "zsh", "fish")}
 CASES = [
     ("tele", {"teleop"}),
     ("stop --level ", {"hold", "relax", "disable"}),
@@ -36,12 +34,22 @@ CASES = [
 @pytest.mark.parametrize("shell", SCRIPTS)
 def test_the_scripts_are_printed(shell: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["completion", shell]) == 0
-    assert capsys.readouterr().out == SCRIPTS[shell].read_text(encoding="utf-8")
+    assert capsys.readouterr().out == SCRIPTS[shell]
+
+
+def test_a_source_tree_without_what_makes_the_scripts_says_so(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "shtab", None)
+    assert main(["completion", "bash"]) == 4
+    assert capsys.readouterr().err.startswith(
+        "litegripctl: a source tree has no script for bash, and shtab, which makes it,"
+    )
 
 
 @pytest.mark.parametrize("shell", SCRIPTS)
 def test_every_command_is_in_the_scripts(shell: str) -> None:
-    script = SCRIPTS[shell].read_text(encoding="utf-8")
+    script = SCRIPTS[shell]
     for command in every_command():
         name = command.replace("-", "_").replace(" ", "_")
         words = {"bash": f"_{name}_option_strings=", "zsh": f"_{name}_options="}
@@ -67,6 +75,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     inner = tmp_path / "here"
     (inner / "folder").mkdir(parents=True)
     (inner / "a file.json").touch()
+    for shell, script in SCRIPTS.items():
+        (tmp_path / shell).write_text(script, encoding="utf-8")
     return inner
 
 
@@ -117,14 +127,14 @@ while zpty -r shell shown; do :; done
 @pytest.mark.parametrize(("line", "found"), CASES)
 def test_bash(folder: Path, line: str, found: set[str]) -> None:
     words = ["litegripctl", *line.split(), *([""] if line.endswith(" ") else [])]
-    script = str(SCRIPTS["bash"])
+    script = str(folder.parent / "bash")
     assert set(run(folder, "bash", "--norc", "-c", BASH, "bash", script, *words)) == found
 
 
 @pytest.mark.parametrize(("line", "found"), CASES)
 def test_fish(folder: Path, line: str, found: set[str]) -> None:
     typed = shlex.quote(f"litegripctl {line}")
-    script = f"source {shlex.quote(str(SCRIPTS['fish']))}\ncomplete --do-complete {typed}"
+    script = f"source {shlex.quote(str(folder.parent / 'fish'))}\ncomplete --do-complete {typed}"
     rows = run(folder, "fish", "--no-config", "-c", script)
     assert {row.partition("\t")[0].rstrip("/").replace("\\", "") for row in rows} == found
 
@@ -133,6 +143,7 @@ def test_fish(folder: Path, line: str, found: set[str]) -> None:
 def test_zsh(folder: Path, line: str, found: set[str]) -> None:
     completed = folder.parent / "found"
     completed.touch()
-    run(folder, "zsh", "--no-rcs", "-c", ZSH, "zsh", str(SCRIPTS["zsh"]), f"litegripctl {line}")
+    script = str(folder.parent / "zsh")
+    run(folder, "zsh", "--no-rcs", "-c", ZSH, "zsh", script, f"litegripctl {line}")
     rows = completed.read_text(encoding="utf-8").splitlines()
     assert {row.replace("\\", "") for row in rows if row} == found

@@ -41,7 +41,6 @@ def test_what_is_stale_or_missing_is_named_and_then_written(tmp_path: Path) -> N
     root = a_copy(tmp_path)
     (root / "docs/errors.md").unlink()
     shutil.rmtree(root / "man")
-    (root / "litegrip_client/data/litegripctl.zsh").unlink()
     with (root / "litegrip_client/values/error_table.py").open("a") as table:
         table.write("# old\n")
     with (root / "litegrip_client/threads/actions.py").open("a") as made_from_the_core:
@@ -52,7 +51,6 @@ def test_what_is_stale_or_missing_is_named_and_then_written(tmp_path: Path) -> N
         "litegrip_client/values/error_table.py is stale",
         "litegrip_client/threads/actions.py is stale",
         "docs/errors.md is stale",
-        "litegrip_client/data/litegripctl.zsh is stale",
         "man/litegripctl.1 is stale",
         "man/litegrip-sim.1 is stale",
         "man/litegripd.8 is stale",

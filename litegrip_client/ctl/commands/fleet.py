@@ -57,7 +57,7 @@ def fleet(run: Run) -> int:
         raise CommandError(
             f"the program {FLEET_PROGRAM} is not found, neither beside this one nor in PATH",
             reason="library_missing",
-            data={"hint": installing("litegripd")},
+            data={"hint": installing("litegrip-fleet")},
         )
     command = [program, *([] if options.config is None else ["--config", options.config])]
     command += _stopping(run) if is_stop else ["list", *([options.what] if options.what else [])]

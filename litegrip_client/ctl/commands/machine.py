@@ -7,6 +7,7 @@ from argparse import ArgumentTypeError
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
+from runpy import run_path
 
 from litegrip_client.ctl import install
 from litegrip_client.ctl.doctor import daemon_checks, fleet_checks, gripper_checks, link_checks
@@ -14,10 +15,10 @@ from litegrip_client.ctl.doctor.findings import Check, as_data, as_text, examine
 from litegrip_client.ctl.doctor.gather import gather, scan
 from litegrip_client.ctl.install import Done, Wanted
 from litegrip_client.ctl.parser import LateParser
-from litegrip_client.ctl.run import NOT_OK, OK, Commands, Run
+from litegrip_client.ctl.run import NOT_OK, OK, Commands, Run, installing
 from litegrip_client.socketcan.managers import uses_networkd
 from litegrip_client.threads.blocking import connect
-from litegrip_client.values.errors import LiteGripError
+from litegrip_client.values.errors import CommandError, LiteGripError
 
 CHECKS: tuple[Check, ...] = (
     Check("configuration", daemon_checks.configuration),
@@ -287,10 +288,27 @@ def completion_options(parser: LateParser) -> None:
     parser.add_argument("shell", choices=("bash", "zsh", "fish"), help="the shell")
 
 
+def _script(shell: str) -> str:
+    """Return the script of a shell that was built with the package; a source tree makes it anew."""
+    built = _DATA / f"litegripctl.{shell}"
+    if built.exists():
+        return built.read_text(encoding="utf-8")
+    maker = Path(__file__).parents[3] / "docs/completion.py"
+    try:
+        return str(run_path(str(maker))["completion_script"](shell))
+    except ModuleNotFoundError as missing:
+        raise CommandError(
+            f"a source tree has no script for {shell}, and {missing.name}, which makes it,"
+            " is not installed",
+            reason="library_missing",
+            data={"hint": installing(missing.name or "shtab")},
+        ) from None
+
+
 def completion(run: Run) -> int:
     """Print the script of a shell."""
     shell = run.options.shell
-    script = (_DATA / f"litegripctl.{shell}").read_text(encoding="utf-8")
+    script = _script(shell)
     run.output.result({"shell": shell, "script": script}, script.rstrip("\n"))
     return OK
 

@@ -542,6 +542,21 @@ def test_a_page_without_its_package_is_told_and_one_in_use_gets_it_first(
     assert not any("websockets" in note for note in told["notes"])
 
 
+@pytest.mark.usefixtures("usable")
+def test_a_unit_whose_distribution_is_missing_is_told_with_that_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    without(monkeypatch, "litegrip_web", "websockets", "litegrip_fleet", "zenoh")
+    assert main(["install-units", "--root", str(tmp_path), "--fleet", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    said = "\n".join((*told["notes"], *told["next"]))
+    assert "litegripd-web cannot run without litegrip-web" in said
+    assert "-m pip install 'litegrip-web" in said
+    assert "-m pip install 'litegrip-fleet" in said
+    assert "websockets" not in said
+    assert "zenoh" not in said
+
+
 def test_the_page_installs_the_packages_of_all_its_units() -> None:
     page = (SOURCES / "docs/installation.md").read_text()
     extras = tomli.loads((SOURCES / "pyproject.toml").read_text())["project"]

@@ -1,0 +1,150 @@
+"""The distributions that people can take one of: built, compared, and used by themselves."""
+
+import os
+import subprocess
+import sys
+import tarfile
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+import tomli
+
+from tests.packaging.installed import has
+
+ROOT = Path(__file__).parents[2]
+VERSION = tomli.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+NAMES = ("litegrip_client", "litegrip_fleet", "litegrip_web", "litegripd")
+EPOCH = "1700000000"
+
+pytestmark = [
+    pytest.mark.timeout(300),
+    pytest.mark.skipif(not has("build", "setuptools>=77", "shtab"), reason="needs what builds"),
+]
+
+
+def run(*command: str | Path, **variables: str) -> "subprocess.CompletedProcess[str]":
+    environment = {**os.environ, **variables}
+    environment.pop("PYTHONPATH", None)
+    return subprocess.run(
+        [*map(str, command)],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=environment,
+        cwd="/",
+    )
+
+
+def built(folder: Path, umask: str) -> Path:
+    script = ROOT / "packaging/distributions.py"
+    line = f'umask {umask}; exec "$0" "$@"'
+    command = ("sh", "-c", line, sys.executable, script, "--no-isolation", folder)
+    done = run(*command, SOURCE_DATE_EPOCH=EPOCH)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return built(tmp_path_factory.mktemp("distributions"), "022")
+
+
+def wheel(folder: Path, name: str) -> zipfile.ZipFile:
+    return zipfile.ZipFile(folder / f"{name}-{VERSION}-py3-none-any.whl")
+
+
+def requirements(folder: Path, name: str) -> set[str]:
+    text = wheel(folder, name).read(f"{name}-{VERSION}.dist-info/METADATA").decode()
+    rows = [line.partition(": ")[2] for line in text.split("\n") if line.startswith("Requires-D")]
+    return {row for row in rows if "extra ==" not in row}
+
+
+def test_the_same_sources_make_the_same_bytes(folder: Path, tmp_path: Path) -> None:
+    again = built(tmp_path, "077")
+    files = sorted(path.name for path in folder.iterdir())
+    kinds = ("-py3-none-any.whl", ".tar.gz")
+    assert files == sorted(f"{name}-{VERSION}{kind}" for name in NAMES for kind in kinds)
+    for file in files:
+        assert (folder / file).read_bytes() == (again / file).read_bytes(), file
+
+
+def test_each_module_is_in_one_wheel_and_each_file_of_the_client_in_both_of_its(
+    folder: Path,
+) -> None:
+    for name in NAMES:
+        tracked = run("git", "-C", ROOT, "ls-files", name).stdout.split()
+        modules = {path for path in tracked if path.endswith(".py")}
+        inside = set(wheel(folder, name).namelist())
+        assert {path for path in inside if path.endswith(".py")} == modules
+    needed = {
+        *(
+            f"data/{kind}/{path.name}"
+            for kind in ("etc", "systemd")
+            for path in (ROOT / kind).iterdir()
+        ),
+        *(f"data/litegripctl.{shell}" for shell in ("bash", "zsh", "fish")),
+        "data/normal.json",
+        "data/reverse.json",
+    }
+    inside = set(wheel(folder, "litegrip_client").namelist())
+    assert {f"litegrip_client/{path}" for path in needed} <= inside
+    with tarfile.open(folder / f"litegrip_client-{VERSION}.tar.gz") as sdist:
+        members = {one.name for one in sdist.getmembers() if one.isfile()}
+    assert {f"litegrip_client-{VERSION}/litegrip_client/{path}" for path in needed} <= members
+
+
+def test_the_client_needs_nothing_and_the_others_need_it_in_their_version(folder: Path) -> None:
+    assert requirements(folder, "litegrip_client") == set()
+    for name in set(NAMES) - {"litegrip_client"}:
+        assert f"litegrip-client=={VERSION}" in requirements(folder, name)
+    taken = set().union(*(requirements(folder, name) for name in NAMES))
+    project = tomli.loads((ROOT / "pyproject.toml").read_text())["project"]
+    rows = {*project["dependencies"], *project["optional-dependencies"]["web"]}
+    assert {row.partition(";")[0] for row in taken if not row.startswith("litegrip")} == {
+        row.partition(";")[0].strip() for row in rows
+    }
+
+
+@pytest.mark.skipif(not has("twine"), reason="needs twine")
+def test_an_index_would_take_them(folder: Path) -> None:
+    done = run(sys.executable, "-m", "twine", "check", "--strict", *folder.iterdir())
+    assert done.returncode == 0, done.stdout
+
+
+@pytest.fixture(scope="module")
+def alone(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the programs of an environment that has the client and nothing else."""
+    place = tmp_path_factory.mktemp("alone")
+    assert run(sys.executable, "-m", "venv", place).returncode == 0
+    pip = (place / "bin/python", "-m", "pip", "install", "--no-index", "--find-links", folder)
+    done = run(*pip, "litegrip-client")
+    assert done.returncode == 0, done.stderr
+    return place / "bin"
+
+
+def test_the_client_works_alone(alone: Path) -> None:
+    assert run(alone / "litegripctl", "--version").stdout == f"litegripctl {VERSION}\n"
+    code = "import litegrip_client as c; print(c.__version__, c.LiteGrip.__name__)"
+    assert run(alone / "python", "-c", code).stdout == f"{VERSION} LiteGrip\n"
+    for shell in ("bash", "zsh", "fish"):
+        assert "litegripctl" in run(alone / "litegripctl", "completion", shell).stdout
+    checked = run(alone / "litegripctl", "-c", "nosuch0", "doctor")
+    assert checked.returncode == 1
+    assert "litegripd nosuch0" in checked.stdout
+
+
+MISSING: Mapping[str, tuple[tuple[str, ...], str]] = {
+    "fleet": (("fleet",), "-m pip install litegrip-fleet"),
+    "daemon": (("install-units", "--root", "/nonexistent"), "there is no program litegripd in"),
+}
+
+
+@pytest.mark.parametrize("case", MISSING)
+def test_the_client_says_what_is_missing(alone: Path, case: str) -> None:
+    arguments, said = MISSING[case]
+    done = run(alone / "litegripctl", *arguments, PATH="/usr/bin:/bin")
+    assert done.returncode != 0
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
