@@ -243,6 +243,8 @@ class Connection(Exchange):
 
     async def subscribe(self, feed: Feed[Any]) -> None:
         """Begin the subscription of a feed."""
+        if feed.asks_first is not None:
+            feed.learn(await self.call(feed.asks_first))
         call = self._subscribing(feed)
         try:
             await self.run(call)

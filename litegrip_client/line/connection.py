@@ -415,6 +415,8 @@ class Connection(Exchange):
         return Subscription(self, feed)
 
     def _begin(self, feed: Feed[Any]) -> None:
+        if feed.asks_first is not None:
+            feed.learn(self.call(feed.asks_first))
         call = self._subscribing(feed)
         try:
             self.run(call)

@@ -70,6 +70,8 @@ class Feed(Generic[_Item]):
     what: str
 
     voice: Voice | None = None
+    asks_first: str | None = None
+    """The method whose result `learn` needs before the subscription is asked for."""
 
     def __init__(self, params: dict[str, Any], silence_s: float, most_items: int | None) -> None:
         self.params = params
@@ -85,6 +87,10 @@ class Feed(Generic[_Item]):
     def ending(self) -> tuple[str, dict[str, Any]]:
         """Return the method and the parameters that end it."""
         return unsubscribing(*self.key)
+
+    def learn(self, result: Message) -> None:
+        """Take the result of the method that is asked first."""
+        raise NotImplementedError
 
     def begin(self, result: Message) -> None:
         """Take the answer to the subscription; again does nothing."""
@@ -187,7 +193,8 @@ class StateFeed(Feed[_Item]):
     """The state `hz` times a second, each sample converted by `convert`.
 
     The inbox keeps only the newest `keep_s` seconds. With a `batch` of more than one, that many
-    samples come together, as late as the last of them.
+    samples come together, as late as the last of them. A batch has to name its fields: without
+    `fields` those that the daemon has are asked for, which may be older than this client.
     """
 
     notification = "state.sample"
@@ -211,10 +218,12 @@ class StateFeed(Feed[_Item]):
         self._adds_stamp = False
         if batch != 1:
             self.notification = "state.batch"
-            asked = params.get("fields", list(STATE_FIELDS))
-            self._adds_stamp = "monotonic_s" not in asked  # each sample has one, rows do not
-            stamp = ["monotonic_s"] if self._adds_stamp else []
-            params |= {"batch": batch, "fields": asked + stamp}
+            params["batch"] = batch
+            if self._fields is None:
+                self.asks_first = "state.get"
+            else:
+                self._adds_stamp = "monotonic_s" not in self._fields  # each sample has one
+                params["fields"] = self._fields + ["monotonic_s"] * self._adds_stamp
         period_s = 1.0 / hz if hz > 0.0 else 0.0  # what is no rate is refused by the daemon
         most = max(2, int(min(max(2 * batch, keep_s * hz), _INBOX_SAMPLES)))
         super().__init__(params, (1 + batch) * period_s, most)
@@ -222,6 +231,10 @@ class StateFeed(Feed[_Item]):
         self._newest_seq: int | None = None
         self._dropped = 0
         self._lost = 0
+
+    def learn(self, result: Message) -> None:
+        """Take the daemon's state: its names are those that it knows."""
+        self.params["fields"] = [name for name in STATE_FIELDS if name in result]
 
     def begin(self, result: Message) -> None:
         """Take the subscription's number and the present state, which is the first sample.

@@ -7,7 +7,7 @@ import pytest
 from litegrip_client import CommandError, GripperState, LiteGrip, aio
 from litegrip_client.line.connection import Connection
 from litegrip_client.line.feeds import StateSample
-from litegrip_client.values.results import STATE_FIELDS
+from litegrip_client.values.results import NEWER_FIELDS, STATE_FIELDS
 from tests.client.aio_helpers import arrived, run
 from tests.client.fake_daemon import STATE, FakeDaemon, Request
 
@@ -44,8 +44,44 @@ def test_whole_states_come_one_by_one_and_none_twice(daemon: FakeDaemon) -> None
     assert all(isinstance(one, GripperState) for one in got)
     assert got[3] == GripperState.from_wire({**STATE, "seq": 3, "monotonic_s": 0.3})
     params = {"hz": 200.0, "batch": BATCH, "fields": list(STATE_FIELDS)}
-    assert daemon.requests[1].params == params
-    assert daemon.methods() == ["hello", "state.subscribe", "state.unsubscribe"]
+    assert daemon.requests[2].params == params
+    assert daemon.methods() == ["hello", "state.get", "state.subscribe", "state.unsubscribe"]
+
+
+@pytest.mark.parametrize("kind", ["threads", "asyncio"])
+def test_a_daemon_that_lacks_a_newer_field_is_not_asked_for_it(
+    daemon: FakeDaemon, kind: str
+) -> None:
+    """It would refuse the whole subscription; the field is None in each state."""
+    older = {name: value for name, value in STATE.items() if name != NEWER_FIELDS[-1]}
+    daemon.handlers["state.get"] = lambda request: older
+
+    def subscribe(request: Request) -> None:
+        if set(request.params["fields"]) - set(older):
+            request.fail("invalid_params", -32602)
+            return
+        request.reply({"subscription": 5, "state": older})
+        batch(request, 4)
+
+    daemon.handlers["state.subscribe"] = subscribe
+    if kind == "threads":
+        with (
+            LiteGrip(socket_path=daemon.path) as gripper,
+            gripper.states(200, batch=BATCH) as states,
+        ):
+            got = [next(states) for _ in range(5)]
+    else:
+
+        async def read() -> list[GripperState]:
+            async with (
+                aio.LiteGrip(socket_path=daemon.path) as gripper,
+                gripper.states(200, batch=BATCH) as states,
+            ):
+                return [await anext(states) for _ in range(5)]
+
+        got = run(read())
+    assert [one.seq for one in got] == [7, 1, 2, 3, 4]
+    assert all(getattr(one, NEWER_FIELDS[-1]) is None for one in got)
 
 
 @pytest.mark.parametrize("fields", [["seq"], ["mode", "monotonic_s", "seq"]])
@@ -155,4 +191,4 @@ def test_what_is_out_of_range_is_refused_by_the_daemon(
         with pytest.raises(CommandError) as caught:
             gripper.states(hz, batch=size)
         assert caught.value.reason == "invalid_params"
-    assert daemon.requests[1].params.get("batch", 1) == size
+    assert daemon.requests[-1].params.get("batch", 1) == size
