@@ -60,7 +60,7 @@ def test_where_the_program_is_missing_it_says_what_to_install(
     assert main(["fleet"]) == 4
     told = capsys.readouterr().err
     assert "litegripd-fleet is not found" in told
-    assert "pip install litegripd" in told
+    assert "pip install litegrip-fleet" in told
 
 
 def test_a_program_beside_the_interpreter_comes_first(
