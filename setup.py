@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parent
 class BuildWithCompletion(build_py):
     """Builds the packages, and the scripts by which shells complete litegripctl.
 
-    An editable installation gets none: there, `litegripctl completion` makes them anew.
+    An editable installation gets none: there, `litegripctl completion` makes them.
     """
 
     def run(self) -> None:

@@ -181,7 +181,7 @@ def lay(name: str, tree: Path) -> None:
     data = " ".join(f"man/{page}" for page in one.pages)
     manifest = f"include {data}\nrecursive-include {one.package} *\n"
     (tree / "MANIFEST.in").write_text(manifest, encoding="utf-8")
-    for path in tree.rglob("*"):  # not those of whoever checked the sources out
+    for path in tree.rglob("*"):  # not those of who checked the sources out
         path.chmod(0o755 if path.is_dir() or os.access(path, os.X_OK) else 0o644)
 
 

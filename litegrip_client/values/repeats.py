@@ -2,8 +2,8 @@
 
 A loose plug says the same in words of 240 characters, thousands of times a day. The first line is
 written at once and in full. Lines that differ from it in figures only are its repeats: they are
-counted, and told by a short line with their number, at intervals that grow. Nothing here knows a
-clock.
+counted, and reported by a short line with their number, at intervals that grow. Nothing here
+knows a clock.
 """
 
 import logging
@@ -18,13 +18,13 @@ repeat, False for one of which each is written. Without it warnings and errors a
 EACH = {REPEATS: False}
 
 INTERVALS_S = (10.0, 60.0, 600.0, 3600.0)
-"""From one line about a repeat to the next: within a minute it is clear that it goes on, and after
-that an hour's line tells as much as a minute's."""
+"""From one line about a repeat to the next: within a minute it is clear that it continues, and
+after that an hour's line says as much as a minute's."""
 AWAY_S = 3600.0
 """What has stayed away for so long is new when it comes again."""
 SETTLED_SHARE = 6.0
 """What has stayed away for the interval's sixth part, `SETTLED_FIRST_S` at least, has settled: what
-was counted is told then, so that the journal's end is no older than ten minutes."""
+was counted is reported then, so that the journal's end is no older than ten minutes."""
 SETTLED_FIRST_S = 10.0
 
 _MOST_KINDS = 256
@@ -37,28 +37,28 @@ class _Repeat:
     """One line that was written: its repeats since the last line about it."""
 
     record: logging.LogRecord
-    told_s: float
+    reported_s: float
     last_s: float
     step: int = 0
     count: int = 0
 
     @property
     def due_s(self) -> float:
-        """When the repeats are told if none comes meanwhile."""
+        """When the repeats are reported if none comes meanwhile."""
         interval_s = INTERVALS_S[self.step]
         settled_s = self.last_s + max(interval_s / SETTLED_SHARE, SETTLED_FIRST_S)
-        return min(self.told_s + interval_s, settled_s)
+        return min(self.reported_s + interval_s, settled_s)
 
-    def told(self, now_s: float) -> logging.LogRecord:
+    def report(self, now_s: float) -> logging.LogRecord:
         """Return the short line about the repeats, and begin the next interval."""
         times = "once" if self.count == 1 else f"{self.count} times"
         ago_s = now_s - self.last_s
         last = "" if ago_s < 1.0 else f", the last {_span(ago_s)} ago"
         text = f"{_shortened(self.record.getMessage())} (again: {times} in"
-        text += f" {_span(now_s - self.told_s)}{last})"
+        text += f" {_span(now_s - self.reported_s)}{last})"
         line = logging.makeLogRecord(vars(self.record) | {"msg": text, "args": None})
         line.exc_info = line.exc_text = line.stack_info = None
-        self.told_s, self.count = now_s, 0
+        self.reported_s, self.count = now_s, 0
         self.step = min(self.step + 1, len(INTERVALS_S) - 1)
         return line
 
@@ -77,15 +77,15 @@ class Repeats:
         key = (record.name, record.levelno, _FIGURES.sub("#", record.getMessage()))
         known = self._kinds.get(key)
         if known is None or now_s - known.last_s >= AWAY_S:
-            before = [] if known is None or not known.count else [known.told(now_s)]
-            self._kinds[key] = _Repeat(record, told_s=now_s, last_s=now_s)
+            before = [] if known is None or not known.count else [known.report(now_s)]
+            self._kinds[key] = _Repeat(record, reported_s=now_s, last_s=now_s)
             self._kinds.move_to_end(key)
             return [*before, *self._made_room(now_s), record]
-        is_over = now_s >= known.told_s + INTERVALS_S[known.step]
+        is_over = now_s >= known.reported_s + INTERVALS_S[known.step]
         known.record, known.last_s, known.count = record, now_s, known.count + 1
         self._kinds.move_to_end(key)
         if is_over:
-            return [known.told(now_s)]
+            return [known.report(now_s)]
         self._due_s = min(self._due_s, known.due_s)
         return []
 
@@ -94,19 +94,19 @@ class Repeats:
         if now_s < self._due_s:
             return []
         counted = [known for known in self._kinds.values() if known.count]
-        lines = [known.told(now_s) for known in counted if now_s >= known.due_s]
+        lines = [known.report(now_s) for known in counted if now_s >= known.due_s]
         self._due_s = min((known.due_s for known in counted if known.count), default=float("inf"))
         return lines
 
     def rest(self, now_s: float) -> list[logging.LogRecord]:
-        """Return the lines about all repeats that were not told yet, before the end."""
-        return [known.told(now_s) for known in self._kinds.values() if known.count]
+        """Return the lines about all repeats that were not reported yet, before the end."""
+        return [known.report(now_s) for known in self._kinds.values() if known.count]
 
     def _made_room(self, now_s: float) -> list[logging.LogRecord]:
         """Forget what has stayed away for longest if there is too much; return what it counted."""
         excess = max(len(self._kinds) - _MOST_KINDS, 0)
         gone = [self._kinds.popitem(last=False)[1] for _ in range(excess)]
-        return [known.told(now_s) for known in gone if known.count]
+        return [known.report(now_s) for known in gone if known.count]
 
 
 def _shortened(text: str) -> str:

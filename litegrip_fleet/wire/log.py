@@ -1,4 +1,4 @@
-"""Log lines of gateway, portal and router; what repeats is counted and told ever more rarely."""
+"""Log lines of gateway, portal and router; what repeats is counted, and reported seldom."""
 
 import asyncio
 import logging

@@ -3,9 +3,10 @@
 import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import Enum, IntEnum
+from enum import Enum
 from typing import Literal, NamedTuple, TypeAlias
 
+from litegrip_client.values.errors import ErrorCode
 from litegripd.model.errors import Refusal
 
 
@@ -102,18 +103,8 @@ class MitCommand:
     torque_nm: float
 
 
-class Status(IntEnum):
-    """The status nibble of a feedback frame."""
-
-    DISABLED = 0x0
-    ENABLED = 0x1
-    OVER_VOLTAGE = 0x8
-    UNDER_VOLTAGE = 0x9
-    OVER_CURRENT = 0xA
-    DRIVER_HOT = 0xB
-    COIL_HOT = 0xC
-    COMMUNICATION_LOST = 0xD
-    OVERLOAD = 0xE
+Status = ErrorCode
+"""The status nibble of a feedback frame; the client reads it by the same table."""
 
 
 def status_name(code: int) -> str:

@@ -170,7 +170,7 @@ def it_has_ended(world: World, _client: Client) -> None:
 
 
 def register(number: int, raw: bytes) -> Act:
-    """With the maker's tool, while nobody listens; then the motor is read anew."""
+    """With the maker's tool, while nobody listens; then the motor is read again."""
 
     def write(world: World, client: Client) -> None:
         frame = CanFrame(0x7FF, struct.pack("<HBB", CAN_ID, 0x55, number) + raw)

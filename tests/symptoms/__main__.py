@@ -1,4 +1,4 @@
-"""`python -m tests.symptoms` writes the table of docs/troubleshooting.md anew."""
+"""`python -m tests.symptoms` writes the table of docs/troubleshooting.md again."""
 
 from tests.symptoms.page import ENDS, HEAD, PAGE, row, split
 from tests.symptoms.scenes import SCENES

@@ -289,7 +289,7 @@ def completion_options(parser: LateParser) -> None:
 
 
 def _script(shell: str) -> str:
-    """Return the script of a shell that was built with the package; a source tree makes it anew."""
+    """Return a shell's script that was built with the package; a source tree makes it itself."""
     built = _DATA / f"litegripctl.{shell}"
     if built.exists():
         return built.read_text(encoding="utf-8")

@@ -208,7 +208,7 @@ class SettingsMethods:
         }
 
     def _warnings(self) -> list[str]:
-        """Return what is doubtful about the calibration in use, for whoever loads it."""
+        """Return what is doubtful about the calibration in use, for who loads it."""
         controller, found = self._controller, self._controller.calibration_doubts()
         geometry, motor = controller.geometry, controller.motor
         if geometry is not None and motor.feedback is not None:
