@@ -271,9 +271,11 @@ class Site:
 
 
 @contextmanager
-def a_site(home: Path, environment: Mapping[str, str] | None = None) -> Iterator[Site]:
+def a_site(
+    home: Path, environment: Mapping[str, str] | None = None, site: Site | None = None
+) -> Iterator[Site]:
     """Give a machine of its own to the client: its daemons, its clock, and its user's `home`."""
-    site = Site()
+    site = Site() if site is None else site
     clock = SimpleNamespace(monotonic=lambda: site.now_s, sleep=site.run, time=time.time)
     with pytest.MonkeyPatch.context() as patch:
         for name in (

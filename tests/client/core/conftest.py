@@ -1,0 +1,50 @@
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from litegrip_client import LiteGrip
+from tests.client.rig import Asyncio, Bench, Heard, Kind, Threads, a_bench
+
+
+@pytest.fixture
+def site(home: Path) -> Iterator[Bench]:
+    with a_bench(home) as site:
+        yield site
+
+
+@pytest.fixture
+def daemon(site: Bench) -> Heard:
+    """Return a calibrated gripper's daemon on can0, the jaws 60 mm open and the motor disabled."""
+    daemon = Heard()
+    site.add(daemon)
+    return daemon
+
+
+@pytest.fixture(params=[Threads, Asyncio], ids=["threads", "asyncio"])
+def kind(request: pytest.FixtureRequest, site: Bench) -> Iterator[Kind]:
+    kind: Kind = request.param(site)
+    yield kind
+    kind.close()
+
+
+@pytest.fixture
+def tasks(site: Bench) -> Iterator[Asyncio]:
+    """Return a program whose tasks go on beside each other."""
+    kind = Asyncio(site)
+    yield kind
+    kind.close()
+
+
+@pytest.fixture
+def gripper(daemon: Heard, kind: Kind) -> Iterator[LiteGrip]:
+    """Return a connected gripper, of each kind."""
+    with kind.gripper() as gripper:
+        yield gripper
+
+
+@pytest.fixture
+def enabled(gripper: LiteGrip) -> LiteGrip:
+    """Return one that is enabled."""
+    assert gripper.enable()
+    return gripper

@@ -1,0 +1,480 @@
+"""A gripper and its daemon: connecting, enabling, what the end does, the lease, and reading."""
+
+import asyncio
+import os
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from litegrip_client import (
+    CommandError,
+    ConnectError,
+    EnableResult,
+    HardwareError,
+    LeaseError,
+    LiteGrip,
+    ProtocolError,
+    StoppedError,
+    aio,
+)
+from tests.client.rig import (
+    GUARDS,
+    SILENT,
+    Asyncio,
+    Bench,
+    Heard,
+    Kind,
+    Refuse,
+    Threads,
+    cancelling,
+)
+
+PATH = "/run/litegripd/can0.sock"
+
+# Connecting
+
+
+def test_the_constructor_connects_to_nothing(daemon: Heard, kind: Kind) -> None:
+    gripper = kind.gripper("can0", 0x08)
+    assert not gripper.is_connected
+    with pytest.raises(ConnectError, match="not connected") as caught:
+        gripper.open()
+    assert "connect()" in str(caught.value)
+    assert gripper.connect() is True
+    connected = gripper.is_connected
+    gripper.connect()
+    gripper.disconnect()
+    assert (connected, gripper.is_connected) == (True, False)
+    gripper.disconnect()
+    assert daemon.methods() == ["hello"]
+
+
+def test_the_daemon_is_told_which_program_asks(
+    daemon: Heard, kind: Kind, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.argv", ["/opt/pick.py"])
+    with kind.gripper():
+        assert daemon.requests[0].params == {"client": "pick.py"}
+
+
+def test_the_socket_of_the_environment_is_used(
+    daemon: Heard, kind: Kind, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("LITEGRIPD_SOCKET", PATH)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", "/nowhere")
+    with kind.gripper(None) as gripper:
+        assert (gripper.is_connected, gripper.channel) == (True, "can0")
+
+
+def test_what_is_not_the_gripper_is_refused_and_leaves_no_connection(
+    daemon: Heard, kind: Kind
+) -> None:
+    with pytest.raises(CommandError, match="has can_id 0x08, not 0x09"):
+        kind.gripper("can0", 0x09).connect()
+    with pytest.raises(CommandError, match="has channel can0, not can1"):
+        kind.gripper("can1", socket_path=PATH).connect()
+    with pytest.raises(CommandError, match="cannot be a channel"):
+        kind.gripper("../can0")
+    for hello, says in (({"protocol": 1}, "no litegripd"), ({"protocol": 2}, "speaks protocol 2")):
+        daemon.instead["hello"] = hello
+        gripper = kind.gripper()
+        with pytest.raises(ProtocolError, match=says):
+            gripper.connect()
+        assert not gripper.is_connected
+    assert all(stream.hung_up for stream in daemon.streams)
+
+
+def test_a_daemon_that_went_is_noticed_and_connecting_again_works(
+    daemon: Heard, gripper: LiteGrip, kind: Kind
+) -> None:
+    daemon.hang_up()
+    kind.pause(0.01)
+    assert not gripper.is_connected
+    with pytest.raises(ConnectError):
+        gripper.get_state()
+    gripper.connect()
+    assert gripper.get_state().calibrated
+
+
+def test_an_interrupted_connecting_leaves_nothing(daemon: Heard, kind: Kind) -> None:
+    daemon.instead["hello"] = SILENT
+    gripper = kind.gripper()
+    kind.interrupt_within(0.1)
+    with pytest.raises(kind.interrupted):
+        gripper.connect()
+    assert not gripper.is_connected
+    assert daemon.streams[0].hung_up
+
+
+def test_tasks_that_connect_at_once_share_the_first_connection(
+    daemon: Heard, tasks: Asyncio
+) -> None:
+    async def main() -> None:
+        gripper = aio.LiteGrip()
+        daemon.late["hello"] = 0.1
+        slow = asyncio.create_task(gripper.connect())
+        await asyncio.sleep(0.01)
+        daemon.late["hello"] = 0.01
+        await gripper.connect()
+        wire = gripper._session.wire
+        await slow
+        assert gripper._session.wire is wire
+        assert [stream.hung_up for stream in daemon.streams] == [True, False]
+        await gripper.get_state()
+        await gripper.disconnect()
+
+    tasks.run(main())
+
+
+def test_nobody_sees_the_connection_before_the_mount_is_loaded(
+    daemon: Heard, tasks: Asyncio
+) -> None:
+    async def main() -> None:
+        gripper = aio.LiteGrip(mount="reverse")
+        daemon.late["calibration.load"] = 0.1
+        connecting = asyncio.create_task(gripper.connect())
+        while "calibration.load" not in daemon.methods():
+            await asyncio.sleep(0.01)
+        assert daemon.asked("calibration.load") == [{"template": "reverse"}]
+        assert not gripper.is_connected
+        with pytest.raises(CommandError):
+            await connecting
+        assert not gripper.is_connected
+
+    daemon.instead["calibration.load"] = Refuse("calibration_unreadable", -32013)
+    tasks.run(main())
+
+
+# Enabling, and what the end does
+
+ENABLED = ["hello", "lease.acquire", "motor.enable"]
+DISABLED = ["motor.disable", "lease.release"]
+
+
+def test_enable_says_what_shall_happen_when_the_client_is_lost(
+    site: Bench, daemon: Heard, gripper: LiteGrip
+) -> None:
+    began_s = site.now_s
+    result = gripper.enable(retries=5)
+    assert isinstance(result, EnableResult)
+    assert (bool(result), result.tries, result.state.enabled) == (True, 1, True)
+    lease, enable = daemon.requests[-2:]
+    assert (lease.method, lease.params["on_lost"]) == ("lease.acquire", "disable")
+    assert (enable.plain, enable.params["sent_s"]) == ({"retries": 5}, began_s)
+    assert enable.params["stop_generation"] == daemon.state.stop_generation
+    gripper.disable_on_disconnect = False
+    gripper.enable()
+    assert daemon.requests[-2].params["on_lost"] == "hold"
+
+
+@pytest.mark.parametrize(
+    ("at_first", "at_last", "ends"),
+    [
+        (True, None, DISABLED),
+        (False, None, DISABLED[1:]),
+        (False, True, DISABLED),
+        (True, False, DISABLED[1:]),
+    ],
+)
+def test_leaving_disables_what_was_enabled_here_if_that_is_wished_by_then(
+    daemon: Heard, kind: Kind, at_first: bool, at_last: bool | None, ends: list[str]
+) -> None:
+    with kind.gripper(disable_on_disconnect=at_first) as gripper:
+        gripper.enable()
+        if at_last is not None:
+            gripper.disable_on_disconnect = at_last
+    assert daemon.methods() == [*ENABLED, *ends]
+    assert daemon.is_energised is (ends != DISABLED)
+
+
+def fail(gripper: LiteGrip, before: Callable[[], None] = lambda: None) -> None:
+    gripper.enable()
+    before()
+    raise ZeroDivisionError
+
+
+def test_leaving_by_an_exception_disables_too(daemon: Heard, kind: Kind) -> None:
+    with pytest.raises(ZeroDivisionError), kind.gripper() as gripper:
+        fail(gripper)
+    assert daemon.methods() == [*ENABLED, *DISABLED]
+
+
+def test_leaving_by_a_cancelling_disables_too(daemon: Heard, tasks: Asyncio) -> None:
+    async def stay() -> None:
+        async with aio.LiteGrip() as gripper:
+            await gripper.enable()
+            await asyncio.Event().wait()
+
+    async def main() -> None:
+        staying = asyncio.create_task(stay())
+        await asyncio.sleep(1.0)
+        staying.cancel()
+        await asyncio.wait([staying])
+
+    tasks.run(main())
+    assert daemon.methods() == [*ENABLED, *DISABLED]
+
+
+def test_who_never_enabled_disables_nothing(daemon: Heard, kind: Kind) -> None:
+    with kind.gripper() as gripper:
+        gripper.get_state()
+    assert daemon.methods() == ["hello", "state.get"]
+
+
+def test_after_disable_there_is_nothing_left_to_disable(daemon: Heard, enabled: LiteGrip) -> None:
+    assert enabled.disable() is True
+    enabled.disconnect()
+    assert daemon.methods().count("motor.disable") == 1
+
+
+def test_a_disable_that_is_not_confirmed_is_false_and_done_again(
+    daemon: Heard, enabled: LiteGrip
+) -> None:
+    daemon.instead["motor.disable"] = {"ok": False, "state": daemon.wire_state}
+    assert enabled.disable() is False
+    with pytest.raises(HardwareError, match="did not confirm"):
+        enabled.disconnect()
+    assert not enabled.is_connected
+    assert daemon.methods().count("motor.disable") == 2
+
+
+@pytest.mark.parametrize("how", ["refused", "not ok"])
+def test_an_enable_that_failed_makes_nothing_to_disable(
+    daemon: Heard, kind: Kind, how: str
+) -> None:
+    with kind.gripper() as gripper:
+        if how == "refused":
+            daemon.client().result("stop")
+            with pytest.raises(StoppedError):
+                gripper.enable()
+        else:
+            daemon.lose_to_motor = lambda frame: frame.data[7:] == b"\xfc"  # to be enabled
+            result = gripper.enable()
+            assert (bool(result), result.tries > 1) == (False, True)
+            assert result.message
+    assert daemon.methods() == [*ENABLED, "lease.release"]
+
+
+def test_a_lease_that_was_had_before_is_kept_when_enabling_fails(
+    daemon: Heard, gripper: LiteGrip
+) -> None:
+    daemon.client().result("stop")
+    with gripper.lease("sorting"):
+        with pytest.raises(StoppedError):
+            gripper.enable()
+        assert "lease.release" not in daemon.methods()
+    assert daemon.methods().count("lease.release") == 1
+
+
+def test_an_interrupted_enable_may_have_enabled(daemon: Heard, kind: Kind) -> None:
+    daemon.instead["motor.enable"] = SILENT
+    kind.interrupt_within(0.1)
+    with pytest.raises(kind.interrupted), kind.gripper() as gripper:
+        gripper.enable()
+    assert daemon.methods() == [*ENABLED, *DISABLED]
+
+
+def test_an_error_on_leaving_does_not_hide_the_first(
+    daemon: Heard, kind: Kind, caplog: pytest.LogCaptureFixture
+) -> None:
+    with pytest.raises(ZeroDivisionError), kind.gripper() as gripper:
+        fail(gripper, daemon.hang_up)
+    assert "ZeroDivisionError" in caplog.text
+
+
+@pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")
+def test_a_forked_child_disables_nothing(daemon: Heard, site: Bench) -> None:
+    with Threads(site).gripper() as gripper:
+        gripper.enable()
+        child = os.fork()
+        if child == 0:
+            try:
+                gripper.disconnect()
+            finally:
+                os._exit(1 if gripper.is_connected or daemon.streams[0].hung_up else 0)
+        _, status = os.waitpid(child, 0)
+        assert status == 0
+        assert gripper.get_state().enabled
+
+
+# The lease
+
+
+def test_a_lease_says_what_is_wished(daemon: Heard, gripper: LiteGrip) -> None:
+    options = {"purpose": "sorting", "ttl_s": 2.0, "wait_s": 5.0, "on_lost": "relax"}
+    wished: Any = {name: value for name, value in options.items() if name != "purpose"}
+    with gripper.lease("sorting", **wished) as lease:
+        assert daemon.requests[-1].params == options
+        owned = daemon.client().result("lease.get")
+        assert owned["owner"]["purpose"] == "sorting"
+        tokens = [lease.token]
+        lease.renew()
+    tokens.append(lease.token)
+    assert [token is None for token in tokens] == [False, True]
+    assert daemon.methods()[-3:] == ["lease.acquire", "lease.renew", "lease.release"]
+
+
+def test_a_lease_that_another_has_names_it_and_can_be_taken(
+    daemon: Heard, gripper: LiteGrip, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = daemon.client(uid=os.getuid())
+    other.result("lease.acquire", purpose="picking")
+    with pytest.raises(LeaseError) as caught:
+        gripper.enable()
+    assert (caught.value.owner or {})["purpose"] == "picking"
+    assert daemon.methods()[-1] == "lease.acquire"
+    monkeypatch.setattr("sys.argv", ["/opt/pick.py"])
+    gripper.take_lease("it hangs")
+    assert daemon.requests[-1].params == {"why": "it hangs", "purpose": "pick.py"}
+    other.result("lease.take", why="no", purpose="picking")
+    gripper.take_lease("it hangs", jaws="relax")
+    assert daemon.requests[-1].params["jaws"] == "relax"
+    gripper.disconnect()
+    assert daemon.methods()[-1] == "lease.release"
+
+
+def test_leaving_after_the_lease_was_taken_disables_nothing_and_says_so(
+    daemon: Heard, kind: Kind, caplog: pytest.LogCaptureFixture
+) -> None:
+    with kind.gripper() as gripper:
+        gripper.enable()
+        daemon.client(uid=os.getuid()).result("lease.take", why="mine", purpose="picking")
+    assert daemon.methods() == [*ENABLED, *DISABLED]
+    assert "leaves the motor as it is" in caplog.text
+    assert daemon.is_energised
+
+
+def test_what_was_enabled_under_a_lost_lease_is_not_disabled_at_the_end_of_another(
+    daemon: Heard, kind: Kind
+) -> None:
+    with kind.gripper() as gripper:
+        gripper.enable()
+        other = daemon.client(uid=os.getuid())
+        other.result("lease.take", why="mine", purpose="picking")
+        other.leave()
+        with gripper.lease("again"):
+            gripper.get_state()
+        assert daemon.methods()[-1] == "lease.release"
+    assert "motor.disable" not in daemon.methods()
+
+
+def test_a_lease_of_several_is_given_back_by_the_last(daemon: Heard, kind: Kind) -> None:
+    with kind.gripper() as gripper:
+        first, second = gripper.lease("first"), gripper.lease("second")
+        first.__enter__()
+        second.__enter__()
+        first.__exit__(None, None, None)
+        assert "lease.release" not in daemon.methods()
+        second.__exit__(None, None, None)
+        assert daemon.methods()[-1] == "lease.release"
+        with gripper.lease():
+            gripper.enable()
+        assert daemon.methods()[-1] == "motor.enable"
+    assert daemon.methods()[-2:] == DISABLED
+
+
+@pytest.mark.parametrize("is_late", [False, True])
+def test_a_lease_that_nobody_waits_for_any_more_is_given_back(
+    daemon: Heard, tasks: Asyncio, is_late: bool
+) -> None:
+    async def wait(gripper: aio.LiteGrip) -> None:
+        async with gripper.lease(wait_s=60):
+            raise ZeroDivisionError
+
+    async def main() -> None:
+        async with aio.LiteGrip() as gripper:
+            waiting = asyncio.create_task(wait(gripper))
+            await asyncio.sleep(0)
+            if is_late:
+                waiting.cancel()
+                await asyncio.wait([waiting])
+                other.leave()
+            else:
+                (call,) = gripper._session.connection._router.calls.values()
+                call.on_result = cancelling(waiting)
+                other.leave()
+                await asyncio.wait([waiting])
+            assert waiting.cancelled()
+            await asyncio.sleep(0.1)
+            assert daemon.client().result("lease.get")["owner"] is None
+
+    other = daemon.client()
+    other.result("lease.acquire", purpose="picking")
+    tasks.run(main())
+    assert daemon.methods().count("lease.release") == 1
+
+
+def test_a_lease_that_comes_late_is_kept_for_who_wants_it_by_then(
+    daemon: Heard, tasks: Asyncio
+) -> None:
+    async def main() -> None:
+        async with aio.LiteGrip() as gripper:
+            daemon.late["lease.acquire"] = 0.2
+            waiting = asyncio.create_task(gripper.lease(wait_s=60).__aenter__())
+            await asyncio.sleep(0.1)
+            waiting.cancel()
+            await asyncio.wait([waiting])
+            del daemon.late["lease.acquire"]
+            async with gripper.lease():
+                await asyncio.sleep(0.2)
+                assert "lease.release" not in daemon.methods()
+                assert daemon.client().result("lease.get")["owner"] is not None
+
+    tasks.run(main())
+    assert daemon.methods()[-1] == "lease.release"
+
+
+def test_a_lease_of_an_earlier_connection_gives_nothing_back(
+    daemon: Heard, gripper: LiteGrip
+) -> None:
+    with gripper.lease():
+        gripper.disconnect()
+        gripper.connect()
+    assert daemon.methods()[-1] == "hello"
+
+
+# Stop, and reading
+
+
+def test_hold_stop_and_clear(daemon: Heard, enabled: LiteGrip) -> None:
+    assert enabled.hold().mode == "holding"
+    before = daemon.requests[-1].params["stop_generation"]
+    assert enabled.software_stop().stop is not None
+    assert daemon.requests[-1].params == {"level": "hold"}
+    enabled.software_stop("relax", why="smoke")
+    assert daemon.requests[-1].params == {"level": "relax", "why": "smoke"}
+    assert enabled.clear_stop().stop is None
+    assert daemon.requests[-1].params.keys() == set(GUARDS)
+    cleared = daemon.requests[-1].params["stop_generation"]
+    enabled.hold()
+    assert before < cleared <= daemon.requests[-1].params["stop_generation"]
+    assert daemon.requests[-1].params["stop_generation"] == daemon.state.stop_generation
+
+
+def test_a_stop_overtakes_a_motion(daemon: Heard, tasks: Asyncio) -> None:
+    async def main() -> None:
+        async with aio.LiteGrip() as gripper:
+            await gripper.enable()
+            moving = asyncio.create_task(gripper.close())
+            await asyncio.sleep(0.2)
+            await gripper.software_stop("relax", why="smoke")
+            with pytest.raises(StoppedError):
+                await moving
+            await gripper.clear_stop()
+            assert (await gripper.hold()).mode == "holding"
+
+    tasks.run(main())
+
+
+def test_reading(daemon: Heard, enabled: LiteGrip) -> None:
+    state = enabled.get_state()
+    assert (state.status, state.mode, state.stale) == ("enabled", "holding", False)
+    assert state.opening_mm == pytest.approx(daemon.gripper.opening_mm, abs=0.1)
+    assert (enabled.mount, enabled.channel) == ("normal", "can0")
+    assert enabled.info()["channel"] == "can0"
+    assert [one["kind"] for one in enabled.jobs()] == ["enable"]
+    daemon.instead["health"] = {"verdict": "ok", "reasons": ["motor.enable"]}
+    assert enabled.health() == {"verdict": "ok", "reasons": ["gripper.enable()"]}
+    del daemon.instead["health"]
+    assert enabled.health()["verdict"] == daemon.client().result("health")["verdict"]

@@ -1,0 +1,275 @@
+"""Motions at the real daemon: what is asked, and what comes of it."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from litegrip_client import (
+    BusyError,
+    CommandError,
+    GraspResult,
+    GripperState,
+    HardwareError,
+    LiteGrip,
+    MoveProgress,
+    MoveResult,
+)
+from tests.client.rig import GUARDS, Bench, Heard, Kind
+from tests.geometry import TRAVEL_MM
+
+Move = Callable[[LiteGrip], Any]
+MOVES: list[tuple[Move, dict[str, Any]]] = [
+    (lambda g: g.goto(30), {"opening_mm": 30.0, "at_least_s": 0.5}),
+    (lambda g: g.goto(30, 150), {"opening_mm": 30.0, "kp": 150.0, "at_least_s": 0.5}),
+    (
+        lambda g: g.goto(30, 150, 2, 0.6),
+        {"opening_mm": 30.0, "kp": 150.0, "kd": 2.0, "at_least_s": 0.6},
+    ),
+    (lambda g: g.goto(position_mm=30, duration=None), {"opening_mm": 30.0}),
+    (lambda g: g.goto_rad(-0.5), {"position_rad": -0.5, "at_least_s": 0.5}),
+    (
+        lambda g: g.goto_rad(-0.5, 150, 2, 0, 0, 0.6),
+        {"position_rad": -0.5, "kp": 150.0, "kd": 2.0, "at_least_s": 0.6},
+    ),
+    (lambda g: g.goto_openness(0.5, duration=0.2), {"openness": 0.5, "at_least_s": 0.2}),
+    (
+        lambda g: g.goto_openness(0.5, kp=90, kd=1),
+        {"openness": 0.5, "kp": 90.0, "kd": 1.0, "at_least_s": 0.5},
+    ),
+    (lambda g: g.move_at_speed(40, 45), {"opening_mm": 40.0, "speed_mm_s": 45.0}),
+    (
+        lambda g: g.move_at_speed(target_mm=50, kp=150, kd=2),
+        {"opening_mm": 50.0, "speed_mm_s": 30.0, "kp": 150.0, "kd": 2.0},
+    ),
+]
+
+
+@pytest.mark.parametrize(("move", "asked"), MOVES)
+def test_moving_to_a_target(
+    daemon: Heard, enabled: LiteGrip, move: Move, asked: dict[str, float]
+) -> None:
+    result = move(enabled)
+    assert (result.outcome, result.reached, result.stalled) == ("reached", True, False)
+    assert daemon.asked("motion.move") == [{**asked, "progress": True}]
+    assert result.state.position_rad == pytest.approx(result.target_rad, abs=0.02)
+
+
+@pytest.mark.parametrize("name", ["open", "close"])
+def test_a_motion_carries_what_guards_it(
+    site: Bench, daemon: Heard, enabled: LiteGrip, name: str
+) -> None:
+    began_s = site.now_s
+    result = getattr(enabled, name)(150)
+    assert isinstance(result, MoveResult)
+    assert result
+    motion = daemon.requests[-1]
+    assert motion.plain == {"speed_mm_s": 150.0, "progress": True}
+    assert motion.params["sent_s"] == began_s
+    assert motion.params["stop_generation"] == daemon.state.stop_generation
+    assert getattr(enabled.actions, name)()
+    assert daemon.requests[-1].plain == {"progress": True}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "keywords", "asked"),
+    [
+        ((20, 0.3), {}, {"force_n": 20.0, "hold_s": 0.3}),
+        ((), {"force_n": 5.0, "hold_s": 0.3}, {"force_n": 5.0, "hold_s": 0.3}),
+        (
+            (),
+            {"width_mm": 50, "tolerance_mm": 2, "hold_by": "gains", "hold_s": 0.3},
+            {"hold_s": 0.3, "width_mm": 50.0, "tolerance_mm": 2.0, "hold_by": "gains"},
+        ),
+        ((), {"until": "verdict"}, {"until": "verdict"}),
+        ((), {"speed_mm_s": 30, "hold_s": 0.3}, {"hold_s": 0.3, "speed_mm_s": 30.0}),
+    ],
+)
+def test_a_grasp_says_what_was_asked(
+    daemon: Heard, enabled: LiteGrip, arguments: Any, keywords: Any, asked: dict[str, Any]
+) -> None:
+    daemon.gripper.put_object(width_mm=50.0)
+    result = enabled.grasp(*arguments, **keywords)
+    assert isinstance(result, GraspResult)
+    assert (bool(result), result.stalled, result.reached) == (True, True, False)
+    assert result.width_mm == pytest.approx(50.0, abs=0.5)
+    assert daemon.asked("motion.grasp") == [{**asked, "progress": True}]
+
+
+def test_a_verdict_and_a_time_are_both_asked_and_the_daemon_decides(
+    daemon: Heard, enabled: LiteGrip
+) -> None:
+    with pytest.raises(CommandError):
+        enabled.grasp(until="verdict", hold_s=2.0)
+    asked = {"until": "verdict", "hold_s": 2.0, "progress": True}
+    assert daemon.asked("motion.grasp") == [asked]
+
+
+def test_a_grasp_and_a_force_have_tunables(daemon: Heard, enabled: LiteGrip) -> None:
+    enabled.motion_config.grasp_speed_mm_s = 60.0
+    daemon.gripper.put_object(width_mm=50.0)
+    enabled.grasp(until="verdict")
+    assert enabled.set_force(3.0, 0.0)
+    for method in ("motion.grasp", "motion.set_force"):
+        assert daemon.asked(method)[0]["config"] == {"grasp_speed_mm_s": 60.0}
+
+
+def test_a_grasp_on_nothing_is_false(enabled: LiteGrip) -> None:
+    result = enabled.grasp()
+    assert (bool(result), result.outcome, result.width_mm) == (False, "no_object", None)
+
+
+def test_what_something_blocks_is_false(daemon: Heard, enabled: LiteGrip) -> None:
+    daemon.gripper.put_object(width_mm=50.0)
+    result = enabled.close()
+    assert (bool(result), result.outcome) == (False, "protected")
+
+
+def test_progress_is_reported_as_the_sdk_does(
+    site: Bench, daemon: Heard, enabled: LiteGrip
+) -> None:
+    seen: list[MoveProgress] = []
+    truth: list[tuple[float, float]] = []
+
+    def note(progress: MoveProgress) -> None:
+        feedback = daemon.controller.motor.feedback
+        assert feedback is not None
+        truth.append((feedback.position_rad, feedback.torque_nm))
+        seen.append(progress)
+
+    enabled.motion_config.max_lead_mm = 2.0
+    enabled.goto(30.0, progress=note)
+    steps = [one.i for one in seen]
+    assert steps == sorted(steps)
+    assert {(one.stage, one.phase) for one in seen} == {("ramp", "move"), ("settle", "move")}
+    assert all(0 < one.i <= one.total_steps for one in seen)
+    for one, (position_rad, torque_nm) in zip(seen, truth, strict=True):
+        assert one.pos_rad == pytest.approx(position_rad, abs=1e-4)
+        assert one.torque_nm == pytest.approx(torque_nm, abs=1e-2)
+        assert one.pos_rad <= one.cmd_rad + 0.01
+    first = len(seen)
+    enabled.move_at_speed(40.0, 60.0, progress=note)
+    assert len(seen) > first
+    assert [one["config"] for one in daemon.asked("motion.move")] == [{"max_lead_mm": 2.0}] * 2
+
+
+# Refused, here or there
+
+
+@pytest.mark.parametrize("force_n", ["20", math.nan, [20]])
+def test_a_force_that_is_no_number_is_refused_here(
+    daemon: Heard, gripper: LiteGrip, force_n: Any
+) -> None:
+    for call in (gripper.grasp, gripper.set_force):
+        with pytest.raises(CommandError, match="force_n is"):
+            call(force_n)
+    assert daemon.methods() == ["hello"]
+
+
+@pytest.mark.parametrize("feedforward", [{"dq_target": 0.5}, {"tau_feedforward": -1.0}])
+def test_a_move_with_a_feedforward_of_the_callers_own_is_rejected(
+    daemon: Heard, gripper: LiteGrip, feedforward: dict[str, Any]
+) -> None:
+    with pytest.raises(CommandError, match="the daemon computes velocity and torque") as caught:
+        gripper.goto_rad(-0.5, **feedforward)
+    assert caught.value.reason == "unsupported"
+    assert daemon.methods() == ["hello"]
+
+
+@pytest.mark.parametrize("duration", [-0.1, math.nan, "1", 1e12])
+def test_a_force_for_an_impossible_time_is_rejected(
+    daemon: Heard, gripper: LiteGrip, duration: Any
+) -> None:
+    with pytest.raises(CommandError, match="duration is"):
+        gripper.set_force(12, duration)
+    assert daemon.methods() == ["hello"]
+
+
+def test_a_target_outside_the_travel_tells_the_travel(enabled: LiteGrip) -> None:
+    with pytest.raises(CommandError) as caught:
+        enabled.goto(500.0)
+    assert caught.value.data["limit"] == pytest.approx([0.0, TRAVEL_MM], abs=0.1)
+
+
+# Force, loose jaws, and holding
+
+
+def test_a_force_stays_and_is_true_while_the_jaws_hold(
+    site: Bench, daemon: Heard, enabled: LiteGrip
+) -> None:
+    daemon.gripper.put_object(width_mm=50.0)
+    assert enabled.grasp(5.0, until="verdict")
+    began_s = site.now_s
+    assert enabled.set_force(12) is True
+    assert site.now_s - began_s == pytest.approx(0.3, abs=0.02)
+    assert daemon.asked("motion.set_force") == [{"force_n": 12.0}]
+    assert daemon.state.force_set_n == 12.0
+    site.after(0.1, lambda: daemon.client(uid=0).send("stop", level="relax"))
+    assert enabled.set_force(10.0) is False
+
+
+@pytest.mark.parametrize(
+    ("call", "method", "mode"),
+    [
+        (lambda g: g.zero_gravity(), "motion.zero_gravity", "relaxed"),
+        (lambda g: g.zero_gravity(on=False), "motion.hold", "holding"),
+        (lambda g: g.hold(), "motion.hold", "holding"),
+    ],
+)
+def test_what_is_answered_at_once(
+    daemon: Heard,
+    enabled: LiteGrip,
+    kind: Kind,
+    call: Callable[[LiteGrip], GripperState],
+    method: str,
+    mode: str,
+) -> None:
+    assert call(enabled).mode == mode
+    assert daemon.requests[-1].method == method
+    assert daemon.requests[-1].params.keys() == set(GUARDS)
+    daemon.client().send("motion.open")
+    with kind.gripper() as other, pytest.raises(BusyError):
+        call(other)
+
+
+# The motor by itself
+
+
+@pytest.mark.parametrize(("register", "sent"), [("PMAX", "PMAX"), (21, "21"), ("0x15", "0x15")])
+def test_a_register_by_name_or_number(
+    daemon: Heard, gripper: LiteGrip, register: str | int, sent: str
+) -> None:
+    assert gripper.read_param(register) == 12.5
+    assert daemon.requests[-1].params == {"register": sent}
+
+
+def test_what_is_no_register_is_refused(gripper: LiteGrip) -> None:
+    with pytest.raises(CommandError, match=r"register is 2\.5"):
+        gripper.read_param(2.5)  # type: ignore[arg-type]
+
+
+def test_a_new_zero_leaves_the_motor_disabled(daemon: Heard, enabled: LiteGrip) -> None:
+    before_rad = daemon.state.position_rad
+    result = enabled.set_zero()
+    assert result
+    assert result.shift_rad == pytest.approx(before_rad, abs=0.01)
+    assert result.position_rad == pytest.approx(0.0, abs=0.01)
+    assert daemon.requests[-1].params.keys() == set(GUARDS)
+    enabled.disconnect()
+    assert "motor.disable" not in daemon.methods()
+
+
+def test_a_zero_that_fails_raises_and_one_that_is_not_sure_leaves_it_to_be_disabled(
+    daemon: Heard, enabled: LiteGrip
+) -> None:
+    unsure = {"job": 3, "ok": False, "shift_rad": 0.25, "position_rad": 0.0}
+    daemon.instead["motor.set_zero"] = {**unsure, "state": daemon.wire_state}
+    assert not enabled.set_zero()
+    del daemon.instead["motor.set_zero"]
+    daemon.lose_from_motor = lambda _frame: True
+    with pytest.raises(HardwareError):
+        enabled.set_zero()
+    daemon.lose_from_motor = lambda _frame: False
+    enabled.disconnect()
+    assert daemon.methods()[-2:] == ["motor.disable", "lease.release"]
