@@ -29,6 +29,7 @@ from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import MitCommand, MotorPhase
 from litegripd.model.state import HelperTask, TaskResult
 from litegripd.motor import codec
+from litegripd.rpc.service import RpcService
 from litegripd.rpc.sessions import Peer
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.plant import SimulatorParameters
@@ -89,19 +90,22 @@ class Daemon(World):
         home: Path | None = None,
         links: Links | None = None,
     ) -> None:
+        self.mount = mount
+        self._channel, self._home, self._links = channel, home, links
         super().__init__(mount, calibrated and not boots, config, parameters)
         if gripper is not None:
             self.gripper = gripper
-        self.mount = mount
-        self.disk = RealDisk(home)
-        self.controller.gripper_id = GripperId(channel)
-        settings = BusSettings("virtual", channel, 1_000_000)
-        facts = DaemonFacts(Config(channel, settings), self.machine)
-        self.service = build_service(
-            self.controller, facts, PERIOD_S, dumps=self.dumps, links=links
-        )
         if boots:
             load_at_start(self.controller, lambda: None)
+
+    def make_service(self) -> RpcService:
+        self.controller.gripper_id = GripperId(self._channel)
+        settings = BusSettings("virtual", self._channel, 1_000_000)
+        facts = DaemonFacts(Config(self._channel, settings), self.machine)
+        return build_service(self.controller, facts, PERIOD_S, dumps=self.dumps, links=self._links)
+
+    def make_disk(self) -> Disk:
+        return RealDisk(self._home)
 
     @property
     def closing_torque_nm(self) -> float:

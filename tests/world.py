@@ -31,6 +31,7 @@ from litegripd.motor import codec
 from litegripd.recorder.files import Recording, read
 from litegripd.recorder.recorder import Dumps, Recorder, memory_bytes, tick_slots
 from litegripd.rpc.reports import Hello, Info, MotionFields
+from litegripd.rpc.service import RpcService
 from litegripd.rpc.sessions import Peer, Role, Session
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.plant import SimulatorParameters, limits_of_mount
@@ -272,21 +273,29 @@ class World:
         self.controller = self.machine.controller
         self.restart: OnRestart = no_restart
         self.dumps = Dumps(self.controller)
-        self.service = build_service(
-            self.controller, FixedFacts(), period_s, dumps=self.dumps, restart=self._restart
-        )
+        self.service = self.make_service()
         self.sent: list[Sent] = []
         self.condition = UP
         self.lose_to_motor: Callable[[CanFrame], bool] = lambda _frame: False
         self.lose_from_motor: Callable[[CanFrame], bool] = lambda _frame: False
         self._in_flight: list[CanFrame] = []
-        self.disk = Disk(period_s)
+        self.disk = self.make_disk()
         self.recorder = self.make_recorder()
         self._finished: list[tuple[HelperTask, TaskResult]] = []
         self._last_pid = 100
         if calibrated:
             geometry = Geometry(closed_rad, open_rad, parameters.rad_to_mm)
             self.controller.use_calibration(Calibration(geometry), None)
+
+    def make_service(self) -> RpcService:
+        """Make what answers clients."""
+        return build_service(
+            self.controller, FixedFacts(), self.period_s, dumps=self.dumps, restart=self._restart
+        )
+
+    def make_disk(self) -> Disk:
+        """Make the files of the helper process."""
+        return Disk(self.period_s)
 
     def _restart(self, on_restarted: OnRestarted) -> Refusal | None:
         return self.restart(on_restarted)

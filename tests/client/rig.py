@@ -399,7 +399,7 @@ class Asyncio:
         """End the event loop; fail for tasks that are left, and for errors of callbacks."""
         left = asyncio.all_tasks(self.loop)
         self.loop.close()
-        gc.collect()  # what warns of being left behind does so now, which is an error
+        gc.collect(1)  # what warns of being left behind does so now, which is an error
         assert not left
         assert not self._complaints
 
