@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any, TypeAlias
 
 from litegrip_client.line.connection import Connection
-from tests.client.fake_daemon import DEADLINE_S, STATE, FakeDaemon, Request
+from tests.client.fake_daemon import DEADLINE_S, STATE, Request
 
 Ctl: TypeAlias = Callable[..., tuple[int, str, str]]
 """Runs litegripctl: its arguments in, its exit code and its two outputs out."""
@@ -48,16 +48,6 @@ def until_read(connection: Connection) -> None:
         os.sched_yield()
 
 
-def interrupt_when_main_thread_reads(connection: Connection) -> None:
-    """Send an interrupt to the main thread as soon as it waits for `connection`."""
-
-    def interrupt() -> None:
-        until_read(connection)
-        interrupt_main_thread()
-
-    in_thread(interrupt)
-
-
 def sample(request: Request, seq: int, **more: Any) -> None:
     """Send a sample of the subscription 5, which `request` began."""
     params = {"subscription": 5, "seq": seq, "dropped": 0, "monotonic_s": seq / 10}
@@ -86,11 +76,3 @@ class Clock:
 
     def monotonic(self) -> float:
         return self.now_s
-
-
-def last_params(daemon: FakeDaemon) -> dict[str, Any]:
-    """Return what the last request said, without what guards every motion."""
-    params = dict(daemon.requests[-1].params)
-    assert 0.0 <= time.monotonic() - params.pop("sent_s") < 60.0
-    assert params.pop("stop_generation") == 3
-    return params

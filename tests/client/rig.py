@@ -19,6 +19,7 @@ from typing import Any, TypeAlias, TypeVar, cast
 import pytest
 
 from litegrip_client import LiteGrip, aio
+from litegrip_client.aio.gripper import Connection as AsyncConnection
 from litegrip_client.core.sockets import SYSTEM_DIRECTORY
 from litegrip_client.ctl.main import main
 from tests.drop_in import Daemon, Site, VirtualStream, a_site
@@ -73,7 +74,7 @@ class Heard(Daemon):
         self.requests: list[Asked] = []
         self.instead: dict[str, Any] = {}
         self.late: dict[str, float] = {}
-        self.streams: list[VirtualStream] = []
+        self.streams: list[Line] = []
 
     def methods(self) -> list[str]:
         return [request.method for request in self.requests]
@@ -348,9 +349,10 @@ class Asyncio:
 
     interrupted: type[BaseException] = asyncio.CancelledError
 
-    def __init__(self, site: Bench) -> None:
-        self.site = site
-        self.loop = Loop(site)
+    def __init__(self, site: Bench | None = None) -> None:
+        """Without a `site` time is the real one, and so are sockets."""
+        self.loop = asyncio.new_event_loop() if site is None else Loop(site)
+        self._site = site
         self._task: asyncio.Task[Any] | None = None
         self._complaints: list[dict[str, Any]] = []
         self.loop.set_exception_handler(lambda _loop, context: self._complaints.append(context))
@@ -363,7 +365,7 @@ class Asyncio:
         if asyncio.iscoroutine(value):
             value = self._completed(value)
         is_lent = hasattr(value, "__aenter__") or hasattr(value, "__anext__")
-        return Lent(self, value) if is_lent else value
+        return Lent(self, value) if is_lent or isinstance(value, AsyncConnection) else value
 
     def _completed(self, coroutine: Any) -> Any:
         self._task = task = self.loop.create_task(coroutine)
@@ -380,7 +382,8 @@ class Asyncio:
             assert self._task is not None
             self._task.cancel()
 
-        self.site.after(seconds, cancel)
+        assert self._site is not None
+        self._site.after(seconds, cancel)
 
     def pause(self, seconds: float) -> None:
         """Let the program do nothing for a while."""

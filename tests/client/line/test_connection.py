@@ -17,7 +17,6 @@ from litegrip_client.values.errors import (
     StoppedError,
 )
 from tests.client.fake_daemon import STATE, FakeDaemon, Request
-from tests.client.helpers import in_thread
 
 
 def test_a_request_is_one_compact_line_with_parameters_by_name(
@@ -55,22 +54,6 @@ def test_no_answer_in_time_is_an_error_and_the_late_answer_is_dropped(
     assert caught.value.retryable
     daemon.wait_for("slow")[0].reply({"late": True})
     assert connection.call("state.get") == STATE
-
-
-def test_a_daemon_that_ends_is_told_to_all_who_wait_and_to_who_comes_later(
-    daemon: FakeDaemon, connection: Connection
-) -> None:
-    calls = [in_thread(lambda: connection.call("wait")) for _ in range(3)]
-    requests = daemon.wait_for("wait", 3)
-    closed_before = connection.closed
-    requests[0].hang_up()
-    for call in calls:
-        with pytest.raises(ConnectError, match="ended the connection") as caught:
-            call()
-        assert isinstance(caught.value, ConnectionError)
-    assert (closed_before, connection.closed) == (False, True)
-    with pytest.raises(ConnectError, match="ended the connection"):
-        connection.call("state.get")
 
 
 def test_what_the_daemon_said_before_it_closed_is_the_reason(
@@ -165,7 +148,7 @@ def test_the_stop_generation_is_learned_from_every_answer_that_has_it(
     daemon.handlers["stop"] = lambda request: {"level": "hold", "generation": 4, "state": {}}
     daemon.handlers["motion.open"] = lambda request: {"state": {"stop_generation": 9}}
     known = [connection.stop_generation]
-    connection.greet("test")
+    connection.accept(connection.call("hello"))
     known.append(connection.stop_generation)
     connection.call("stop")
     known.append(connection.stop_generation)
@@ -179,7 +162,7 @@ def test_the_stop_generation_is_learned_from_every_answer_that_has_it(
 def test_who_is_told_of_a_stop_may_send_what_comes_after_it(
     daemon: FakeDaemon, connection: Connection
 ) -> None:
-    connection.greet("test")
+    connection.accept(connection.call("hello"))
     daemon.handlers["motion.open"] = lambda request: request.fail("sent_before_stop", -32022)
     with pytest.raises(StoppedError):
         connection.run(connection.prepare_guarded("motion.open", {}))
@@ -197,7 +180,7 @@ def test_who_is_told_of_a_stop_may_send_what_comes_after_it(
 def test_another_protocol_is_refused(daemon: FakeDaemon, connection: Connection) -> None:
     daemon.handlers["hello"] = lambda request: {"protocol": 2}
     with pytest.raises(ProtocolError, match="protocol 2, this client 1"):
-        connection.greet("test")
+        connection.accept(connection.call("hello"))
 
 
 def test_the_daemons_errors_keep_all_they_say(daemon: FakeDaemon, connection: Connection) -> None:

@@ -1,5 +1,4 @@
 import asyncio
-import json
 import math
 import socket
 import threading
@@ -12,7 +11,7 @@ import pytest
 
 from litegrip_client.aio import LiteGrip
 from litegrip_client.aio.gripper import Connection
-from litegrip_client.values.errors import CommandError, ConnectError, ProtocolError, StoppedError
+from litegrip_client.values.errors import CommandError, ConnectError
 from tests.client.aio_helpers import arrived, cancel, run
 from tests.client.fake_daemon import DEADLINE_S, STATE, FakeDaemon, Request
 
@@ -24,22 +23,6 @@ async def opened(daemon: FakeDaemon, timeout_s: float = DEADLINE_S) -> AsyncIter
         yield connection
     finally:
         await connection.close()
-
-
-def test_a_request_is_one_line_and_its_answer_the_result(daemon: FakeDaemon) -> None:
-    async def main() -> None:
-        async with opened(daemon) as connection:
-            assert await connection.call("echo", {"a": 1}) == {"a": 1}
-            assert await connection.call("state.get") == STATE
-
-    daemon.handlers["echo"] = lambda request: request.params
-    run(main())
-    assert daemon.requests[0].raw == {
-        "jsonrpc": "2.0",
-        "id": 1,
-        "method": "echo",
-        "params": {"a": 1},
-    }
 
 
 def test_many_tasks_each_get_their_own_answers(daemon: FakeDaemon) -> None:
@@ -68,34 +51,6 @@ def test_answers_in_the_other_order_reach_who_asked(daemon: FakeDaemon) -> None:
             assert not first.done()
             one.reply({"n": 1})
             assert await first == {"n": 1}
-
-    run(main())
-
-
-def test_answers_that_come_in_pieces_and_together(daemon: FakeDaemon) -> None:
-    def answer(request: Request) -> None:
-        message = {"jsonrpc": "2.0", "id": request.identity, "result": {"text": "x" * 299_999}}
-        one = json.dumps(message).encode() + b"\n"
-        request.send_bytes(b'{"jsonrpc":"2.0","id":999,"result":{}}\n' + one[:10])
-        request.send_bytes(one[10:])
-
-    async def main() -> None:
-        async with opened(daemon) as connection:
-            assert await connection.call("pieces") == {"text": "x" * 299_999}
-            assert await connection.call("state.get") == STATE
-
-    daemon.handlers["pieces"] = answer
-    run(main())
-
-
-def test_no_answer_in_time_is_an_error_and_the_late_answer_is_dropped(daemon: FakeDaemon) -> None:
-    async def main() -> None:
-        async with opened(daemon) as connection:
-            with pytest.raises(ConnectError, match=r"did not answer slow within 0\.01 s") as caught:
-                await connection.call("slow", timeout_s=0.01)
-            assert (caught.value.reason, caught.value.retryable) == ("no_answer", True)
-            (await arrived(daemon, "slow"))[0].reply({"late": True})
-            assert await connection.call("state.get") == STATE
 
     run(main())
 
@@ -151,17 +106,6 @@ def part(request: Request) -> None:
     request.hang_up()
 
 
-def test_what_the_daemon_said_before_it_closed_is_the_reason(daemon: FakeDaemon) -> None:
-    async def main() -> None:
-        async with opened(daemon) as connection:
-            with pytest.raises(ConnectError, match="read faster") as caught:
-                await connection.call("part")
-            assert (caught.value.reason, caught.value.code) == ("backlog_full", -32003)
-
-    daemon.handlers["part"] = part
-    run(main())
-
-
 def test_the_reason_is_also_read_when_sending_fails_first(daemon: FakeDaemon) -> None:
     async def main() -> None:
         async with opened(daemon) as connection:
@@ -182,34 +126,6 @@ def test_the_reason_is_also_read_when_sending_fails_first(daemon: FakeDaemon) ->
     gone = threading.Event()
     daemon.handlers["part"] = leave
     run(main())
-
-
-@pytest.mark.parametrize("line", [b"nonsense\n", b"[]\n", b"{}\n", b"\xff\n", b'{"id":"x"}\n"\n'])
-def test_what_is_not_the_protocol_ends_the_connection(daemon: FakeDaemon, line: bytes) -> None:
-    async def main() -> None:
-        async with opened(daemon) as connection:
-            with pytest.raises(ConnectError, match="not the protocol"):
-                await connection.call("state.get")
-
-    daemon.handlers["state.get"] = lambda request: request.send_bytes(line)
-    run(main())
-
-
-def test_errors_are_the_exceptions_of_the_other_client(daemon: FakeDaemon) -> None:
-    async def main() -> None:
-        async with opened(daemon) as connection:
-            with pytest.raises(StoppedError):
-                await connection.call("stopped")
-            assert connection.stop_generation == 8
-            with pytest.raises(ProtocolError, match="no object"):
-                await connection.call("list")
-            with pytest.raises(CommandError, match="not JSON"):
-                await connection.call("nothing", {"a": math.nan})
-
-    daemon.handlers["stopped"] = lambda request: request.fail("stopped", -32021, stop_generation=8)
-    daemon.handlers["list"] = lambda request: [1]
-    run(main())
-    assert "nothing" not in daemon.methods()
 
 
 # A daemon that does not accept, or read

@@ -10,15 +10,13 @@ import pytest
 from litegrip_client.line.connection import Connection
 from litegrip_client.values.errors import ConnectError, LiteGripError
 from tests.client.fake_daemon import DEADLINE_S, STATE, FakeDaemon, Request
-from tests.client.helpers import in_thread, interrupt_main_thread
+from tests.client.helpers import event, in_thread, interrupt_main_thread, sample, until_read
 
 
-def test_answers_in_the_other_order_reach_who_asked(
-    daemon: FakeDaemon, connection: Connection
-) -> None:
-    first = in_thread(lambda: connection.call("first"))
+def test_answers_in_the_other_order_reach_who_asked(daemon: FakeDaemon, shared: Connection) -> None:
+    first = in_thread(lambda: shared.call("first"))
     (one,) = daemon.wait_for("first")
-    second = in_thread(lambda: connection.call("second"))
+    second = in_thread(lambda: shared.call("second"))
     (two,) = daemon.wait_for("second")
     two.reply({"n": 2})
     assert second() == {"n": 2}
@@ -27,9 +25,9 @@ def test_answers_in_the_other_order_reach_who_asked(
 
 
 def test_the_leader_leaves_and_a_follower_takes_over(
-    daemon: FakeDaemon, connection: Connection
+    daemon: FakeDaemon, shared: Connection
 ) -> None:
-    calls = [in_thread(lambda: connection.call("wait", timeout_s=math.inf)) for _ in range(8)]
+    calls = [in_thread(lambda: shared.call("wait", timeout_s=math.inf)) for _ in range(8)]
     requests = daemon.wait_for("wait", 8)
     for request in requests:
         request.reply({"id": request.identity})
@@ -37,13 +35,13 @@ def test_the_leader_leaves_and_a_follower_takes_over(
 
 
 def test_many_threads_at_once_each_get_their_own_answers(
-    daemon: FakeDaemon, connection: Connection
+    daemon: FakeDaemon, shared: Connection
 ) -> None:
     daemon.handlers["echo"] = lambda request: request.params
 
     def work(number: int) -> bool:
         return all(
-            connection.call("echo", {"number": number, "turn": turn})
+            shared.call("echo", {"number": number, "turn": turn})
             == {"number": number, "turn": turn}
             for turn in range(100)
         )
@@ -53,7 +51,7 @@ def test_many_threads_at_once_each_get_their_own_answers(
 
 
 def test_progress_comes_in_the_calling_thread_and_may_make_calls(
-    daemon: FakeDaemon, connection: Connection
+    daemon: FakeDaemon, shared: Connection
 ) -> None:
     def move(request: Request) -> None:
         request.progress(1)
@@ -63,15 +61,15 @@ def test_progress_comes_in_the_calling_thread_and_may_make_calls(
     seen: list[tuple[int, int, dict[str, Any]]] = []
 
     def note(data: dict[str, Any]) -> None:
-        seen.append((threading.get_ident(), data["step"], connection.call("state.get")))
+        seen.append((threading.get_ident(), data["step"], shared.call("state.get")))
 
     daemon.handlers["motion.open"] = move
-    assert connection.call("motion.open", {}, None, note) == {"ok": True}
+    assert shared.call("motion.open", {}, None, note) == {"ok": True}
     assert seen == [(threading.get_ident(), 1, STATE), (threading.get_ident(), 2, STATE)]
 
 
 def test_progress_read_by_another_thread_reaches_the_caller(
-    daemon: FakeDaemon, connection: Connection
+    daemon: FakeDaemon, shared: Connection
 ) -> None:
     seen: list[int] = []
     noted = threading.Event()
@@ -80,9 +78,9 @@ def test_progress_read_by_another_thread_reaches_the_caller(
         seen.append(data["step"])
         noted.set()
 
-    other = in_thread(lambda: connection.call("other"))
+    other = in_thread(lambda: shared.call("other"))
     (first,) = daemon.wait_for("other")
-    mover = in_thread(lambda: connection.call("motion.open", None, None, note))
+    mover = in_thread(lambda: shared.call("motion.open", None, None, note))
     (motion,) = daemon.wait_for("motion.open")
     motion.progress(5)
     assert noted.wait(DEADLINE_S)
@@ -94,16 +92,16 @@ def test_progress_read_by_another_thread_reaches_the_caller(
 
 
 def test_an_interrupted_call_leaves_the_connection_usable(
-    daemon: FakeDaemon, connection: Connection
+    daemon: FakeDaemon, shared: Connection
 ) -> None:
     daemon.handlers["wait"] = lambda request: interrupt_main_thread()
     with pytest.raises(KeyboardInterrupt):
-        connection.call("wait", timeout_s=math.inf)
+        shared.call("wait", timeout_s=math.inf)
     daemon.requests[0].reply({"late": True})
-    assert connection.call("state.get") == STATE
+    assert shared.call("state.get") == STATE
 
 
-def test_interrupts_at_any_moment_lose_nothing(daemon: FakeDaemon, connection: Connection) -> None:
+def test_interrupts_at_any_moment_lose_nothing(daemon: FakeDaemon, shared: Connection) -> None:
     def echo(request: Request) -> None:
         request.reply(request.params)
         interrupt_main_thread()
@@ -113,22 +111,22 @@ def test_interrupts_at_any_moment_lose_nothing(daemon: FakeDaemon, connection: C
     interrupted = 0
     for turn in range(300):
         try:
-            assert connection.call("echo", {"turn": turn}) == {"turn": turn}
+            assert shared.call("echo", {"turn": turn}) == {"turn": turn}
             while True:  # the interrupt is on its way
                 os.sched_yield()
         except KeyboardInterrupt:
             interrupted += 1
-        assert connection.call("plain", {"turn": turn}) == {"turn": turn}
+        assert shared.call("plain", {"turn": turn}) == {"turn": turn}
     assert interrupted == 300
 
 
 def test_an_interrupt_of_the_leader_does_not_leave_the_others_waiting(
-    daemon: FakeDaemon, connection: Connection
+    daemon: FakeDaemon, shared: Connection
 ) -> None:
     followers: list[Callable[[], Any]] = []
 
     def lead(request: Request) -> None:
-        followers.append(in_thread(lambda: connection.call("follow")))
+        followers.append(in_thread(lambda: shared.call("follow")))
 
     def follow(request: Request) -> None:
         interrupt_main_thread()
@@ -136,20 +134,20 @@ def test_an_interrupt_of_the_leader_does_not_leave_the_others_waiting(
     daemon.handlers["lead"] = lead
     daemon.handlers["follow"] = follow
     with pytest.raises(KeyboardInterrupt):
-        connection.call("lead", timeout_s=math.inf)
+        shared.call("lead", timeout_s=math.inf)
     (request,) = daemon.wait_for("follow")
     request.reply({"followed": True})
     assert followers[0]() == {"followed": True}
 
 
 def test_a_signal_handler_during_a_call_gets_a_clear_refusal(
-    daemon: FakeDaemon, connection: Connection
+    daemon: FakeDaemon, shared: Connection
 ) -> None:
     caught: list[LiteGripError] = []
 
     def handler(number: int, frame: object) -> None:
         try:
-            connection.call("state.get")
+            shared.call("state.get")
         except LiteGripError as error:
             caught.append(error)
         daemon.requests[0].reply({"went": "on"})
@@ -159,41 +157,41 @@ def test_a_signal_handler_during_a_call_gets_a_clear_refusal(
         daemon.handlers["wait"] = lambda request: signal.pthread_kill(
             threading.main_thread().ident or 0, signal.SIGUSR1
         )
-        assert connection.call("wait") == {"went": "on"}
+        assert shared.call("wait") == {"went": "on"}
     finally:
         signal.signal(signal.SIGUSR1, before)
     assert [error.reason for error in caught] in (["reentrant"], [])
-    assert connection.call("state.get") == STATE
+    assert shared.call("state.get") == STATE
 
 
 def test_a_closed_connection_says_so_and_wakes_who_waits(
-    daemon: FakeDaemon, connection: Connection
+    daemon: FakeDaemon, shared: Connection
 ) -> None:
-    waiting = in_thread(lambda: connection.call("wait", timeout_s=math.inf))
+    waiting = in_thread(lambda: shared.call("wait", timeout_s=math.inf))
     daemon.wait_for("wait")
-    connection.close()
+    shared.close()
     with pytest.raises(ConnectError, match="was closed"):
         waiting()
     with pytest.raises(ConnectError, match="was closed"):
-        connection.call("state.get")
-    connection.close()
+        shared.call("state.get")
+    shared.close()
 
 
 @pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")
 def test_a_forked_child_is_refused_and_its_close_does_not_hurt(
-    daemon: FakeDaemon, connection: Connection
+    daemon: FakeDaemon, shared: Connection
 ) -> None:
-    connection.call("state.get")
+    shared.call("state.get")
     reading, writing = os.pipe()
     child = os.fork()
     if child == 0:
         said = "nothing"
         try:
-            connection.call("state.get")
+            shared.call("state.get")
         except ConnectError as error:
             said = f"{error.reason}: {error}"
         finally:
-            connection.close()
+            shared.close()
             os.write(writing, said.encode())
             os._exit(0)
     os.close(writing)
@@ -202,4 +200,68 @@ def test_a_forked_child_is_refused_and_its_close_does_not_hurt(
     os.close(reading)
     assert said.startswith("forked: this connection belongs to process")
     assert "connect again in the child" in said
-    assert connection.call("state.get") == STATE
+    assert shared.call("state.get") == STATE
+
+
+def test_a_daemon_that_ends_is_told_to_all_who_wait_and_to_who_comes_later(
+    daemon: FakeDaemon, shared: Connection
+) -> None:
+    calls = [in_thread(lambda: shared.call("wait")) for _ in range(3)]
+    requests = daemon.wait_for("wait", 3)
+    closed_before = shared.closed
+    requests[0].hang_up()
+    for call in calls:
+        with pytest.raises(ConnectError, match="ended the connection") as caught:
+            call()
+        assert isinstance(caught.value, ConnectionError)
+    assert (closed_before, shared.closed) == (False, True)
+    with pytest.raises(ConnectError, match="ended the connection"):
+        shared.call("state.get")
+
+
+# Subscriptions
+
+
+def subscribed(daemon: FakeDaemon) -> None:
+    daemon.handlers["state.subscribe"] = lambda request: {"subscription": 5, "state": STATE}
+    daemon.handlers["state.unsubscribe"] = lambda request: {"subscription": 5}
+
+
+def test_closing_by_another_thread_wakes_who_waits(daemon: FakeDaemon, shared: Connection) -> None:
+    subscribed(daemon)
+    samples = shared.subscribe_state()
+    assert next(samples).state == STATE
+    waiting = in_thread(lambda: list(samples))
+    samples.close()
+    assert waiting() == []
+
+
+def test_a_subscription_and_a_call_by_two_threads(daemon: FakeDaemon, shared: Connection) -> None:
+    subscribed(daemon)
+    with shared.subscribe_state() as samples:
+
+        def read() -> list[int | None]:
+            seen = [next(samples).seq]
+            began.set()
+            return seen + [next(samples).seq for _ in range(50)]
+
+        began = threading.Event()
+        reader = in_thread(read)
+        assert began.wait(DEADLINE_S)
+        for seq in range(1, 51):
+            assert shared.call("state.get") == STATE
+            sample(daemon.requests[0], seq)
+        assert reader() == [None, *range(1, 51)]
+
+
+def test_events_are_waited_for_however_long(daemon: FakeDaemon, shared: Connection) -> None:
+    begun = {"subscription": 5, "state": STATE, "events": []}
+    daemon.handlers["events.subscribe"] = lambda request: begun
+    daemon.handlers["events.unsubscribe"] = lambda request: {"subscription": 5}
+    with shared.subscribe_events() as events:
+        shared.timeout_s = 0.0
+        waiting = in_thread(lambda: next(events))
+        until_read(shared)
+        event(daemon.requests[0], 45)
+        assert waiting().seq == 45
+        shared.timeout_s = DEADLINE_S
