@@ -1,0 +1,281 @@
+"""Streams of set-points, and the frames of the vendor's SDK, at the real daemon."""
+
+import asyncio
+import math
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from litegrip_client import (
+    BusyError,
+    CommandError,
+    ConnectError,
+    LiteGrip,
+    SetpointStream,
+    StoppedError,
+    aio,
+)
+from tests.client.rig import Asked, Asyncio, Bench, Heard, Kind
+
+
+def sent(daemon: Heard) -> list[Asked]:
+    return [request for request in daemon.requests if request.method == "stream.set"]
+
+
+def answered(daemon: Heard) -> list[bool]:
+    """Tell of which targets the client waited for the answer."""
+    return [request.identity is not None for request in sent(daemon)]
+
+
+def until_refused(kind: Kind, stream: SetpointStream, opening_mm: float) -> CommandError:
+    """Send until the refusal of one that was sent before is raised."""
+    with pytest.raises(CommandError) as caught:  # noqa: PT012 - the refusal comes some time
+        for _ in range(20):
+            stream.set_target(opening_mm)
+            kind.pause(0.01)
+    return caught.value
+
+
+def test_the_first_target_is_answered_and_the_others_are_not(
+    site: Bench, daemon: Heard, enabled: LiteGrip, kind: Kind
+) -> None:
+    began_s = site.now_s
+    with enabled.stream(speed_mm_s=40, torque_nm=0.5) as stream:
+        stream.set_target(opening_mm=20)
+        stream.set_target(position_rad=-0.5)
+        stream.set_target(openness=0.25, torque_nm=0.3, kp=90, kd=1.5)
+        kind.pause(0.05)
+        assert daemon.state.mode == "moving"
+    common = {"valid_s": 0.2, "speed_mm_s": 40.0, "torque_nm": 0.5}
+    assert [one.plain for one in sent(daemon)] == [
+        {"opening_mm": 20.0, **common},
+        {"position_rad": -0.5, **common},
+        {"openness": 0.25, **common, "torque_nm": 0.3, "kp": 90.0, "kd": 1.5},
+    ]
+    assert answered(daemon) == [True, False, False]
+    for request in sent(daemon):
+        assert request.params["stop_generation"] == daemon.state.stop_generation
+        assert 0.0 <= request.params["sent_s"] - began_s < 0.05
+
+
+@pytest.mark.parametrize(
+    "target", [{}, {"opening_mm": 1.0, "openness": 0.5}, {"openness": float("nan")}]
+)
+def test_a_set_point_has_exactly_one_target(
+    daemon: Heard, enabled: LiteGrip, target: dict[str, float]
+) -> None:
+    with enabled.stream() as stream, pytest.raises(CommandError, match=r"exactly one|finite"):
+        stream.set_target(**target)
+    assert sent(daemon) == []
+
+
+def test_leaving_ends_the_stream_at_once(daemon: Heard, enabled: LiteGrip) -> None:
+    with enabled.stream() as stream:
+        stream.set_target(20.0)
+    assert daemon.methods()[-1] == "job.cancel"
+    assert daemon.state.mode == "holding"
+    stream.close()
+    assert daemon.methods().count("job.cancel") == 1
+
+
+def test_a_stream_that_ended_by_itself_is_not_cancelled(
+    daemon: Heard, enabled: LiteGrip, kind: Kind
+) -> None:
+    with enabled.stream(valid_s=0.1) as stream:
+        stream.set_target(20.0)
+        kind.pause(0.3)
+    with enabled.stream():
+        pass
+    assert "job.cancel" not in daemon.methods()
+
+
+def test_after_a_pause_the_answer_is_awaited_again(
+    daemon: Heard, enabled: LiteGrip, kind: Kind
+) -> None:
+    with enabled.stream(valid_s=0.2) as stream:
+        for pause_s in (0.09, 0.11, 0.0):
+            stream.set_target(20.0)
+            kind.pause(pause_s)
+    assert answered(daemon) == [True, False, True]
+    stream = enabled.stream()
+    stream.set_target(10.0)
+    enabled.disconnect()
+    enabled.connect()  # a new connection, of which no stream is known
+    enabled.enable()
+    stream.set_target(10.0)
+    assert answered(daemon)[-2:] == [True, True]
+
+
+def test_a_stream_follows_at_the_speed_of_the_tunables(daemon: Heard, enabled: LiteGrip) -> None:
+    enabled.motion_config.speed_mm_s = 80.0
+    enabled.motion_config.force_n = 5.0
+    for stream in (enabled.stream(), enabled.stream(speed_mm_s=20.0)):
+        with stream:
+            stream.set_target(20.0)
+    enabled.send_mit_frame(-0.6, 100.0, 2.0)
+    assert [one.params["speed_mm_s"] for one in sent(daemon)] == [80.0, 20.0, 80.0]
+    assert all("config" not in one.params for one in sent(daemon))
+
+
+def test_a_first_target_that_is_refused_raises_at_once(
+    daemon: Heard, enabled: LiteGrip, kind: Kind
+) -> None:
+    kind.ask(enabled, "motion.close", wait=False)
+    with enabled.stream() as stream, pytest.raises(BusyError):
+        stream.set_target(20.0)
+    assert "job.cancel" not in daemon.methods()
+
+
+def test_a_refusal_of_a_later_one_is_raised_and_the_next_is_answered_again(
+    daemon: Heard, enabled: LiteGrip, kind: Kind
+) -> None:
+    with enabled.stream() as stream:
+        stream.set_target(10.0)
+        error = until_refused(kind, stream, 500.0)
+        assert (error.reason, len(error.data["limit"])) == ("out_of_limits", 2)
+        stream.set_target(10.0)
+    is_answered = answered(daemon)
+    assert (is_answered[0], is_answered[-1], any(is_answered[1:-1])) == (True, True, False)
+
+
+def test_a_refusal_of_an_older_daemon_has_its_reason_inside(
+    daemon: Heard, enabled: LiteGrip, kind: Kind
+) -> None:
+    with enabled.stream() as stream:
+        stream.set_target(10.0)
+        data = {"reason": "busy", "retryable": True}
+        daemon.streams[0].say("stream.refused", {"message": "no", "data": data})
+        assert isinstance(until_refused(kind, stream, 10.0), BusyError)
+
+
+def test_a_target_that_came_too_late_raises_nothing_and_the_next_is_answered(
+    daemon: Heard, enabled: LiteGrip, kind: Kind
+) -> None:
+    with enabled.stream(valid_s=0.1) as stream:
+        stream.set_target(30.0)
+        daemon.late["stream.set"] = 0.15  # on a busy machine
+        stream.set_target(31.0)
+        kind.pause(0.04)
+        del daemon.late["stream.set"]
+        stream.set_target(32.0)
+        kind.pause(0.04)
+        stream.set_target(33.0)
+        kind.pause(0.04)
+        stream.set_target(34.0)
+        kind.pause(0.04)  # the late one has come
+        stream.set_target(35.0)
+    assert answered(daemon) == [True, False, False, False, False, True]
+
+
+def test_after_a_stop_what_is_sent_next_knows_of_it(
+    daemon: Heard, enabled: LiteGrip, kind: Kind
+) -> None:
+    with enabled.stream() as stream:
+        stream.set_target(10.0)
+        daemon.client().result("stop")
+        assert isinstance(until_refused(kind, stream, 10.0), StoppedError)
+        with pytest.raises(StoppedError):
+            stream.set_target(10.0)
+    assert sent(daemon)[-1].params["stop_generation"] == daemon.state.stop_generation
+
+
+def test_a_stream_to_a_daemon_that_is_gone_raises(daemon: Heard, kind: Kind) -> None:
+    gripper = kind.gripper(disable_on_disconnect=False)
+    gripper.connect()
+    gripper.enable()
+    stream = gripper.stream()
+    stream.set_target(10.0)
+    daemon.hang_up()
+    with pytest.raises(ConnectError):
+        until_refused(kind, stream, 10.0)
+    stream.close()
+
+
+def test_a_task_that_only_sends_leaves_others_their_turn(daemon: Heard, tasks: Asyncio) -> None:
+    async def keep_sending(stream: aio.SetpointStream) -> None:
+        while True:
+            await stream.set_target(10.0)
+
+    async def main() -> None:
+        async with aio.LiteGrip() as gripper, gripper.stream() as stream:
+            await gripper.enable()
+            sending = asyncio.create_task(keep_sending(stream))
+            for _ in range(10):
+                assert (await gripper.get_state()).enabled
+            await gripper.software_stop()
+            with pytest.raises(StoppedError):
+                await sending
+
+    tasks.run(main())
+
+
+def test_two_streams_of_a_gripper_do_not_mix(daemon: Heard, enabled: LiteGrip) -> None:
+    with enabled.stream() as first, enabled.stream(torque_nm=0.5) as second:
+        for opening_mm in (50.0, 51.0):
+            first.set_target(opening_mm)
+            second.set_target(opening_mm + 4.0)
+    wished = [(one.params["opening_mm"], one.params.get("torque_nm")) for one in sent(daemon)]
+    assert wished == [(50.0, None), (54.0, 0.5), (51.0, None), (55.0, 0.5)]
+    assert answered(daemon) == [True, True, False, False]
+
+
+# Frames, as the vendor's SDK sends them
+
+
+def test_a_frame_becomes_a_set_point(daemon: Heard, enabled: LiteGrip) -> None:
+    assert enabled.send_mit_frame(-0.6, 100.0, 2.0) is True
+    assert enabled.send_mit_frame(q=-0.5, kp=150.0, kd=2.5, dq=1.0, tau=0.0)
+    assert [one.plain for one in sent(daemon)] == [
+        {"position_rad": -0.6, "kp": 100.0, "kd": 2.0, "valid_s": 0.2},
+        {"position_rad": -0.5, "kp": 150.0, "kd": 2.5, "valid_s": 0.2},
+    ]
+    assert answered(daemon) == [True, False]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "asks", "instead"),
+    [
+        ({"kp": 0.0, "kd": 2.0, "tau": 1.5}, "tau asks for a torque", "set_force"),
+        ({"kp": 100.0, "kd": 2.0, "tau": -0.1}, "tau asks for a torque", "grasp"),
+        ({"kp": 0.0, "kd": 2.0, "dq": 2.0}, "kp = 0 asks for a speed", "move_at_speed"),
+        ({"kp": 0.0, "kd": 0.0}, "kp = 0 asks for loose jaws", "zero_gravity"),
+    ],
+)
+def test_a_frame_that_is_no_position_is_rejected_with_what_to_use(
+    daemon: Heard, gripper: LiteGrip, arguments: dict[str, float], asks: str, instead: str
+) -> None:
+    with pytest.raises(CommandError, match=asks) as caught:
+        gripper.send_mit_frame(0.0, **arguments)
+    assert caught.value.reason == "unsupported"
+    assert instead in str(caught.value)
+    assert daemon.methods() == ["hello"]
+
+
+@pytest.mark.parametrize(
+    "frame", [(0.0, -1.0, 2.0), (0.0, 100.0, -1.0), (0.0, math.nan, 2.0), (0.0, 9.0, 1.0, math.inf)]
+)
+def test_a_frame_with_impossible_figures_is_rejected(
+    gripper: LiteGrip, frame: tuple[float, ...]
+) -> None:
+    with pytest.raises(CommandError, match=r"cannot be negative|finite") as caught:
+        gripper.send_mit_frame(*frame)
+    assert caught.value.reason == "invalid_params"
+
+
+@pytest.mark.parametrize(
+    "motion",
+    ["hold", "zero_gravity", "record_start"],
+)
+def test_a_motion_after_frames_does_not_have_to_wait_for_them(
+    daemon: Heard, enabled: LiteGrip, motion: str
+) -> None:
+    for _ in range(2):
+        enabled.send_mit_frame(-0.5, 100.0, 2.0)
+        getattr(enabled, motion)()
+        if motion == "record_start":
+            enabled.record_stop(allow_empty=True)
+    ends = [after for before, after in pairwise(daemon.methods()) if before == "stream.set"]
+    assert ends == ["job.cancel", "job.cancel"]
+    cancelled: list[Any] = daemon.asked("job.cancel")
+    assert cancelled[0] != cancelled[1]
