@@ -21,7 +21,6 @@ PLAYED: dict[str, Any] = {
 CONTENT = lgt([(number / 100, (number % 100) / 100) for number in range(300)])
 """Two pieces long."""
 TAUGHT = Trajectory.from_bytes(CONTENT)
-END = {"allow_empty": True, "allow_partial": True}
 
 
 class FakeTrajectories:
