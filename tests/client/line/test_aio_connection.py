@@ -11,9 +11,10 @@ import pytest
 
 from litegrip_client.aio import LiteGrip
 from litegrip_client.aio.gripper import Connection
+from litegrip_client.values import calibration_files as files
 from litegrip_client.values.errors import CommandError, ConnectError
 from tests.client.aio_helpers import arrived, cancel, run
-from tests.client.fake_daemon import DEADLINE_S, STATE, FakeDaemon, Request
+from tests.client.fake_daemon import CALIBRATION, CONTENT, DEADLINE_S, STATE, FakeDaemon, Request
 
 
 @asynccontextmanager
@@ -235,3 +236,25 @@ def test_a_gripper_that_was_left_open_connects_anew_in_the_next_loop(daemon: Fak
 
     assert run(main()) == 0.5
     assert daemon.methods() == ["hello", "hello", "state.get"]
+
+
+def test_files_do_not_hold_up_other_tasks(
+    daemon: FakeDaemon, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    going_on = threading.Event()
+
+    def read(_path: Path) -> dict[str, Any]:
+        assert going_on.wait(DEADLINE_S)
+        return CONTENT
+
+    async def main() -> None:
+        async with LiteGrip(socket_path=daemon.path) as gripper:
+            loading = asyncio.create_task(gripper.load_calibration(tmp_path / "c.json"))
+            assert (await gripper.get_state()).mode == "holding"
+            going_on.set()
+            assert await loading is True
+
+    monkeypatch.setattr(files, "read", read)
+    loaded = {**CALIBRATION, "loaded": True, "factory": False, "skipped": []}
+    daemon.handlers["calibration.load"] = lambda request: loaded
+    run(main())
