@@ -306,8 +306,8 @@ def test_zero_measures_saves_and_prints_how_far_it_is(
             " saved by the daemon to /var/can0.json"
         ),
         (
-            f"taken: the jaws open {data.stroke_mm:.5g} mm (config.max_stroke_mm). If a caliper says"
-            " otherwise: gripper.rescale_calibration(MM), then gripper.save_calibration()"
+            f"taken: the jaws open {data.stroke_mm:.5g} mm (config.max_stroke_mm). If a caliper"
+            " says otherwise: gripper.rescale_calibration(MM), then gripper.save_calibration()"
         ),
     ]
 
