@@ -18,49 +18,6 @@ from tests.client.fake_daemon import STATE, FakeDaemon
 from tests.client.helpers import Ctl
 
 HOLDER = {"client": 4, "pid": 77, "uid": 1000, "program": "sorter.py", "purpose": "sorting"}
-ROW = {
-    "client": 1,
-    "pid": 77,
-    "uid": 1000,
-    "program": "sorter.py",
-    "role": "operator",
-    "connected_s": 12.4,
-    "requests": 321,
-    "refused": 2,
-    "dropped": 0,
-    "worst_latency_ms": 1.25,
-    "is_me": False,
-}
-
-
-def test_clients_are_listed_and_the_asking_one_is_marked(daemon: FakeDaemon, ctl: Ctl) -> None:
-    rows = [ROW, {**ROW, "program": "litegripctl", "pid": 78, "is_me": True, "refused": 0}]
-    daemon.handlers["clients.list"] = lambda request: {"clients": rows}
-    code, out, err = ctl("clients")
-    assert (code, err) == (0, "")
-    lines = out.splitlines()
-    assert lines[0].split()[:2] == ["CLIENT", "ROLE"]
-    assert " ".join(lines[1].split()) == "sorter.py (pid 77) operator 321 2 0 1.2 ms 12 s"
-    assert "litegripctl (pid 78) (this one)" in lines[2]
-    assert json.loads(ctl("clients", "--json")[1]) == {"clients": rows}
-
-
-def test_the_lease_is_shown(daemon: FakeDaemon, ctl: Ctl) -> None:
-    daemon.handlers["lease.get"] = lambda request: {"owner": None, "mine": False, "waiting": 0}
-    assert ctl("lease") == (0, "free\n", "")
-    daemon.handlers["lease.get"] = lambda request: {"owner": HOLDER, "mine": False, "waiting": 2}
-    text = "sorter.py (pid 77), uid 1000, has it for sorting; 2 waiting\n"
-    assert ctl("lease", "show") == (0, text, "")
-
-
-def test_a_lease_is_taken_and_given_back(daemon: FakeDaemon, ctl: Ctl) -> None:
-    daemon.handlers["lease.get"] = lambda request: {"owner": HOLDER, "mine": False, "waiting": 0}
-    text = "taken from sorter.py (pid 77); the jaws hold on; nobody has the lease now\n"
-    assert ctl("lease", "take", "it hangs") == (0, text, "")
-    assert daemon.methods()[-3:] == ["lease.get", "lease.take", "lease.release"]
-    assert daemon.requests[-2].params == {"why": "it hangs", "purpose": "litegripctl"}
-    daemon.handlers["lease.take"] = lambda request: request.fail("not_permitted", -32028)
-    assert ctl("lease", "take", "me")[0] == 9
 
 
 def taking(daemon: FakeDaemon, owner: Any, job: int | None, **state: Any) -> None:
@@ -68,38 +25,6 @@ def taking(daemon: FakeDaemon, owner: Any, job: int | None, **state: Any) -> Non
     answer = {"lease": "e", "number": 2, "ended_job": job, "state": {**STATE, **state}}
     daemon.handlers["lease.get"] = lambda request: {"owner": owner, "mine": False, "waiting": 0}
     daemon.handlers["lease.take"] = lambda request: answer
-
-
-@pytest.mark.parametrize(
-    ("owner", "job", "state", "text"),
-    [
-        (
-            HOLDER,
-            None,
-            {"force_set_n": 8},
-            "taken from sorter.py (pid 77); the jaws hold on, with 8.0 N",
-        ),
-        (
-            HOLDER,
-            3,
-            {"mode": "relaxed"},
-            "taken from sorter.py (pid 77), job 3 was ended; the jaws are slack",
-        ),
-        (None, 3, {}, "nobody had the lease, job 3 was ended; the jaws hold on"),
-        (None, None, {"mode": "disabled"}, "nobody had the lease; the gripper is disabled"),
-    ],
-)
-def test_a_take_over_says_what_it_has_done(
-    daemon: FakeDaemon, ctl: Ctl, owner: Any, job: int | None, state: dict[str, Any], text: str
-) -> None:
-    taking(daemon, owner, job, **state)
-    assert ctl("lease", "take", "why") == (0, f"{text}; nobody has the lease now\n", "")
-
-
-def test_a_take_over_lets_go_only_of_what_it_is_told_to(daemon: FakeDaemon, ctl: Ctl) -> None:
-    taking(daemon, HOLDER, None, mode="relaxed")
-    assert ctl("lease", "take", "--release", "why")[0] == 0
-    assert daemon.requests[-2].params["jaws"] == "relax"
 
 
 @pytest.mark.parametrize(("answer", "code"), [("y\n", 0), ("\n", 1), ("\x04", 1)])
@@ -135,16 +60,6 @@ def test_a_take_over_asks_nothing_where_there_is_nothing_to_end_or_it_is_told_no
     terminal = Terminal("--socket", daemon.path, "lease", "take", *yes, "it hangs")
     code, shown = terminal.end()
     assert (code, "[y/N]" in shown) == (0, False)
-
-
-def test_who_may_not_clear_is_told_who_may_and_not_to_take_the_lease(
-    daemon: FakeDaemon, ctl: Ctl
-) -> None:
-    daemon.handlers["stop.clear"] = lambda request: request.fail("lease_held", -32026)
-    code, _, err = ctl("clear")
-    assert code == 6
-    assert "ask one of them to clear it" in err
-    assert "take" not in err
 
 
 class StopSocket:

@@ -9,10 +9,11 @@ import pytest
 from tests.client.ctl_terminal import Terminal
 from tests.client.fake_daemon import FakeDaemon, Request
 from tests.client.helpers import Ctl
-from tests.client.test_ctl_calibration import AGAIN, IN_USE, MEASURED, TAKEN, TRAVEL, WIDTH
+from tests.client.test_ctl_calibration import AGAIN, MEASURED, TAKEN, TRAVEL, WIDTH
 
 CLOSED = "push the jaws closed, to the stop, then press Enter: "
 OPEN = "pull the jaws open, to the stop, then press Enter: "
+IN_USE = "in use until the daemon restarts; store it with: litegripctl calibration save\n"
 SAVE = "use it and store it (y), use it without storing it (n), or cancel (c)? "
 AS_BEFORE = "the calibration is as it was"
 

@@ -24,7 +24,6 @@ from litegrip_client.values.voices import in_python, in_shell
 from litegripd.model.calibration import NOMINAL
 from tests.client.aio_helpers import run
 from tests.client.fake_daemon import CALIBRATION, CONTENT, HELLO, STATE, ZERO, FakeDaemon
-from tests.client.helpers import Ctl
 from tests.geometry import (
     CLOSED_RAD,
     MM_RAD,
@@ -276,41 +275,6 @@ def test_a_state_has_the_doubt() -> None:
     assert "scale_doubt" not in repr(GripperState.from_wire(STATE))
 
 
-@pytest.mark.parametrize(
-    ("doubt", "says", "remedy"),
-    [
-        (
-            "superseded",
-            "WRONG: all millimetres are those of earlier versions",
-            "litegripctl calibration rescale",
-        ),
-        ("unusual", "DOUBTFUL: no gripper with such millimetres was seen", "litegripctl zero"),
-        ("of tomorrow", "of tomorrow", ""),
-    ],
-)
-def test_litegripctl_says_a_doubt_first(
-    daemon: FakeDaemon, ctl: Ctl, doubt: str, says: str, remedy: str
-) -> None:
-    def subscribe(request: Any) -> None:
-        request.reply({"subscription": 1, "state": {**STATE, "scale_doubt": doubt}})
-
-    daemon.handlers["state.get"] = lambda request: {**STATE, "scale_doubt": doubt}
-    daemon.handlers["state.subscribe"] = subscribe
-    daemon.handlers["state.unsubscribe"] = lambda request: {"subscription": 1}
-    first = ctl("state")[1].splitlines()[0]
-    assert first.startswith(f"SCALE        {says}")
-    assert first.endswith(remedy)
-    line = ctl("watch", "--count", "1")[1]
-    assert line.endswith(f"  SCALE {doubt}, see: litegripctl state\n")
-    daemon.handlers["state.get"] = lambda request: STATE
-    assert "SCALE" not in ctl("state")[1]
-
-
-def test_litegripctl_shows_where_open_goes(daemon: FakeDaemon, ctl: Ctl) -> None:
-    daemon.handlers["state.get"] = lambda request: {**STATE, "work_stroke_mm": WORK_MM}
-    assert "work stroke  open goes to 80.00 mm\n" in ctl("state")[1]
-
-
 def test_a_key_of_the_configuration_keeps_its_name() -> None:
     wire = (
         "stroke_mm is 120, and the configured stroke is 85 mm: if it is 120 mm, set stroke_mm = 120"
@@ -322,26 +286,3 @@ def test_a_key_of_the_configuration_keeps_its_name() -> None:
 
 
 # The force
-
-
-@pytest.mark.parametrize(
-    ("command", "is_noted"),
-    [
-        ("grasp --force 20", False),
-        ("grasp", False),
-        ("grasp --force 20.5", True),
-        ("grasp --force 40 --no-wait", True),
-        ("force 20", False),
-        ("force 30", True),
-    ],
-)
-def test_a_force_that_is_not_for_long_is_noted(
-    daemon: FakeDaemon, ctl: Ctl, command: str, is_noted: bool
-) -> None:
-    for method in ("motion.grasp", "motion.set_force"):
-        daemon.handlers[method] = lambda request: {"job": 5, "ok": True, "state": STATE}
-    code, _, err = ctl(*command.split())
-    assert code == 0
-    note = "litegripctl: the vendor recommends 20 N for continuous work; how long the coil bears "
-    assert err.startswith(note) == is_noted
-    assert ("litegripctl health" in err) == is_noted

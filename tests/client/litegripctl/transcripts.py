@@ -1,0 +1,187 @@
+"""Plays transcripts of litegripctl at the real daemon: what is typed, shown, and asked.
+
+A scene begins with its title behind `==`, at a calibrated gripper whose motor is disabled. Then:
+
+    $ move 45mm               is typed; below stands all of its output
+    move: reached, at ~ mm    ~ stands for a number, … for anything, or alone for more lines
+    {"ok": true}              an object with at least these members
+    ! litegripctl: no         on standard error
+    = 4                       the exit code, 0 where none stands
+    > motion.move {"x": "~"}  the last request of a method, with just these parameters
+    >> motion.move {...}      one that is guarded: never after a stop it did not know of
+    -- motion.move            no request of that method came in this scene
+    @ object 50               something happens: see `Stage`
+"""
+
+import json
+import re
+import shlex
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+from litegripd.model.errors import ERRORS
+from tests.client.rig import GUARDS, Asked, Bench, Ctl, Heard, Refuse
+from tests.trajectories import lgt
+
+Scene = tuple[str, list[str]]
+
+
+def scenes_of(path: Path) -> Iterator[Scene]:
+    """Return title and lines of each scene."""
+    for text in path.read_text(encoding="utf-8").split("\n== ")[1:]:
+        title, *lines = text.split("\n")
+        yield title, [line for line in lines if line.strip()]
+
+
+class Stage:
+    """A gripper's machine, on which a scene is played; its public methods are what may happen."""
+
+    def __init__(self, site: Bench, ctl: Ctl, folder: Path) -> None:
+        self._site, self._ctl, self._folder = site, ctl, folder
+        self._daemon = Heard()
+        site.add(self._daemon)
+        self._other = self._daemon.client(pid=77, uid=1000)
+
+    def play(self, lines: list[str]) -> None:
+        """Play a scene; fail where it is not as it stands in the transcript."""
+        at = 0
+        while at < len(lines):
+            line = lines[at]
+            at += 1
+            if line.startswith("@ "):
+                name, _, rest = line[2:].partition(" ")
+                getattr(self, name)(rest)
+            elif line.startswith(("> ", ">> ")):
+                self._check_asked(line)
+            elif line.startswith("-- "):
+                assert line[3:] not in self._daemon.methods()
+            else:
+                assert line.startswith("$ "), line
+                expected = []
+                while at < len(lines) and not lines[at].startswith(("$ ", "@ ", ">", "-- ")):
+                    expected.append(lines[at])
+                    at += 1
+                self._type(line[2:], expected)
+
+    def _type(self, typed: str, expected: list[str]) -> None:
+        code, shown, told = self._ctl(*shlex.split(typed.replace("FOLDER", str(self._folder))))
+        lines = [*shown.splitlines(), *(f"! {line}" for line in told.splitlines())]
+        got = [line.replace(str(self._folder), "FOLDER").rstrip() for line in lines]
+        got = [line for line in got if line] + ([] if code == 0 else [f"= {code}"])
+        text = "".join(f"{line}\n" for line in got)
+        fits = re.fullmatch("".join(map(_pattern, expected)), text) is not None
+        if expected and expected[0].startswith("{"):
+            actual, wished = json.loads(got[0]), json.loads(expected[0])
+            fits = {name: actual[name] for name in wished} == wished and got[1:] == expected[1:]
+        assert fits, "\n".join(["", f"$ {typed}", *got, "--- expected:", *expected])
+
+    def _check_asked(self, line: str) -> None:
+        mark, method, params = line.split(" ", 2)
+        (*_, last) = (one for one in self._daemon.requests if one.method == method)
+        pattern = re.escape(json.dumps(json.loads(params), sort_keys=True))
+        asked = json.dumps(last.plain, sort_keys=True)
+        assert re.fullmatch(pattern.replace('"\\~"', _NUMBER), asked), asked
+        assert (set(GUARDS) <= set(last.params)) is (mark == ">>")
+
+    # What may happen
+
+    def enabled(self, _rest: str) -> None:
+        """The motor is enabled, for longer than a program runs."""
+        assert self._daemon.client().result("motor.enable", detach=True)["ok"]
+
+    def object(self, width_mm: str) -> None:
+        """Something stands between the jaws."""
+        self._daemon.gripper.put_object(width_mm=float(width_mm))
+
+    def other(self, rest: str) -> None:
+        """Another client, which stays connected, calls a method."""
+        method, _, params = rest.partition(" ")
+        self._other.send(method, **json.loads(params or "{}"))
+
+    def soon(self, rest: str) -> None:
+        """It does so in 0.2 s, while litegripctl waits."""
+        self._site.after(0.2, partial(self.other, rest))
+
+    def interrupt(self, _rest: str) -> None:
+        """Ctrl-C is pressed in 0.2 s."""
+
+        def interrupt() -> None:
+            raise KeyboardInterrupt
+
+        self._site.after(0.2, interrupt)
+
+    def gone_in(self, seconds: str) -> None:
+        """The daemon ends in so many seconds."""
+        self._site.after(float(seconds), self._daemon.hang_up)
+
+    def run(self, seconds: str) -> None:
+        """Time passes."""
+        self._site.run(float(seconds))
+
+    def silent(self, _rest: str) -> None:
+        """The motor does not answer any more."""
+        self._daemon.lose_from_motor = lambda _frame: True
+        self._site.run(1.0)
+
+    def uncalibrated(self, _rest: str) -> None:
+        """Another daemon, without a calibration, is there instead."""
+        self._daemon = Heard(calibrated=False, home=self._folder)
+        self._site.add(self._daemon)
+
+    def says(self, rest: str) -> None:
+        """The daemon answers a method otherwise: with members changed, or by something else."""
+        method, _, text = rest.partition(" ")
+        self._daemon.instead[method] = json.loads(text)
+
+    def state(self, text: str) -> None:
+        """The state has these members, and else is the real one."""
+        state = {**self._daemon.wire_state, **json.loads(text)}
+        self._daemon.instead["state.get"] = state
+        self._daemon.instead["state.subscribe"] = {"subscription": 5, "state": state}
+        self._daemon.instead["state.unsubscribe"] = {"subscription": 5}
+
+    def hello(self, text: str) -> None:
+        """The daemon introduces itself with these members."""
+        own = self._daemon.client().result("hello")
+        self._daemon.instead["hello"] = {**own, **json.loads(text)}
+
+    def refuses(self, rest: str) -> None:
+        """The daemon refuses a method for a reason, with a message."""
+        method, reason, message = rest.split(" ", 2)
+        self._daemon.instead[method] = Refuse(reason, ERRORS[reason].code, message)
+
+    def hangs_up(self, method: str) -> None:
+        """The daemon ends as soon as it is asked this."""
+
+        def hang_up(_request: Asked) -> None:
+            self._daemon.hang_up()
+
+        self._daemon.instead[method] = hang_up
+
+    def itself(self, _rest: str) -> None:
+        """The daemon answers by itself again."""
+        self._daemon.instead.clear()
+
+    def trajectory(self, name: str) -> None:
+        """A trajectory of 300 samples lies where those of this side are."""
+        path = self._folder / "mine" / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_bytes(lgt(POINTS))
+
+    def file(self, rest: str) -> None:
+        """A file lies in the folder."""
+        name, _, text = rest.partition(" ")
+        (self._folder / name).write_text(text, encoding="utf-8")
+
+
+POINTS = [(number / 100, (number % 100) / 100) for number in range(300)]
+
+_NUMBER = r"[-+]?[0-9.]+"
+
+
+def _pattern(line: str) -> str:
+    """Return the pattern for a line of a transcript, with its end."""
+    if line in ("…", "! …"):
+        return r"(?:! .*\n)*" if line[0] == "!" else r"(?:[^!=].*\n)*"
+    return re.escape(line).replace("\\~", _NUMBER).replace("…", ".*") + r"\n"
