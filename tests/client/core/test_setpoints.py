@@ -139,13 +139,13 @@ def test_a_refusal_of_a_later_one_is_raised_and_the_next_is_answered_again(
     assert (is_answered[0], is_answered[-1], any(is_answered[1:-1])) == (True, True, False)
 
 
-def test_a_refusal_of_an_older_daemon_has_its_reason_inside(
+def test_a_refusal_of_an_older_daemon_has_its_reason_beside_its_data(
     daemon: Heard, enabled: LiteGrip, kind: Kind
 ) -> None:
     with enabled.stream() as stream:
         stream.set_target(10.0)
-        data = {"reason": "busy", "retryable": True}
-        daemon.streams[0].say("stream.refused", {"message": "no", "data": data})
+        refusal = {"message": "no", "reason": "busy", "data": {}}
+        daemon.streams[0].say("stream.refused", refusal)
         assert isinstance(until_refused(kind, stream, 10.0), BusyError)
 
 
