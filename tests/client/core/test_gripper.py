@@ -85,6 +85,29 @@ def test_what_is_not_the_gripper_is_refused_and_leaves_no_connection(
     assert all(stream.hung_up for stream in daemon.streams)
 
 
+@pytest.mark.parametrize(
+    ("ahead_s", "remote", "has_clock"),
+    [
+        (0.0, None, True),
+        (0.0, {"site": "lab"}, False),
+        (-3600.0, None, False),
+        (+3600.0, None, False),
+        (None, None, True),
+    ],
+)
+def test_the_time_of_sending_is_told_where_the_clock_is_the_daemons(
+    site: Bench, daemon: Heard, kind: Kind, ahead_s: float | None, remote: object, has_clock: bool
+) -> None:
+    """A daemon of another machine has another clock, by which nothing of this one was sent."""
+    hello = daemon.client().result("hello")
+    clock_s = None if ahead_s is None else site.now_s + ahead_s
+    daemon.instead["hello"] = {**hello, "remote": remote, "monotonic_s": clock_s}
+    with kind.gripper() as gripper, pytest.raises(HardwareError):
+        gripper.hold()
+    guards = set(GUARDS) if has_clock else {"stop_generation"}
+    assert daemon.requests[-1].params.keys() == guards
+
+
 def test_a_daemon_that_went_is_noticed_and_connecting_again_works(
     daemon: Heard, gripper: LiteGrip, kind: Kind
 ) -> None:
