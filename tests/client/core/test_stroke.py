@@ -2,6 +2,7 @@
 
 import copy
 import logging
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -18,12 +19,11 @@ from litegrip_client import (
     Trajectory,
     UnitConversion,
 )
-from litegrip_client.aio import LiteGrip as AioLiteGrip
 from litegrip_client.values.calibration import CALIBRATION_KEYS
 from litegrip_client.values.voices import in_python, in_shell
 from litegripd.model.calibration import NOMINAL
-from tests.client.aio_helpers import run
-from tests.client.fake_daemon import CALIBRATION, CONTENT, HELLO, STATE, ZERO, FakeDaemon
+from tests.client.fake_daemon import CALIBRATION, CONTENT, HELLO, STATE, ZERO
+from tests.client.rig import Bench, Heard, Kind, Threads
 from tests.geometry import (
     CLOSED_RAD,
     MM_RAD,
@@ -38,14 +38,14 @@ MARKS = {"closed_rad": 0.104334, "open_rad": -1.513123}
 
 
 @pytest.fixture(autouse=True)
-def _measuring(daemon: FakeDaemon) -> None:
-    daemon.handlers["calibration.zero"] = lambda request: ZERO
-    daemon.handlers["calibration.rescale"] = lambda request: CALIBRATION
+def _measuring(daemon: Heard) -> None:
+    daemon.instead["calibration.zero"] = ZERO
+    daemon.instead["calibration.rescale"] = CALIBRATION
     answers = {"begin": {"job": 8}, "closed": MARKS, "open": MARKS, "finish": ZERO, "cancel": {}}
-    daemon.handlers["calibration.manual"] = lambda request: answers[request.params["step"]]
+    daemon.instead["calibration.manual"] = lambda request: answers[request.params["step"]]
 
 
-def sent(daemon: FakeDaemon) -> float | None:
+def sent(daemon: Heard) -> float | None:
     """Return the stroke of the last request."""
     return daemon.requests[-1].params.get("stroke_mm")
 
@@ -55,15 +55,18 @@ def by_hand(gripper: LiteGrip, *, stroke_mm: float | None = None) -> None:
         manual.finish(stroke_mm=stroke_mm)
 
 
-ALL = [LiteGrip.zero, LiteGrip.calibrate, LiteGrip.calibrate_guided, by_hand]
-ALL += [LiteGrip.rescale_calibration]
-TAKING = [one for one in ALL if one is not LiteGrip.calibrate_guided]
-"""Those with an argument for it; the vendor's `calibrate_guided` has none."""
+MEASURES: dict[str, Callable[..., object]] = {
+    "zero": lambda gripper, **more: gripper.zero(**more),
+    "calibrate": lambda gripper, **more: gripper.calibrate(**more),
+    "by_hand": by_hand,
+    "rescale": lambda gripper, **more: gripper.rescale_calibration(**more),
+}
+all_measures = pytest.mark.parametrize("measure", MEASURES.values(), ids=MEASURES)
 
 
-@pytest.mark.parametrize("measure", ALL, ids=lambda one: one.__name__)
+@all_measures
 def test_an_assigned_stroke_is_what_calibrations_use(
-    daemon: FakeDaemon, gripper: LiteGrip, measure: Any
+    daemon: Heard, gripper: LiteGrip, measure: Any
 ) -> None:
     measure(gripper)
     assert sent(daemon) is None  # the daemon's then
@@ -78,8 +81,8 @@ def test_an_assigned_stroke_is_what_calibrations_use(
     assert sent(daemon) == 84.0
 
 
-@pytest.mark.parametrize("measure", TAKING, ids=lambda one: one.__name__)
-def test_an_argument_counts_more(daemon: FakeDaemon, gripper: LiteGrip, measure: Any) -> None:
+@all_measures
+def test_an_argument_counts_more(daemon: Heard, gripper: LiteGrip, measure: Any) -> None:
     gripper.config.max_stroke_mm = 84.0
     measure(gripper, stroke_mm=86)
     assert sent(daemon) == 86.0
@@ -88,7 +91,9 @@ def test_an_argument_counts_more(daemon: FakeDaemon, gripper: LiteGrip, measure:
         measure(gripper, stroke_mm="wide")
 
 
-def test_it_is_read_back_and_belongs_to_its_object(daemon: FakeDaemon, gripper: LiteGrip) -> None:
+def test_it_is_read_back_and_belongs_to_its_object(
+    daemon: Heard, gripper: LiteGrip, kind: Kind
+) -> None:
     assert gripper.config.max_stroke_mm == STROKE_MM
     config = gripper.config
     config.max_stroke_mm = 84.0
@@ -96,16 +101,16 @@ def test_it_is_read_back_and_belongs_to_its_object(daemon: FakeDaemon, gripper: 
     gripper.disconnect()
     gripper.connect()
     assert gripper.config.max_stroke_mm == 84.0
-    with LiteGrip(socket_path=daemon.path) as other:
+    with kind.gripper() as other:
         assert other.config.max_stroke_mm == STROKE_MM
         other.zero()
         assert sent(daemon) is None
 
 
-def test_without_an_assignment_it_is_what_the_daemon_has(daemon: FakeDaemon) -> None:
+def test_without_an_assignment_it_is_what_the_daemon_has(daemon: Heard, kind: Kind) -> None:
     configured: dict[str, Any] = {**HELLO["gripper"], "stroke_mm": 87.0}  # type: ignore[dict-item]
-    daemon.handlers["info.get"] = lambda request: {**HELLO, "gripper": configured}
-    with LiteGrip(socket_path=daemon.path) as gripper:
+    daemon.instead["info.get"] = {**HELLO, "gripper": configured}
+    with kind.gripper() as gripper:
         assert gripper.config.max_stroke_mm == 87.0
 
 
@@ -145,9 +150,10 @@ def filled(**values: float) -> GripperConfig:
     ],
 )
 def test_a_config_object_says_it_too(
-    daemon: FakeDaemon, config: GripperConfig, stroke_mm: float | None
+    daemon: Heard, kind: Kind, config: GripperConfig, stroke_mm: float | None
 ) -> None:
-    with LiteGrip(socket_path=daemon.path, config=config) as gripper:
+    config = copy.copy(config)  # which this changes
+    with kind.gripper(config=config) as gripper:
         gripper.zero()
         assert sent(daemon) == stroke_mm
         assert gripper.config.max_stroke_mm == (stroke_mm or STROKE_MM)
@@ -165,55 +171,52 @@ def test_two_configs_that_were_copied_are_two() -> None:
     assert (one.max_stroke_mm, other.max_stroke_mm) == (84.0, 86.0)
 
 
-def test_the_asyncio_client_does_the_same(daemon: FakeDaemon) -> None:
-    async def main() -> None:
-        config = GripperConfig(max_stroke_mm=84.0)
-        async with AioLiteGrip(socket_path=daemon.path, config=config) as gripper:
-            await gripper.zero()
-            assert sent(daemon) == 84.0
-            (await gripper.config()).max_stroke_mm = 86.0
-            data = await gripper.rescale_calibration()
-            assert sent(daemon) == 86.0
-            assert data.stroke_mm == pytest.approx(STROKE_MM)
-
-    run(main())
+def test_the_vendors_guided_calibration_takes_it_from_the_config(
+    daemon: Heard, site: Bench
+) -> None:
+    with Threads(site).gripper() as gripper:
+        gripper.calibrate_guided()
+        assert sent(daemon) is None
+        gripper.config.max_stroke_mm = 84.0
+        gripper.calibrate_guided()
+        assert sent(daemon) == 84.0
 
 
 def test_rescaling_is_never_after_a_stop_and_says_what_is_in_use(
-    daemon: FakeDaemon, gripper: LiteGrip, caplog: pytest.LogCaptureFixture
+    daemon: Heard, gripper: LiteGrip, caplog: pytest.LogCaptureFixture
 ) -> None:
     data = gripper.rescale_calibration(84.5)
     assert daemon.requests[-1].params == {
         "stroke_mm": 84.5,
         "sent_s": daemon.requests[-1].params["sent_s"],
-        "stop_generation": 3,
+        "stop_generation": daemon.state.stop_generation,
     }
     assert data == CalibrationData.from_content(CONTENT)
     assert not caplog.records
     doubtful = {**CALIBRATION, "scale_warning": "it has 90 mm/rad: use calibration.rescale"}
-    daemon.handlers["calibration.rescale"] = lambda request: doubtful
+    daemon.instead["calibration.rescale"] = doubtful
     gripper.rescale_calibration()
     text = "it has 90 mm/rad: use gripper.rescale_calibration()"
     assert caplog.record_tuples == [("litegrip_client", logging.WARNING, text)]
 
 
 def test_loading_logs_that_the_millimetres_are_wrong(
-    daemon: FakeDaemon, gripper: LiteGrip, caplog: pytest.LogCaptureFixture
+    daemon: Heard, gripper: LiteGrip, caplog: pytest.LogCaptureFixture
 ) -> None:
     answer = {**CALIBRATION, "loaded": True, "factory": False, "skipped": []}
     answer["scale_warning"] = "1.40 times too large"
-    daemon.handlers["calibration.load"] = lambda request: answer
+    daemon.instead["calibration.load"] = answer
     assert gripper.load_calibration()
     assert gripper.load_template("normal")
     assert [record.getMessage() for record in caplog.records] == ["1.40 times too large"] * 2
 
 
 def test_loading_logs_whatever_is_doubtful(
-    daemon: FakeDaemon, gripper: LiteGrip, caplog: pytest.LogCaptureFixture
+    daemon: Heard, gripper: LiteGrip, caplog: pytest.LogCaptureFixture
 ) -> None:
     answer = {**CALIBRATION, "loaded": True, "factory": False, "skipped": []}
     answer["warnings"] = ["it has can_id 0x07: measure again (calibration.zero)", "and another"]
-    daemon.handlers["calibration.load"] = lambda request: answer
+    daemon.instead["calibration.load"] = answer
     assert gripper.load_template("normal")
     assert [record.getMessage() for record in caplog.records] == [
         "it has can_id 0x07: measure again (gripper.zero())",
@@ -224,10 +227,10 @@ def test_loading_logs_whatever_is_doubtful(
 # What a calibration has
 
 
-def test_the_work_stroke_is_a_key_of_a_calibration(daemon: FakeDaemon, gripper: LiteGrip) -> None:
+def test_the_work_stroke_is_a_key_of_a_calibration(daemon: Heard, gripper: LiteGrip) -> None:
     assert {"work_stroke_mm", "nm_to_n"} <= set(CALIBRATION_KEYS)
     answer = {**CALIBRATION, "loaded": True, "factory": False, "skipped": []}
-    daemon.handlers["calibration.load"] = lambda request: answer
+    daemon.instead["calibration.load"] = answer
     data = CalibrationData.from_content({**CONTENT, "work_stroke_mm": 70.0, "nm_to_n": 16.4})
     gripper.use_calibration(data)
     content = daemon.requests[-1].params["content"]
@@ -236,7 +239,7 @@ def test_the_work_stroke_is_a_key_of_a_calibration(daemon: FakeDaemon, gripper: 
     assert "work_stroke_mm" not in daemon.requests[-1].params["content"]
 
 
-def test_the_gripper_has_it_and_the_force_of_a_torque(daemon: FakeDaemon) -> None:
+def test_the_gripper_has_it_and_the_force_of_a_torque(daemon: Heard) -> None:
     found: dict[str, Any] = {**HELLO["gripper"]}  # type: ignore[dict-item]
     config = GripperConfig.from_wire({**HELLO, "gripper": {**found, "nm_to_n": 16.4}})
     assert (config.work_stroke_mm, config.nm_to_n) == (WORK_MM, 16.4)
