@@ -5,12 +5,11 @@ from typing import Any
 import pytest
 
 from litegrip_client import LiteGrip, Trajectory
-from litegrip_client.core import motion
 from litegrip_client.ctl.main import main
 from litegrip_client.line.connection import Connection
-from tests.client.fake_daemon import FakeDaemon, Request
+from tests.client.fake_daemon import FakeDaemon
 from tests.client.fake_trajectories import FakeTrajectories
-from tests.client.helpers import Clock, Ctl
+from tests.client.helpers import Ctl
 
 
 @pytest.fixture(autouse=True)
@@ -60,29 +59,6 @@ def ctl(
         return code, captured.out, captured.err
 
     return run
-
-
-@pytest.fixture
-def jobs(daemon: FakeDaemon) -> list[int]:
-    """Have set-points with an id answered by jobs of ascending numbers."""
-    begun: list[int] = []
-
-    def begin(request: Request) -> Any:
-        if request.identity is None:
-            return None
-        begun.append(11 + len(begun))
-        return {"job": begun[-1]}
-
-    daemon.handlers["stream.set"] = begin
-    daemon.handlers["job.cancel"] = lambda request: {"job": request.params["job"]}
-    return begun
-
-
-@pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
-    clock = Clock()
-    monkeypatch.setattr(motion, "time", clock)
-    return clock
 
 
 @pytest.fixture

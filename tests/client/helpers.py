@@ -66,13 +66,3 @@ def event(request: Request | None, seq: int, kind: str = "job_ended") -> dict[st
     if request is not None:
         request.notify("event", {"subscription": 5, **one})
     return one
-
-
-class Clock:
-    """The clock of the module, which goes on only when a test says so."""
-
-    def __init__(self) -> None:
-        self.now_s = 0.0
-
-    def monotonic(self) -> float:
-        return self.now_s

@@ -1,17 +1,15 @@
 """How litegripctl tells errors, and what Ctrl-C does."""
 
 import json
-import os
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from litegrip_client.ctl.main import main
 from litegripd.model.errors import ERROR_TABLE, ErrorKind
 from litegripd.motor.phases import implausible_refusal
-from tests.client.fake_daemon import STATE, FakeDaemon, Request
-from tests.client.helpers import Ctl, interrupt_main_thread
+from tests.client.fake_daemon import FakeDaemon, Request
+from tests.client.helpers import Ctl
 
 IN_ITS_OWN_WORDS = {
     "stopped",
@@ -222,72 +220,6 @@ def test_wrong_usage_points_to_the_help_of_its_command(ctl: Ctl, line: str, help
 def test_a_refused_value_points_to_the_help_of_its_command(daemon: FakeDaemon, ctl: Ctl) -> None:
     daemon.handlers["motion.grasp"] = lambda request: request.fail("out_of_limits", -32011, "60")
     assert ctl("grasp", "--force", "60")[2].splitlines()[-1] == "  see: litegripctl grasp --help"
-
-
-def test_watch_and_a_daemon_that_goes_away(daemon: FakeDaemon, ctl: Ctl) -> None:
-    def subscribe(request: Request) -> None:
-        request.reply({"subscription": 1, "state": STATE})
-        request.hang_up()
-
-    daemon.handlers["state.subscribe"] = subscribe
-    code, out, err = ctl("watch")
-    assert (code, out.count("\n")) == (3, 1)
-    assert "the daemon ended the connection" in err
-
-
-def test_ctrl_c_cancels_the_motion(daemon: FakeDaemon, ctl: Ctl) -> None:
-    job = {"job": 6, "state": "running", "owner": {"pid": os.getpid()}}
-    daemon.handlers["motion.open"] = lambda request: interrupt_main_thread()
-    daemon.handlers["job.list"] = lambda request: {"jobs": [job]}
-    daemon.handlers["job.cancel"] = lambda request: {**job, "state": "cancelled"}
-    text = "litegripctl: interrupted: job 6 cancelled, the jaws hold\n"
-    assert ctl("open") == (130, "", text)
-    code, out, _ = ctl("open", "--json")
-    assert (code, json.loads(out)["error"]["data"]["reason"]) == (130, "interrupted")
-
-
-@pytest.mark.parametrize(
-    ("jobs", "cancelled", "text"),
-    [
-        ([], None, "no motion was running"),
-        ([6], {"job": 6, "state": "done"}, "job 6 had ended, done"),
-        (
-            [6],
-            None,
-            "could NOT be cancelled: gone\n  it may continue; stop it with: litegripctl stop",
-        ),
-    ],
-)
-def test_ctrl_c_tells_what_it_could_not_do(
-    daemon: FakeDaemon, ctl: Ctl, jobs: list[int], cancelled: Any, text: str
-) -> None:
-    owner = {"pid": os.getpid()}
-    daemon.handlers["motion.open"] = lambda request: interrupt_main_thread()
-    daemon.handlers["job.list"] = lambda request: {
-        "jobs": [{"job": number, "state": "running", "owner": owner} for number in jobs]
-    }
-
-    def cancel(request: Request) -> Any:
-        if cancelled is None:
-            request.fail("unknown_job", -32012, "gone")
-        return cancelled
-
-    daemon.handlers["job.cancel"] = cancel
-    code, _, err = ctl("open")
-    assert code == 130
-    assert text in err
-
-
-def test_ctrl_c_elsewhere_is_quiet(daemon: FakeDaemon, ctl: Ctl) -> None:
-    daemon.handlers["state.get"] = lambda request: interrupt_main_thread()
-    assert ctl("state") == (130, "", "")
-
-
-def test_a_strange_answer_is_no_traceback(daemon: FakeDaemon, ctl: Ctl) -> None:
-    daemon.handlers["job.cancel"] = lambda request: {"else": 1}
-    code, _, err = ctl("cancel", "3")
-    assert code == 70
-    assert "not as expected" in err
 
 
 def refuse(request: Request) -> None:

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from litegripd.model.errors import ERRORS
-from tests.client.rig import GUARDS, Asked, Bench, Ctl, Heard, Refuse
+from tests.client.rig import GUARDS, SILENT, Asked, Bench, Ctl, Heard, Refuse
 from tests.trajectories import lgt
 
 Scene = tuple[str, list[str]]
@@ -160,6 +160,10 @@ class Stage:
             self._daemon.hang_up()
 
         self._daemon.instead[method] = hang_up
+
+    def deaf(self, method: str) -> None:
+        """The daemon does not answer a method."""
+        self._daemon.instead[method] = SILENT
 
     def itself(self, _rest: str) -> None:
         """The daemon answers by itself again."""
