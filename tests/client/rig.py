@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar, cast
+from typing import Any, NoReturn, TypeAlias, TypeVar, cast
 
 import pytest
 
@@ -152,6 +152,10 @@ class Bench(Site):
         if daemon is None:
             raise FileNotFoundError(2, "No such file or directory", path)
         return cast("Heard", daemon)
+
+    def channels(self) -> list[str]:
+        """Return the channels that have a daemon."""
+        return sorted(self._daemons)
 
     def open_stream(self, path: str, _timeout_s: float) -> Line:
         return Line(self, self.heard(path))
@@ -428,7 +432,15 @@ def a_bench(home: Path) -> Iterator[Bench]:
             "litegrip_client.aio.gripper.LineStream",
             lambda on_lines, on_change: AsyncLine(site, on_lines, on_change),
         )
+        # What really runs on this machine is nobody's to find, and least of all to stop.
+        patch.setattr("litegrip_client.ctl.commands.state.stop_at", _no_stop_socket)
+        for module in ("run", "render"):
+            patch.setattr(f"litegrip_client.ctl.{module}.running_channels", site.channels)
         yield site
+
+
+def _no_stop_socket(path: str, *_arguments: object) -> NoReturn:
+    raise FileNotFoundError(2, "No such file or directory", path)
 
 
 def run_ctl(capsys: pytest.CaptureFixture[str]) -> Ctl:
