@@ -11,15 +11,21 @@ A scene begins with its title behind `==`, at a calibrated gripper whose motor i
     >> motion.move {...}      one that is guarded: never after a stop it did not know of
     -- motion.move            no request of that method came in this scene
     @ object 50               something happens: see `Stage`
+    @ types y ⏎ 84.5 ^D ^C    these lines are typed at the next command's questions, and shown
+                              behind them; push:0.6 first pushes the jaws open, -0.6 closed
 """
 
 import json
 import re
 import shlex
+import sys
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
+
+import pytest
 
 from litegripd.model.errors import ERRORS
 from tests.client.rig import GUARDS, SILENT, Asked, Bench, Ctl, Heard, Refuse
@@ -43,6 +49,7 @@ class Stage:
         self._daemon = Heard()
         site.add(self._daemon)
         self._other = self._daemon.client(pid=77, uid=1000)
+        self._answers: list[str] = []
 
     def play(self, lines: list[str]) -> None:
         """Play a scene; fail where it is not as it stands in the transcript."""
@@ -56,7 +63,7 @@ class Stage:
             elif line.startswith(("> ", ">> ")):
                 self._check_asked(line)
             elif line.startswith("-- "):
-                assert line[3:] not in self._daemon.methods()
+                assert line[3:] not in self._daemon.methods(), line
             else:
                 assert line.startswith("$ "), line
                 expected = []
@@ -66,7 +73,15 @@ class Stage:
                 self._type(line[2:], expected)
 
     def _type(self, typed: str, expected: list[str]) -> None:
-        code, shown, told = self._ctl(*shlex.split(typed.replace("FOLDER", str(self._folder))))
+        arguments = shlex.split(typed.replace("FOLDER", str(self._folder)))
+        with pytest.MonkeyPatch.context() as patch:
+            if self._answers:
+                here = SimpleNamespace(isatty=lambda: True, readline=self._read)
+                patch.setattr("sys.stdin", here)
+                patch.setattr(sys.stderr, "isatty", lambda: True)
+            code, shown, told = self._ctl(*arguments)
+        assert self._answers in ([], [_NOBODY])
+        self._answers = []
         lines = [*shown.splitlines(), *(f"! {line}" for line in told.splitlines())]
         got = [line.replace(str(self._folder), "FOLDER").rstrip() for line in lines]
         got = [line for line in got if line] + ([] if code == 0 else [f"= {code}"])
@@ -84,9 +99,31 @@ class Stage:
         pattern = re.escape(json.dumps(json.loads(params), sort_keys=True))
         asked = json.dumps(last.plain, sort_keys=True)
         assert re.fullmatch(pattern.replace('"\\~"', _NUMBER), asked), asked
-        assert (set(GUARDS) <= set(last.params)) is (mark == ">>")
+        assert (set(GUARDS) <= set(last.params)) is (mark == ">>"), line
+
+    def _read(self) -> str:
+        """Return the next line that is typed, which a terminal shows; push by hand before it."""
+        answer = self._answers.pop(0)
+        while answer.startswith("push:"):
+            opening_nm = float(answer.removeprefix("push:"))
+            self._daemon.gripper.push(-opening_nm * self._daemon.gripper.parameters.close_sign)
+            self._site.run(1.0)
+            self._daemon.gripper.push(0.0)
+            answer = self._answers.pop(0)
+        assert answer != _NOBODY
+        if answer == "^C":
+            raise KeyboardInterrupt
+        if answer == "^D":
+            return ""
+        line = "\n" if answer == "⏎" else f"{answer}\n"
+        sys.stderr.write(line)
+        return line
 
     # What may happen
+
+    def types(self, answers: str) -> None:
+        """Somebody sits at the terminal of the next command."""
+        self._answers = answers.split()
 
     def enabled(self, _rest: str) -> None:
         """The motor is enabled, for longer than a program runs."""
@@ -136,6 +173,36 @@ class Stage:
         method, _, text = rest.partition(" ")
         self._daemon.instead[method] = json.loads(text)
 
+    def sits(self, _rest: str) -> None:
+        """Somebody sits at the terminal of the next command, which asks nothing."""
+        self._answers = [_NOBODY]
+
+    def measures(self, text: str) -> None:
+        """The daemon answers `zero` with these figures, but for these members."""
+        result = {**MEASURED, "state": self._daemon.wire_state, **json.loads(text or "{}")}
+        self._daemon.instead["calibration.zero"] = result
+
+    def finds(self, text: str) -> None:
+        """The calibration by hand ends with these figures, but for these members."""
+        result = {**MEASURED, "state": self._daemon.wire_state, **json.loads(text)}
+        self._daemon.instead["calibration.manual"] = lambda request: (
+            result if request.params["step"] == "finish" else None
+        )
+
+    def stumbles(self, rest: str) -> None:
+        """The daemon refuses a step of the calibration by hand once, with a message and data."""
+        step, reason, text = rest.split(" ", 2)
+        message, _, data = text.partition(" {")
+        more = json.loads("{" + data) if data else {}
+
+        def refuse(request: Asked) -> Refuse | None:
+            if request.params["step"] != step:
+                return None
+            del self._daemon.instead["calibration.manual"]
+            return Refuse(reason, ERRORS[reason].code, message, **more)
+
+        self._daemon.instead["calibration.manual"] = refuse
+
     def state(self, text: str) -> None:
         """The state has these members, and else is the real one."""
         state = {**self._daemon.wire_state, **json.loads(text)}
@@ -181,6 +248,19 @@ class Stage:
         (self._folder / name).write_text(text, encoding="utf-8")
 
 
+MEASURED: dict[str, Any] = {
+    "job": 4,
+    "ok": True,
+    "outcome": "measured",
+    "closed_rad": 0.104,
+    "open_rad": -1.513,
+    "travel_rad": 1.617,
+    "rad_to_mm": 86.0 / 1.617,
+    "content": {},
+    "path": "/var/lib/x.json",
+    "message": None,
+}
+_NOBODY = "nothing is asked"
 POINTS = [(number / 100, 0.6 + number / 3000) for number in range(300)]
 
 _NUMBER = r"[-+]?[0-9.]+"

@@ -1,4 +1,4 @@
-"""The commands of litegripctl for clients, the lease and the stop."""
+"""How litegripctl stops: by the socket for stops, else as any other request."""
 
 import json
 import socket
@@ -13,53 +13,8 @@ from litegrip_client import ConnectError, ProtocolError
 from litegrip_client.core.sockets import stop_path
 from litegrip_client.core.stop import stop_at
 from litegrip_client.ctl.main import main
-from tests.client.ctl_terminal import Terminal
 from tests.client.fake_daemon import STATE, FakeDaemon
 from tests.client.helpers import Ctl
-
-HOLDER = {"client": 4, "pid": 77, "uid": 1000, "program": "sorter.py", "purpose": "sorting"}
-
-
-def taking(daemon: FakeDaemon, owner: Any, job: int | None, **state: Any) -> None:
-    """Let a daemon answer a take-over so."""
-    answer = {"lease": "e", "number": 2, "ended_job": job, "state": {**STATE, **state}}
-    daemon.handlers["lease.get"] = lambda request: {"owner": owner, "mine": False, "waiting": 0}
-    daemon.handlers["lease.take"] = lambda request: answer
-
-
-@pytest.mark.parametrize(("answer", "code"), [("y\n", 0), ("\n", 1), ("\x04", 1)])
-def test_a_take_over_on_a_terminal_asks_first(daemon: FakeDaemon, answer: str, code: int) -> None:
-    taking(daemon, HOLDER, None)
-    terminal = Terminal("--socket", daemon.path, "lease", "take", "it hangs")
-    what = "sorter.py (pid 77), uid 1000, has it for sorting"
-    terminal.expect(f"{what}; end that? The jaws hold on then. [y/N] ")
-    assert "lease.take" not in daemon.methods()
-    terminal.type(answer)
-    assert terminal.end()[0] == code
-    assert ("lease.take" in daemon.methods()) is (code == 0)
-
-
-def test_a_take_over_on_a_terminal_asks_for_a_motion_without_a_lease_too(
-    daemon: FakeDaemon,
-) -> None:
-    taking(daemon, None, 3)
-    job = {"job": 3, "kind": "open", "phase": None, "owner": {"program": "a.py", "pid": 5}}
-    daemon.handlers["state.get"] = lambda request: {**STATE, "job": job}
-    terminal = Terminal("--socket", daemon.path, "lease", "take", "--release", "it hangs")
-    terminal.expect("job 3, open by a.py (pid 5), is running; end that? The jaws go slack then.")
-    terminal.type("y\n")
-    assert terminal.end()[0] == 0
-
-
-@pytest.mark.parametrize("owner", [None, HOLDER])
-def test_a_take_over_asks_nothing_where_there_is_nothing_to_end_or_it_is_told_not_to(
-    daemon: FakeDaemon, owner: Any
-) -> None:
-    taking(daemon, owner, None)
-    yes = [] if owner is None else ["--yes"]
-    terminal = Terminal("--socket", daemon.path, "lease", "take", *yes, "it hangs")
-    code, shown = terminal.end()
-    assert (code, "[y/N]" in shown) == (0, False)
 
 
 class StopSocket:
