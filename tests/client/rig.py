@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, NoReturn, TypeAlias, TypeVar, cast
 
 import pytest
@@ -432,6 +433,8 @@ def a_bench(home: Path) -> Iterator[Bench]:
             "litegrip_client.aio.gripper.LineStream",
             lambda on_lines, on_change: AsyncLine(site, on_lines, on_change),
         )
+        clock = SimpleNamespace(monotonic=lambda: site.now_s, sleep=site.run)
+        patch.setattr("litegrip_client.ctl.commands.teleop.time", clock)
         # What really runs on this machine is nobody's to find, and least of all to stop.
         patch.setattr("litegrip_client.ctl.commands.state.stop_at", _no_stop_socket)
         for module in ("run", "render"):

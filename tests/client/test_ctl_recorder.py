@@ -1,61 +1,18 @@
-"""`litegripctl dump` and `plot`: what they say, and what they say when it cannot be done."""
+"""`litegripctl plot`: what it draws, and what it says when it cannot."""
 
 import json
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from litegrip_client.ctl.plot.drawing import Happening, labels, read
 from litegripd.recorder.files import read as read_memory
 from litegripd.recorder.files import to_mcap
-from tests.client.fake_daemon import FakeDaemon
 from tests.client.helpers import Ctl
 from tests.world import World
 
 PNG = b"\x89PNG\r\n\x1a\n"
-
-
-def answer(path: Path) -> dict[str, Any]:
-    return {"path": str(path), "ticks": 12000, "seconds": 59.995, "bytes": 756906}
-
-
-def test_dump_names_the_file(daemon: FakeDaemon, ctl: Ctl, tmp_path: Path) -> None:
-    path = tmp_path / "x.mcap"
-    daemon.handlers["recorder.dump"] = lambda request: answer(path)
-    assert ctl("dump") == (0, f"60 s (12000 ticks, 0.8 MB) in {path}\n", "")
-    assert daemon.requests[-1].params.keys() <= {"sent_s", "stop_generation"}
-    assert ctl("dump", "--note", "it jerked", "--json")[0] == 0
-    assert daemon.requests[-1].params["note"] == "it jerked"
-
-
-def test_dump_copies_the_file(daemon: FakeDaemon, ctl: Ctl, tmp_path: Path) -> None:
-    path, copy = tmp_path / "x.mcap", tmp_path / "copy.mcap"
-    path.write_bytes(b"content")
-    daemon.handlers["recorder.dump"] = lambda request: answer(path)
-    shown = f"60 s (12000 ticks, 0.8 MB) in {copy}\n"
-    assert ctl("dump", "-o", str(copy)) == (0, shown, "")
-    assert copy.read_bytes() == b"content"
-    told = json.loads(ctl("dump", "-o", str(tmp_path / "x2.mcap"), "--json")[1])
-    assert told == {**answer(path), "file": str(tmp_path / "x2.mcap")}
-    asked = len(daemon.requests)
-    code, _shown, error = ctl("dump", "-o", str(copy))
-    assert (code, error) == (
-        4,
-        f"litegripctl: {copy} exists already\n  take another name\n",
-    )
-    assert "recorder.dump" not in [request.method for request in daemon.requests[asked:]]
-
-
-def test_a_dump_that_cannot_be_read_from_here_is_named(
-    daemon: FakeDaemon, ctl: Ctl, tmp_path: Path
-) -> None:
-    path = tmp_path / "elsewhere" / "x.mcap"
-    daemon.handlers["recorder.dump"] = lambda request: answer(path)
-    code, shown, error = ctl("dump", "-o", str(tmp_path / "copy.mcap"))
-    assert (code, shown) == (4, "")
-    assert f"the dump is {path} on the daemon's machine, but cannot be read from here" in error
 
 
 @pytest.fixture(scope="module")

@@ -59,7 +59,7 @@ class Stage:
             at += 1
             if line.startswith("@ "):
                 name, _, rest = line[2:].partition(" ")
-                getattr(self, name)(rest)
+                getattr(self, name)(rest.replace("FOLDER", str(self._folder)))
             elif line.startswith(("> ", ">> ")):
                 self._check_asked(line)
             elif line.startswith("-- "):
@@ -182,6 +182,18 @@ class Stage:
         result = {**MEASURED, "state": self._daemon.wire_state, **json.loads(text or "{}")}
         self._daemon.instead["calibration.zero"] = result
 
+    def teleop(self, text: str) -> None:
+        """Teleoperation has this status, and else that of one which never ran."""
+        own = self._daemon.client().result("teleop.status")
+        for method in ("teleop.start", "teleop.status", "teleop.stop"):
+            self._daemon.instead[method] = {**own, **json.loads(text)}
+
+    def then(self, rest: str) -> None:
+        """In 0.2 s the daemon answers a method with other members."""
+        method, _, text = rest.partition(" ")
+        answer = {**self._daemon.instead[method], **json.loads(text)}
+        self._site.after(0.2, partial(self._daemon.instead.__setitem__, method, answer))
+
     def finds(self, text: str) -> None:
         """The calibration by hand ends with these figures, but for these members."""
         result = {**MEASURED, "state": self._daemon.wire_state, **json.loads(text)}
@@ -241,6 +253,11 @@ class Stage:
         path = self._folder / "mine" / name
         path.parent.mkdir(exist_ok=True)
         path.write_bytes(lgt(POINTS))
+
+    def holds(self, rest: str) -> None:
+        """A file of the folder is found to have this content."""
+        name, _, text = rest.partition(" ")
+        assert (self._folder / name).read_text(encoding="utf-8") == text
 
     def file(self, rest: str) -> None:
         """A file lies in the folder."""
