@@ -289,9 +289,6 @@ class Lent:
     def __setattr__(self, name: str, value: object) -> None:
         setattr(self._real, name, value)
 
-    def __delattr__(self, name: str) -> None:
-        delattr(self._real, name)
-
     def __enter__(self) -> Any:
         return self._kind.lend(self._real.__aenter__())
 
@@ -318,9 +315,6 @@ class Threads:
 
     def __init__(self, site: Bench) -> None:
         self.site = site
-
-    def __str__(self) -> str:
-        return "threads"
 
     def gripper(self, channel: str | None = "can0", *arguments: Any, **settings: Any) -> LiteGrip:
         return LiteGrip(channel, *arguments, **settings)

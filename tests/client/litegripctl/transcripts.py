@@ -158,11 +158,6 @@ class Stage:
         """Time passes."""
         self._site.run(float(seconds))
 
-    def silent(self, _rest: str) -> None:
-        """The motor does not answer any more."""
-        self._daemon.lose_from_motor = lambda _frame: True
-        self._site.run(1.0)
-
     def uncalibrated(self, _rest: str) -> None:
         """Another daemon, without a calibration, is there instead."""
         self._daemon = Heard(calibrated=False, home=self._folder)
