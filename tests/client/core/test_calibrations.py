@@ -390,7 +390,7 @@ def steps(daemon: Heard) -> list[str]:
 def pushed(daemon: Heard, kind: Kind, opening_nm: float) -> None:
     """Push the jaws to a stop by hand."""
     daemon.gripper.push(-opening_nm * daemon.gripper.parameters.close_sign)
-    kind.pause(1.0)
+    kind.pause(0.6)
     daemon.gripper.push(0.0)
 
 

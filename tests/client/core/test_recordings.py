@@ -1,5 +1,6 @@
 """Recording at the real daemon: what is asked, fetched and checked, and how it is broken off."""
 
+from functools import partial
 from typing import Any
 
 import pytest
@@ -139,9 +140,8 @@ def test_record_start_and_stop(daemon: Heard, enabled: LiteGrip, kind: Kind) -> 
     assert daemon.asked("trajectory.record_stop") == [{"allow_empty": True}]
 
 
-@pytest.mark.parametrize("spoiled", ["bytes", "nothing", "replaced"])
-def test_what_is_fetched_is_checked(daemon: Heard, enabled: LiteGrip, spoiled: str) -> None:
-    def get(request: Asked) -> dict[str, Any]:
+def test_what_is_fetched_is_checked(daemon: Heard, enabled: LiteGrip) -> None:
+    def get(spoiled: str, request: Asked) -> dict[str, Any]:
         piece = other.result("trajectory.get", name="pick", offset=request.params["offset"])
         if spoiled == "bytes":
             piece["data"] = "AAAA" + piece["data"][4:]
@@ -153,14 +153,14 @@ def test_what_is_fetched_is_checked(daemon: Heard, enabled: LiteGrip, spoiled: s
 
     other = daemon.client()
     enabled.keep_trajectory("pick", enabled.record(1.05, 200.0))
-    daemon.instead["trajectory.get"] = get
-    kind, why = {
-        "bytes": (ProtocolError, "has not the SHA-256"),
-        "nothing": (ProtocolError, "sent nothing"),
-        "replaced": (CommandError, "was replaced while it was being fetched"),
-    }[spoiled]
-    with pytest.raises(kind, match=why):
-        enabled.fetch_trajectory("pick")
+    for spoiled, kind, why in (
+        ("bytes", ProtocolError, "has not the SHA-256"),
+        ("nothing", ProtocolError, "sent nothing"),
+        ("replaced", CommandError, "was replaced while it was being fetched"),
+    ):
+        daemon.instead["trajectory.get"] = partial(get, spoiled)
+        with pytest.raises(kind, match=why):
+            enabled.fetch_trajectory("pick")
 
 
 def test_what_is_kept_is_listed_fetched_and_deleted_by_its_name(

@@ -172,7 +172,7 @@ def test_a_refused_subscription_raises(gripper: LiteGrip) -> None:
 def test_events_are_those_from_the_begin_on(site: Bench, daemon: Heard, gripper: LiteGrip) -> None:
     other = daemon.client()
     other.result("stop", level="relax")
-    site.after(8.0, lambda: other.send("stop", level="disable"))  # longer than any answer takes
+    site.after(5.5, lambda: other.send("stop", level="disable"))  # longer than any answer takes
     with gripper.events() as events:
         recent = list(events.recent)
         event = next(events)
@@ -228,7 +228,7 @@ def test_what_a_slow_task_gets_is_new(site: Bench, daemon: Heard, tasks: Asyncio
     async def main() -> None:
         async with aio.LiteGrip() as gripper, gripper.states(20, ["monotonic_s"]) as states:
             await states.__anext__()
-            await asyncio.sleep(3.0)
+            await asyncio.sleep(1.5)
             ages_s = [site.now_s - (await states.__anext__())["monotonic_s"] for _ in range(10)]
             assert ages_s == sorted(ages_s, reverse=True)
             assert 0.4 < ages_s[0] < 0.55

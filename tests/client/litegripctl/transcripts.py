@@ -107,7 +107,7 @@ class Stage:
         while answer.startswith("push:"):
             opening_nm = float(answer.removeprefix("push:"))
             self._daemon.gripper.push(-opening_nm * self._daemon.gripper.parameters.close_sign)
-            self._site.run(1.0)
+            self._site.run(0.6)
             self._daemon.gripper.push(0.0)
             answer = self._answers.pop(0)
         assert answer != _NOBODY
