@@ -26,7 +26,7 @@ from litegrip_client.values.results import (
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: what is seldom needed takes its time to import
     import os
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
     from typing import Any, Literal, TypeAlias
 
     from litegrip_client.core.calibrations import ManualCalibration
@@ -72,6 +72,7 @@ class GripperActions:
         self._frames: SetpointStream | None = None
         self._kept_trajectories: Trajectories | None = None
         self._mount_due: str | None = None
+        self.motion_calibration = None
         self.motion_config = MotionConfig() if motion_config is None else motion_config
 
     @property
@@ -89,6 +90,21 @@ class GripperActions:
             )
         self._motion_config = value
 
+    @property
+    def motion_calibration(self) -> Mapping[str, float] | None:
+        """What this object's motions count on in place of the daemon's calibration, or None.
+
+        It has the keys of a calibration file: `zero_position_rad` (closed), `max_position_rad`
+        (open) and `rad_to_mm`, and perhaps `work_stroke_mm`, `kp` and `kd`. It is sent with each
+        motion, and changes nothing for other clients; the state's millimetres are the daemon's. The
+        daemon refuses what `load_calibration` would refuse.
+        """
+        return self._motion_calibration
+
+    @motion_calibration.setter
+    def motion_calibration(self, value: Mapping[str, float] | None) -> None:
+        self._motion_calibration = value
+
     # The motor
 
     async def enable(self, retries: int | None = None) -> EnableResult:
@@ -104,7 +120,7 @@ class GripperActions:
         session = self._session
         wire = session.wire
         params = {} if retries is None else {"retries": integer("retries", retries)}
-        call = wire.connection.prepare_guarded("motor.enable", self._configured(params))
+        call = wire.connection.prepare_guarded("motor.enable", self._tuned(params))
         await session.acquire(on_lost="disable" if session.disable_on_disconnect else "hold")
         if self._mount_due is not None:
             await self._load_mount(wire)
@@ -353,7 +369,7 @@ class GripperActions:
         is how fast they follow at most (`motion_config.speed_mm_s` by default), `torque_nm`, 0.1
         to 3 N·m, what they press with at most on what stands in their way (1 by default).
         """
-        limits = self._speed_limit() | given_numbers(speed_mm_s=speed_mm_s, torque_nm=torque_nm)
+        limits = self._limits() | given_numbers(speed_mm_s=speed_mm_s, torque_nm=torque_nm)
         return SetpointStream(self._session, valid_s, limits, self._end_frames)
 
     async def send_mit_frame(
@@ -365,21 +381,23 @@ class GripperActions:
         `kd` (0.1 to 5 N·m·s/rad, at least kp · 0.002 s) or softer, and press with 1 N·m at most.
         The velocity of their path is fed forward: `dq` is not used, but checked.
 
+        With `kp` 0 it is a set-point of the torque `tau` (N·m, positive towards larger radians,
+        within what `set_force` allows), at a bounded speed; with `tau` 0 the jaws are slack.
+
         True when it is sent; a refusal is raised, perhaps by the next call. Raises
-        `CommandError` with reason "unsupported" for `kp` 0 and for a `tau`, which ask for a
-        torque, a speed or for nothing instead of a position: use `set_force`, `grasp`,
-        `move_at_speed` or `zero_gravity`.
+        `CommandError` with reason "unsupported" for a `tau` beside a `kp`, and for a speed (`dq`
+        and `kd` without `kp`): use `set_force`, or `move_at_speed`.
         """
         target = frame_target(q, kp, kd, dq, tau)
         if self._frames is None:
-            self._frames = SetpointStream(self._session, _FRAME_VALID_S, self._speed_limit())
+            self._frames = SetpointStream(self._session, _FRAME_VALID_S, self._limits())
         await self._frames.set_target(**target)
         return True
 
-    def _speed_limit(self) -> dict[str, float]:
-        """Return the tunable speed if it was set: streams use no other tunable."""
+    def _limits(self) -> dict[str, Any]:
+        """Return the tunable speed if it was set, the only tunable of streams, and the limits."""
         config = self._motion_config.to_wire()
-        return {name: config[name] for name in ("speed_mm_s",) if name in config}
+        return self._calibrated({name: config[name] for name in ("speed_mm_s",) if name in config})
 
     async def _end_frames(self) -> None:
         """End the stream of `send_mit_frame`, so that another request can begin."""
@@ -423,7 +441,7 @@ class GripperActions:
             params["max_samples"] = integer("max_samples", max_samples)
         if zero_gravity:
             await self._end_frames()
-        return await self._trajectories.begin(params)
+        return await self._trajectories.begin(self._calibrated(params))
 
     async def record_stop(self, allow_empty: bool = False) -> Trajectory:
         """End the recording and return it.
@@ -679,7 +697,7 @@ class GripperActions:
         config = {**self._motion_config.to_wire(), **own}
         if config:
             params["config"] = config
-        return _with_torque(await self._command("teleop.start", params))
+        return _with_torque(await self._command("teleop.start", self._calibrated(params)))
 
     async def teleop_stop(self, timeout: float = 2.0) -> dict[str, Any]:
         """End it, if it runs: the jaws hold where they are. Returns the status at the end.
@@ -807,7 +825,7 @@ class GripperActions:
         target = files.environment_path()
         if target is not None:
             files.check_writable(target)
-        params = self._configured({"save": True, **self._stroke(stroke_mm)})
+        params = self._tuned({"save": True, **self._stroke(stroke_mm)})
         data = await self._probe(params, mount, progress)
         if target is not None:
             await self.save_calibration(target)
@@ -880,9 +898,18 @@ class GripperActions:
     # How a request is made
 
     def _configured(self, params: dict[str, Any]) -> dict[str, Any]:
+        """Add the tunables that were set to the parameters of a motion, and its limits."""
+        return self._calibrated(self._tuned(params))
+
+    def _tuned(self, params: dict[str, Any]) -> dict[str, Any]:
         """Add the tunables that were set to the parameters of a call."""
         config = self._motion_config.to_wire()
         return {**params, "config": config} if config else params
+
+    def _calibrated(self, params: dict[str, Any]) -> dict[str, Any]:
+        """Add the limits of this object's motions to the parameters of one, if it has its own."""
+        own = self._motion_calibration
+        return params if own is None else {**params, "calibration": dict(own)}
 
     async def _move(
         self, method: str, params: dict[str, Any], progress: ProgressCallback | None

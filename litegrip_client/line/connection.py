@@ -22,6 +22,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Mapping, Sequence
+from weakref import ref
 
 from litegrip_client.line.exchange import (
     DEFAULT_TIMEOUT_S,
@@ -37,6 +38,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, TypeVar
 
+    from litegrip_client.line.exchange import Listener
     from litegrip_client.line.feeds import EventSubscription, Feed, StateSample, Subscription
 
     _Item = TypeVar("_Item")
@@ -428,6 +430,14 @@ class Connection(Exchange):
         """Wait until a feed has something in its inbox."""
         self._multiplexer.check_usable()
         self._multiplexer.wait(feed.inbox, timeout_s, f"with a {feed.what}")
+
+    def listen(self, notification: str, listener: Listener) -> None:
+        """Hand a kind of notification that belongs to no subscription to a listener, held weakly."""
+        self._router.listeners[notification, 0] = ref(listener)
+
+    def unlisten(self, notification: str) -> None:
+        """End `listen`; again does nothing."""
+        self._router.listeners.pop((notification, 0), None)
 
     def unsubscribe(self, feed: Feed[Any]) -> None:
         """End a subscription; there is nothing to do when the connection has ended."""

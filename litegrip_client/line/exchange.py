@@ -243,6 +243,8 @@ class Router:
             self._deliver((method, params["subscription"]), params)
         elif method == "stream.refused":
             self.refusal = params
+        elif method == "teleop.send":
+            self._deliver((method, 0), params)
 
     def _deliver(self, key: Key, params: Message) -> None:
         held = self.listeners.get(key)
@@ -253,7 +255,8 @@ class Router:
             listener.deliver(params)
         else:
             del self.listeners[key]
-            self._on_orphan(key)
+            if key[0] in _UNSUBSCRIBING:
+                self._on_orphan(key)
 
 
 def unsubscribing(notification: str, number: int) -> tuple[str, dict[str, Any]]:

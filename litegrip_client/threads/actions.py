@@ -7,6 +7,7 @@ from litegrip_client.threads.blocking import complete
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # importing typing and dataclasses is slow
     import os
+    from collections.abc import Mapping
     from typing import Any, Literal
 
     from litegrip_client.core import actions as core_actions
@@ -111,13 +112,16 @@ class SetpointStream:
         *,
         position_rad: float | None = None,
         openness: float | None = None,
+        push_nm: float | None = None,
         torque_nm: float | None = None,
         kp: float | None = None,
         kd: float | None = None,
     ) -> None:
         """Send the jaws to exactly one of `opening_mm`, `position_rad` and `openness` (0 to 1).
 
-        `torque_nm` is for this target what it is for the whole stream. `kp` (5 to 500 N·m/rad) and
+        Or have the motor make the torque `push_nm` in N·m, positive towards larger radians, within
+        what `set_force` allows and at a bounded speed; with 0 the jaws are slack. Nothing else goes
+        with it. `torque_nm` is for this target what it is for the whole stream. `kp` (5 to 500 N·m/rad) and
         `kd` (0.1 to 5 N·m·s/rad) are the most stiffness and damping, the calibration's by default.
         Raises `CommandError` (a target outside the travel, another motion runs, ...) and all that
         motions raise.
@@ -127,6 +131,7 @@ class SetpointStream:
                 opening_mm,
                 position_rad=position_rad,
                 openness=openness,
+                push_nm=push_nm,
                 torque_nm=torque_nm,
                 kp=kp,
                 kd=kd,
@@ -172,6 +177,21 @@ class GripperActions:
     @motion_config.setter
     def motion_config(self, value: MotionConfig) -> None:
         self._core.motion_config = value
+
+    @property
+    def motion_calibration(self) -> Mapping[str, float] | None:
+        """What this object's motions count on in place of the daemon's calibration, or None.
+
+        It has the keys of a calibration file: `zero_position_rad` (closed), `max_position_rad`
+        (open) and `rad_to_mm`, and perhaps `work_stroke_mm`, `kp` and `kd`. It is sent with each
+        motion, and changes nothing for other clients; the state's millimetres are the daemon's. The
+        daemon refuses what `load_calibration` would refuse.
+        """
+        return self._core.motion_calibration
+
+    @motion_calibration.setter
+    def motion_calibration(self, value: Mapping[str, float] | None) -> None:
+        self._core.motion_calibration = value
 
     def enable(self, retries: int | None = None) -> EnableResult:
         """Enable the motor; true if its status says so.
@@ -391,10 +411,12 @@ class GripperActions:
         `kd` (0.1 to 5 N·m·s/rad, at least kp · 0.002 s) or softer, and press with 1 N·m at most.
         The velocity of their path is fed forward: `dq` is not used, but checked.
 
+        With `kp` 0 it is a set-point of the torque `tau` (N·m, positive towards larger radians,
+        within what `set_force` allows), at a bounded speed; with `tau` 0 the jaws are slack.
+
         True when it is sent; a refusal is raised, perhaps by the next call. Raises
-        `CommandError` with reason "unsupported" for `kp` 0 and for a `tau`, which ask for a
-        torque, a speed or for nothing instead of a position: use `set_force`, `grasp`,
-        `move_at_speed` or `zero_gravity`.
+        `CommandError` with reason "unsupported" for a `tau` beside a `kp`, and for a speed (`dq`
+        and `kd` without `kp`): use `set_force`, or `move_at_speed`.
         """
         return complete(self._core.send_mit_frame(q, kp, kd, dq, tau))
 
