@@ -7,6 +7,7 @@ daemon has the link.
 from __future__ import annotations
 
 import json
+import logging
 import threading
 import time
 from collections.abc import Callable
@@ -79,6 +80,9 @@ class _Taken(TeleopSubscription):
         return self._slot.take()[0]
 
 
+LOG = logging.getLogger("litegrip.zenoh")
+
+
 def _opened(where: str, endpoint: str) -> zenoh.Session:
     """Return a session without discovery, which listens at or connects to one endpoint."""
     config = zenoh.Config()
@@ -91,6 +95,7 @@ def _opened(where: str, endpoint: str) -> zenoh.Session:
         config.insert_json5("connect/timeout_ms", "-1")
         config.insert_json5("connect/exit_on_failure", "false")
         config.insert_json5("listen/endpoints", "[]")
+    LOG.info("zenoh session: %s %s", where, endpoint)
     return zenoh.open(config)
 
 
@@ -113,9 +118,7 @@ def _into(slot: LatestSlot, on_frame: Callable[[bytes], None] | None = None) -> 
 class Listener:
     """A leader's end: listens at a port, and publishes under a key."""
 
-    def __init__(
-        self, port: int = DEFAULT_GRIP_PORT, key: str = "", ready_key: str | None = None
-    ) -> None:
+    def __init__(self, port: int, key: str, ready_key: str | None = None) -> None:
         self._session = _opened("listen", f"tcp/0.0.0.0:{port}")
         self._publisher = _publisher(self._session, key)
         self._ready = LatestSlot()
@@ -153,22 +156,27 @@ class Connector:
     def __init__(
         self,
         host: str,
-        port: int = DEFAULT_GRIP_PORT,
-        key: str = "",
+        port: int,
+        key: str,
         on_frame: Callable[[bytes], None] | None = None,
         ready_key: str | None = None,
     ) -> None:
         self._session = _opened("connect", f"tcp/{host}:{port}")
         self._slot = LatestSlot()
-        self.received = 0
+        self._received = 0
         self._on_frame = on_frame
         self._session.declare_subscriber(key, _into(self._slot, self._count))
         self._ready = None if ready_key is None else _publisher(self._session, ready_key)
 
     def _count(self, payload: bytes) -> None:
-        self.received += 1
+        self._received += 1
         if self._on_frame is not None:
             self._on_frame(payload)
+
+    @property
+    def received(self) -> int:
+        """How many frames have come."""
+        return self._received
 
     def latest(self) -> bytes | None:
         """Return the newest frame that was not taken yet, None without one."""

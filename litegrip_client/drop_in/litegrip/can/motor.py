@@ -87,6 +87,11 @@ class MotorState:
         return self._params.motor_type
 
     @property
+    def limits(self) -> MotorLimits | None:
+        """The ranges of its frames."""
+        return self._params.limits
+
+    @property
     def position(self) -> float:
         """Its angle, rad."""
         return 0.0 if self._state is None else self._state.position_rad

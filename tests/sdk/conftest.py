@@ -1,0 +1,51 @@
+"""The package `litegrip` over whole daemons in virtual time."""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from litegrip_client import as_sdk
+
+if as_sdk.FOLDER not in sys.path:
+    sys.path.insert(0, as_sdk.FOLDER)
+
+import litegrip  # noqa: E402 - by that path
+
+from tests.drop_in import Daemon, Site, a_site  # noqa: E402
+
+MOUNTS = ("normal", "reverse")
+
+
+@pytest.fixture
+def home(tmp_path: Path) -> Path:
+    path = tmp_path / "home"
+    path.mkdir()
+    return path
+
+
+@pytest.fixture
+def site(home: Path) -> Iterator[Site]:
+    with a_site(home) as site:
+        yield site
+
+
+@pytest.fixture(params=MOUNTS)
+def mount(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture
+def daemon(site: Site, mount: str) -> Daemon:
+    """Return a calibrated gripper's daemon on can0, the jaws 60 mm open and the motor disabled."""
+    return site.add(Daemon(mount=mount))
+
+
+@pytest.fixture
+def gripper(daemon: Daemon) -> Iterator[litegrip.LiteGrip]:
+    """Return the enabled gripper of that daemon, with its calibration."""
+    with litegrip.LiteGrip("can0") as gripper:
+        assert gripper.load_calibration()
+        assert gripper.enable()
+        yield gripper
