@@ -110,34 +110,66 @@ def motion_config_of(config: MotionConfig) -> OurMotionConfig:
     return OurMotionConfig(**values)
 
 
-def reporter(
-    progress: Callable[[MoveProgress], None] | None, window: int
-) -> Callable[[OurProgress], None] | None:
-    """Return what takes the client's reports of a way and passes them on as the SDK's samples."""
-    if progress is None:
-        return None
-    seen: list[float] = []
+_REPORT_S = 0.05
+"""The daemon reports a motion 20 times a second."""
 
-    def report(one: OurProgress) -> None:
-        before = seen[-1] if seen else one.pos_rad
-        seen.append(one.pos_rad)
-        del seen[: -window - 1]
-        full = len(seen) == window + 1
-        progress(
+
+class Samples:
+    """Passes the daemon's reports of a way on as the SDK's samples, in the caller's thread.
+
+    A sample is due each `sample_interval`, which the daemon's reports bound below: 0.05 s. `i`
+    counts the frames of its time, 10 to 0.05 s.
+    """
+
+    def __init__(
+        self, progress: Callable[[MoveProgress], None] | None, config: MotionConfig
+    ) -> None:
+        self._progress = progress
+        self._share = max(1, round(config.sample_interval / _REPORT_S))
+        self._frames = round(_REPORT_S / _PLAIN.frame_interval)
+        self._settling = round(config.settle_s / _PLAIN.frame_interval)
+        self._window = config.stall_cycles
+        self._seen: list[float] = []
+        self._reports = -1  # the first report comes with the first frame, and is no sample
+        self._total = 0
+
+    def take(self, one: OurProgress) -> None:
+        """Take a report of the daemon's."""
+        self._reports += 1
+        if self._progress is None or self._reports <= 0 or self._reports % self._share:
+            return
+        i = self._reports * self._frames
+        self._total = max(self._total, one.total_steps + self._settling, i)
+        self._pass_on(i, one.cmd_rad, one.pos_rad, one.torque_nm, one.temperature_coil)
+
+    def end(self, steps: int, command_rad: float, state: OurState) -> None:
+        """Pass on the last frame."""
+        if self._progress is not None:
+            self._total = max(self._total, steps)
+            at_rad, torque_nm = state.position_rad or 0.0, state.torque_nm or 0.0
+            self._pass_on(steps, command_rad, at_rad, torque_nm, state.coil_temperature_c)
+
+    def _pass_on(
+        self, i: int, command_rad: float, at_rad: float, torque_nm: float, coil_c: float | None
+    ) -> None:
+        before_rad = self._seen[-1] if self._seen else at_rad
+        self._seen.append(at_rad)
+        del self._seen[: -self._window - 1]
+        is_full = len(self._seen) == self._window + 1
+        assert self._progress is not None
+        self._progress(
             MoveProgress(
                 "move",
-                one.i,
-                one.total_steps,
-                one.cmd_rad,
-                one.pos_rad,
-                one.pos_rad - before,
-                one.pos_rad - seen[0] if full else None,
-                one.torque_nm,
-                int(one.temperature_coil or 0),
+                i,
+                self._total,
+                command_rad,
+                at_rad,
+                at_rad - before_rad,
+                at_rad - self._seen[0] if is_full else None,
+                torque_nm,
+                int(coil_c or 0),
             )
         )
-
-    return report
 
 
 def finite(name: str, value: Any) -> float:

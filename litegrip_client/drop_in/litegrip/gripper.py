@@ -18,7 +18,7 @@ import litegrip_client
 from litegrip_client.values import errors as ours
 
 from . import _files
-from ._bridge import finite, in_their_terms, motion_config_of, reporter, state_of, translated
+from ._bridge import Samples, finite, in_their_terms, motion_config_of, state_of, translated
 from ._sessions import Sessions
 from .actions import (
     EnableResult,
@@ -126,7 +126,7 @@ _KP_RANGE, _KD_RANGE, _LEAST_DAMPING = (5.0, 500.0), (0.1, 5.0), 0.002
 """The daemon's ranges of gains; kd is at least kp · 0.002 s."""
 _FRAME_PRESS_NM = 2.0
 """What a frame's position presses with at most: as a motion on its way."""
-_LOOK_S, _PERIOD_S = 0.05, 0.005
+_LOOK_S, _PERIOD_S, _SHORT_S = 0.05, 0.005, 0.003
 _SMALLEST_MM, _SMALLEST_RAD = 0.01, 1e-4
 _WITHOUT_WAY_S = 0.1
 
@@ -410,7 +410,7 @@ class LiteGrip:
                     return True
                 if time.monotonic() >= ends_s:
                     return False
-                time.sleep(_PERIOD_S / 5.0)
+                time.sleep(_SHORT_S)
 
     def get_state(self, wait: bool = True) -> GripperState:  # noqa: ARG002 - never older than 5 ms
         """Return what the motor has reported last; `wait` makes no difference."""
@@ -533,9 +533,9 @@ class LiteGrip:
         this thread; what it raises ends the motion and passes through.
         """
         daemon = self._begin("open", speed_mm_s)
-        report = reporter(progress, self.motion_config.stall_cycles)
+        samples = Samples(progress, self.motion_config)
         with in_their_terms():
-            return self._moved(daemon.open(speed_mm_s, progress=report))
+            return self._moved(daemon.open(speed_mm_s, progress=samples.take), samples)
 
     def close(
         self,
@@ -545,11 +545,12 @@ class LiteGrip:
     ) -> MoveResult:
         """Close to the stop; all else as for `open`."""
         daemon = self._begin("close", speed_mm_s)
-        report = reporter(progress, self.motion_config.stall_cycles)
+        samples = Samples(progress, self.motion_config)
         with in_their_terms():
-            return self._moved(daemon.close(speed_mm_s, progress=report))
+            return self._moved(daemon.close(speed_mm_s, progress=samples.take), samples)
 
-    def _moved(self, result: OurMove) -> MoveResult:
+    def _moved(self, result: OurMove, samples: Samples) -> MoveResult:
+        samples.end(result.steps, result.final_cmd_rad, result.state)
         return MoveResult(
             result.ok,
             result.reached,
@@ -579,9 +580,9 @@ class LiteGrip:
         lasts_s = finite("hold_s", hold_s)
         daemon = self._begin("grasp", None)
         limit_target(self.config, "close", self.motion_config.margin)
-        report = reporter(progress, self.motion_config.stall_cycles)
+        samples = Samples(progress, self.motion_config)
         with in_their_terms():
-            met = daemon.grasp(force, until="verdict", progress=report)
+            met = daemon.grasp(force, until="verdict", progress=samples.take)
             if met.outcome == "no_object":
                 daemon.set_force(force, 0.0)
             elif not met.ok:
