@@ -7,7 +7,7 @@ only through `step`.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Protocol
 
 from litegripd.control import events
@@ -31,7 +31,7 @@ from litegripd.control.authority import (
     StopLatch,
     held_refusal,
 )
-from litegripd.control.calibration import CalibrationInUse, content_of, save_task
+from litegripd.control.calibration import CalibrationInUse, Terms, content_of, save_task
 from litegripd.control.detectors import PressWatch
 from litegripd.control.events import (
     NOW,
@@ -126,18 +126,6 @@ class Recording(Protocol):
         """Take a tick's measurement, and the present grip."""
 
 
-@dataclass(frozen=True, slots=True)
-class Terms:
-    """What a motion, and the hold or grip that it leaves, counts on until the next motion.
-
-    Another calibration or configuration must not move jaws that nobody has asked to move: a
-    pressed stop would spring back by 1 mm when other limits are loaded under a latched stop.
-    """
-
-    geometry: Geometry | None
-    config: MotionConfig
-
-
 class Controller:
     """Runs one gripper: at most one job, else idle jaws: a hold, a grip, or slack.
 
@@ -195,7 +183,7 @@ class Controller:
         self.gripper_id = gripper_id or GripperId()
         self.motor = MotorView(MotorPhase.UNKNOWN)
         self.calibrated = CalibrationInUse()
-        self.in_force = Terms(None, config)
+        self.in_force = self.terms
         self.second_master = SecondMaster()
         self.jobs = JobBook()
         self.lease = Lease()
@@ -230,6 +218,11 @@ class Controller:
     def gains(self) -> Gains:
         """The gains of holds and moves: the calibration's, else the default."""
         return self.calibrated.gains
+
+    @property
+    def terms(self) -> Terms:
+        """What a motion counts on that brings nothing of its own."""
+        return self.calibrated.terms(self.config)
 
     @property
     def grip(self) -> Grip | None:
@@ -339,6 +332,14 @@ class Controller:
         why = unfitting(calibration, self.gripper_id.stroke_mm, ranges.position_rad)
         return None if why is None else self._unfitting(why, file)
 
+    def terms_of(self, given: Calibration, by: Owner, config: MotionConfig) -> Terms | Refusal:
+        """Return what a motion counts on for which a client has given a calibration.
+
+        It is judged as one that is loaded, and nothing of it stays.
+        """
+        refusal = self.why_unfitting(given, None)
+        return refusal or self.calibrated.terms_of(given, by.client, config)
+
     def _unfitting(self, why: str, file: str | None) -> Refusal:
         kept = "; the calibration in use stays in force" if self.geometry is not None else ""
         text = f"the calibration {file or 'that was given'} cannot be this gripper's: {why}{kept}"
@@ -387,12 +388,19 @@ class Controller:
     # Jobs
 
     def begin(
-        self, kind: JobKind, action: Action, owner: Owner, detached: bool, turn: Turn = NOW
+        self,
+        kind: JobKind,
+        action: Action,
+        owner: Owner,
+        detached: bool,
+        turn: Turn = NOW,
+        *,
+        terms: Terms | None = None,
     ) -> Job:
-        """Begin a job; the caller has checked that it may begin at this turn."""
+        """Begin a job on these terms; the caller has checked that it may begin at this turn."""
         self._end_replaced(turn)
         if kind not in _SAFE_JOBS:
-            self._put_in_force()
+            self.put_in_force(terms or self.terms)
         job = self._new_job(kind, owner, detached, turn)
         self.jobs.begin(job, self.now_s)
         self.action, self.has_stepped = action, False
@@ -402,13 +410,20 @@ class Controller:
         return job
 
     def settle(
-        self, kind: JobKind, idle: Idle, owner: Owner, result: Result, turn: Turn = NOW
+        self,
+        kind: JobKind,
+        idle: Idle,
+        owner: Owner,
+        result: Result,
+        turn: Turn = NOW,
+        *,
+        terms: Terms | None = None,
     ) -> Job:
         """Change at once what idle jaws do; the job has ended when this returns."""
         self._end_replaced(turn)
         if isinstance(idle, Grip) and kind == "set_force":
             self._moved_by = kind
-        self._put_in_force()
+        self.put_in_force(terms or self.terms)
         self.idle = idle
         job = self._new_job(kind, owner, detached=True, turn=turn)
         self.jobs.begin(job, self.now_s)
@@ -481,9 +496,13 @@ class Controller:
         if turn.replaces is not None:
             self.end(turn.replaces)
 
-    def _put_in_force(self) -> None:
-        """Let the present calibration and configuration count for what the jaws do from now on."""
-        self.in_force = Terms(self.geometry, self.config)
+    def put_in_force(self, terms: Terms) -> None:
+        """Let these terms count for what the jaws do from now on.
+
+        The configuration of a request is its motion's alone: what bounds all commands, and how hard
+        a hold may press for long, is the daemon's.
+        """
+        self.in_force = replace(terms, config=self.config)
 
     def _left(self, *, by_defect: bool = False) -> Idle:
         """Return what the jaws would do if the running action ended now."""
@@ -491,12 +510,12 @@ class Controller:
         if action is None or feedback is None or not (action.needs_power and self.has_stepped):
             return self.idle
         idle = None if by_defect else action.idle_after()
-        return idle or self.hold_here(feedback)
+        return idle or self.hold_here(feedback, self.in_force)
 
-    def hold_here(self, feedback: Feedback) -> Hold:
+    def hold_here(self, feedback: Feedback, terms: Terms) -> Hold:
         """Return a hold for the jaws where they are; running ones are held where they can stop."""
         motor_type = self.gripper_id.motor_type
-        return Hold.here(feedback, self.gains, self.period_s, motor_type)
+        return Hold.here(feedback, terms.gains, self.period_s, motor_type)
 
     def _ease_at_once(self) -> None:
         """Lower what a motion that has ended leaves pressing; a hold that presses nothing resists.
@@ -771,7 +790,7 @@ class Controller:
             running = self.jobs.running
             by = None if running is None else running.owner.client
             self.use_calibration(step.adopted.calibration, file=step.adopted.file, by=by)
-            self._put_in_force()
+            self.put_in_force(self.terms)
         if step.outcome is not None:
             self.end(step.outcome)
         return step.command, step.request
@@ -834,10 +853,10 @@ class Controller:
         return command
 
     def _note_moved_object(self, feedback: Feedback) -> None:
-        grip, geometry = self.grip, self.geometry
+        grip = self.grip
         moved_mm = None if grip is None else grip.take_moved_mm()
-        if grip is not None and grip.is_holding and moved_mm is not None and geometry is not None:
-            width_mm = geometry.opening_mm(feedback.position_rad)
+        if grip is not None and grip.is_holding and moved_mm is not None:
+            width_mm = grip.geometry.opening_mm(feedback.position_rad)
             self.events.append(events.object_moved(moved_mm, width_mm))
 
     def _send(self, now_s: float, command: MitCommand, feedback: Feedback) -> MitCommand | None:
@@ -878,7 +897,7 @@ class Controller:
     def _note_zero(self, zero: ZeroView) -> None:
         useless = self.calibrated.note_zero(zero)
         if useless is not None:
-            self._put_in_force()
+            self.put_in_force(self.terms)
             content = content_of(useless, self.gripper_id, self.gains, self.motor)
             self.tasks.append(save_task(self.gripper_id, content, self._saved))
             self.events.append(events.calibrated(useless, self.calibrated.file, ()))
@@ -898,7 +917,7 @@ class Controller:
         if why is not None:
             file = self.calibrated.file
             self.use_calibration(None)
-            self._put_in_force()
+            self.put_in_force(self.terms)
             self.calibrated.problem = refusal = self._unfitting(why, file)
             self.events.append(Event("calibration", refusal.message, {"error": refusal.reason}))
             if self.action is not None and self.action.needs_power:
@@ -956,7 +975,7 @@ class Controller:
             return
         idle, here_rad = self.idle, motor.feedback.position_rad
         if before is not MotorPhase.SILENT:
-            self._put_in_force()
+            self.put_in_force(self.terms)
             self.swing.renew()
             self.idle, self._moved_by = Hold(here_rad, self.gains), "enable"
         elif isinstance(idle, Grip):
@@ -983,7 +1002,7 @@ class Controller:
             self._held = None
         if isinstance(self.idle, Grip) and not is_silent and motor.phase is not MotorPhase.ENABLED:
             at = motor.feedback
-            self.idle = Slack() if at is None else Hold(at.position_rad, self.gains)
+            self.idle = Slack() if at is None else Hold(at.position_rad, self.in_force.gains)
 
 
 def _defect(job: Job, error: Exception) -> Refusal:

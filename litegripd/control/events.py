@@ -14,7 +14,7 @@ from litegripd.control.authority import Grant, Loss, LossCause
 from litegripd.control.detectors import Pressing
 from litegripd.control.heat import HeatChange, HeatGuard
 from litegripd.control.made_torque import MadeTorque
-from litegripd.model.calibration import Calibration
+from litegripd.model.calibration import USUAL_RAD_TO_MM, Calibration
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import Geometry
 from litegripd.model.motor import (
@@ -370,6 +370,19 @@ def calibrated(calibration: Calibration, file: str | None, doubts: Sequence[str]
     if doubts:
         text, data = "; ".join([text, *doubts]), {**data, "warning": True}
     return Event("calibration", text, data)
+
+
+def doubted(given: Calibration, stroke_mm: float, by: Owner) -> Event:
+    """Report a client whose motions bring a calibration with a scale that is probably wrong."""
+    geometry, (low, high) = given.geometry, USUAL_RAD_TO_MM
+    text = (
+        f"{by.program} (pid {by.pid}) moves by a calibration of its own, with"
+        f" {geometry.rad_to_mm:.4g} mm/rad and {geometry.travel_mm:.4g} mm of travel: grippers of"
+        f" {low:g} to {high:g} mm/rad were seen, and these jaws open {stroke_mm:g} mm by the"
+        " configuration. Its lengths and speeds in mm are probably wrong: correct its limits or its"
+        " rad_to_mm"
+    )
+    return Event("calibration", text, {"pid": by.pid, "warning": True})
 
 
 def not_saved(error: str) -> Event:

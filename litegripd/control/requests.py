@@ -1,7 +1,7 @@
 """Requests for motions and calibrations: rejected at once, or made into a job of the controller.
 
-A motion's `config` is the caller's own; it counts for this motion only. The calibration never
-changes while a motion runs: the travel would change its meaning under that motion.
+A motion's `terms` are the daemon's own, with what the caller brings for this motion only. The
+calibration in use never changes while a motion runs: the travel would change its meaning under it.
 """
 
 import math
@@ -24,7 +24,7 @@ from litegripd.control.admission import (
     stroke_refusal,
     target_refusal,
 )
-from litegripd.control.calibration import Saving, content_of, save_task
+from litegripd.control.calibration import Saving, Terms, content_of, save_task
 from litegripd.control.controller import Controller
 from litegripd.control.events import NOW, Turn
 from litegripd.control.holds import Grip, GripSettings, Hold, Slack
@@ -122,7 +122,7 @@ class MotionRequests:
         self,
         direction: Direction,
         owner: Owner,
-        config: MotionConfig,
+        terms: Terms,
         speed_mm_s: float | None,
         *,
         detached: bool,
@@ -133,7 +133,7 @@ class MotionRequests:
         With a work stroke, opening is a plain move to that opening, and never meets the stop. Jaws
         that hold something wider let go of it: they open as far as they can, and press nowhere.
         """
-        controller, geometry = self._controller, self._ready(turn)
+        controller, geometry, config = self._controller, self._ready(terms, turn), terms.config
         if isinstance(geometry, Refusal):
             return geometry
         speed = config.speed_mm_s if speed_mm_s is None else speed_mm_s
@@ -142,7 +142,7 @@ class MotionRequests:
         if refusal is not None:
             return refusal
         held, feedback = self._held(turn), controller.motor.feedback
-        work_mm = controller.calibrated.work_opening_mm
+        work_mm = terms.work_opening_mm
         if direction == "open" and work_mm is not None:
             if held is not None and feedback is not None:
                 is_wider = geometry.opening_mm(feedback.position_rad) >= work_mm
@@ -157,7 +157,7 @@ class MotionRequests:
                 period_s=controller.period_s,
                 limit_rad=geometry.open_rad,
             )
-            return controller.begin(direction, opening, owner, detached, turn)
+            return controller.begin(direction, opening, owner, detached, turn, terms=terms)
         action = MoveToStop(
             direction,
             speed,
@@ -167,20 +167,21 @@ class MotionRequests:
             period_s=controller.period_s,
         )
         if held is not None and direction == "close":
-            return controller.settle("close", held, owner, self._blocked(action.target_rad), turn)
-        return controller.begin(direction, action, owner, detached, turn)
+            blocked = self._blocked(action.target_rad, geometry)
+            return controller.settle("close", held, owner, blocked, turn, terms=terms)
+        return controller.begin(direction, action, owner, detached, turn, terms=terms)
 
     def grasp(
         self,
         request: GraspRequest,
         owner: Owner,
-        config: MotionConfig,
+        terms: Terms,
         *,
         detached: bool,
         turn: Turn,
     ) -> Job | Refusal:
         """Begin to close until something is gripped; an object that is held already stays held."""
-        controller, geometry = self._controller, self._ready(turn)
+        controller, geometry, config = self._controller, self._ready(terms, turn), terms.config
         if isinstance(geometry, Refusal):
             return geometry
         is_default = request.speed_mm_s == config.grasp_speed_mm_s
@@ -205,13 +206,13 @@ class MotionRequests:
             motor_type=motor_type,
             held=held,
         )
-        return controller.begin("grasp", action, owner, detached, turn)
+        return controller.begin("grasp", action, owner, detached, turn, terms=terms)
 
     def move_to(
         self,
         target: Target,
         owner: Owner,
-        config: MotionConfig,
+        terms: Terms,
         *,
         pace: "Pace",
         gains: Gains,
@@ -219,7 +220,7 @@ class MotionRequests:
         turn: Turn,
     ) -> Job | Refusal:
         """Begin to move to a position; stiffer gains than the calibration's press no harder."""
-        controller, geometry = self._controller, self._ready(turn)
+        controller, geometry, config = self._controller, self._ready(terms, turn), terms.config
         feedback = controller.motor.feedback
         if isinstance(geometry, Refusal) or feedback is None:
             return geometry if isinstance(geometry, Refusal) else NO_FEEDBACK
@@ -234,7 +235,8 @@ class MotionRequests:
         held = self._held(turn)
         closes = (target_rad - feedback.position_rad) * geometry.close_sign > 0.0
         if held is not None and closes:
-            return controller.settle("move", held, owner, self._blocked(target_rad), turn)
+            blocked = self._blocked(target_rad, geometry)
+            return controller.settle("move", held, owner, blocked, turn, terms=terms)
         action = MoveTo(
             target_rad,
             geometry.to_rad(speed),
@@ -244,20 +246,22 @@ class MotionRequests:
             travel_nm=config.travel_nm_at(speed),
             period_s=controller.period_s,
         )
-        return controller.begin("move", action, owner, detached, turn)
+        return controller.begin("move", action, owner, detached, turn, terms=terms)
 
-    def hold(self, owner: Owner) -> Job | Refusal:
+    def hold(self, owner: Owner, terms: Terms) -> Job | Refusal:
         """Hold from now on: the present object or hold, otherwise the measured position."""
         controller, feedback = self._controller, self._powered()
         if isinstance(feedback, Refusal):
             return feedback
         idle = controller.idle
         if isinstance(idle, Slack):  # a new hold would lose the force of the present one
-            idle = controller.hold_here(feedback)
-        elif isinstance(idle, Grip):
+            idle = controller.hold_here(feedback, terms)
+        else:
+            terms = controller.in_force  # other limits would move what is held
+        if isinstance(idle, Grip):
             idle.stay()
         position_rad = idle.position_rad if isinstance(idle, Hold) else feedback.position_rad
-        return controller.settle("hold", idle, owner, HoldResult(position_rad))
+        return controller.settle("hold", idle, owner, HoldResult(position_rad), terms=terms)
 
     def zero_gravity(self, owner: Owner, turn: Turn) -> Job | Refusal:
         """Release the jaws: enabled, but without stiffness, damping and torque."""
@@ -267,14 +271,14 @@ class MotionRequests:
         result = SlackResult(feedback.position_rad)
         return self._controller.settle("zero_gravity", Slack(), owner, result, turn)
 
-    def set_force(self, force_n: float, owner: Owner, config: MotionConfig) -> Job | Refusal:
+    def set_force(self, force_n: float, owner: Owner, terms: Terms) -> Job | Refusal:
         """Squeeze with `force_n` from now on: the present object, or from where the jaws are.
 
         A running grasp of the owner continues with the new force; another client's is not changed.
         """
         controller, grip = self._controller, self._controller.grip
         running, motor_type = controller.jobs.running, controller.gripper_id.motor_type
-        geometry = controller.geometry if grip is None else grip.geometry
+        geometry = terms.geometry if grip is None else grip.geometry
         refusal = controller.stop_latch.refusal()
         if refusal is None and geometry is not None:
             refusal = force_refusal(force_n, geometry, motor_type)
@@ -283,20 +287,22 @@ class MotionRequests:
         if grip is not None and running is not None and running.owner.client == owner.client:
             grip.squeeze(force_n)
             return running
-        ready, feedback = self._ready(), controller.motor.feedback
+        ready, feedback = self._ready(terms), controller.motor.feedback
         if isinstance(ready, Refusal) or feedback is None:
             return ready if isinstance(ready, Refusal) else NO_FEEDBACK
         if grip is None:
+            config = terms.config
             settings = GripSettings.of(ready, config, config.grasp_speed_mm_s, "torque")
             in_flight_nm = min(ready.close_sign * feedback.torque_nm, ready.torque_nm(force_n))
             grip = Grip(settings, force_n, in_flight_nm, motor_type, watched=False)
         grip.squeeze(force_n)
-        return controller.settle("set_force", grip, owner, ForceResult(force_n))
+        return controller.settle("set_force", grip, owner, ForceResult(force_n), terms=terms)
 
     def stream(
         self,
         target: Target,
         owner: Owner,
+        terms: Terms,
         *,
         valid_until_s: float,
         speed_mm_s: float | None,
@@ -310,13 +316,13 @@ class MotionRequests:
         if not (is_own and isinstance(action, Stream)):
             running, action = None, Stream(controller.period_s)
         geometry = (
-            self._ready()
+            self._ready(terms)
             if running is None
-            else controller.geometry or controller.calibrated.problem
+            else terms.geometry or controller.calibrated.problem
         )
         if isinstance(geometry, Refusal):
             return geometry
-        speed = controller.config.speed_mm_s if speed_mm_s is None else speed_mm_s
+        speed = terms.config.speed_mm_s if speed_mm_s is None else speed_mm_s
         refusal = target_refusal(target, geometry) or conflict_refusal(
             fast_conflict(speed, geometry, controller.gripper_id.motor_type)
         )
@@ -326,20 +332,22 @@ class MotionRequests:
             target.position_rad(geometry), valid_until_s, geometry.to_rad(speed), torque_nm, gains
         )
         action.set(point)
-        return running or controller.begin("stream", action, owner, detached=False)
+        if running is None:
+            return controller.begin("stream", action, owner, detached=False, terms=terms)
+        controller.put_in_force(terms)
+        return running
 
     def _held(self, turn: Turn) -> Grip | None:
         """Return the hold of an object, None without one."""
         grip = self._controller.grip_at(turn)
         return grip if grip is not None and grip.is_holding else None
 
-    def _blocked(self, target_rad: float) -> MoveResult:
+    def _blocked(self, target_rad: float, geometry: Geometry) -> MoveResult:
         """Return the result of a closing that is rejected because an object is held.
 
         It would crush the object, and then let go of it.
         """
-        geometry, feedback = self._controller.geometry, self._controller.motor.feedback
-        limit_rad = target_rad if geometry is None else geometry.closed_rad
+        feedback = self._controller.motor.feedback
         return MoveResult(
             ok=False,
             outcome="blocked",
@@ -347,7 +355,7 @@ class MotionRequests:
             stalled=True,
             protected=False,
             target_rad=target_rad,
-            limit_rad=limit_rad,
+            limit_rad=geometry.closed_rad,
             final_command_rad=target_rad if feedback is None else feedback.position_rad,
             steps=0,
         )
@@ -357,13 +365,12 @@ class MotionRequests:
         refusal = self._controller.why_busy(turn) or motor_refusal(self._controller.motor)
         return refusal or self._controller.motor.feedback or NO_FEEDBACK
 
-    def _ready(self, turn: Turn = NOW) -> Geometry | Refusal:
+    def _ready(self, terms: Terms, turn: Turn = NOW) -> Geometry | Refusal:
         """Return the travel if a motion in it may begin, otherwise a refusal."""
-        controller = self._controller
+        controller, geometry = self._controller, terms.geometry
         refusal = controller.why_busy(turn)
         if refusal is not None:
             return refusal
-        geometry = controller.geometry
         if geometry is None:
             return controller.calibrated.problem
         refusal = motor_refusal(controller.motor) or position_refusal(controller.motor, geometry)

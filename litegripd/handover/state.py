@@ -23,7 +23,7 @@ from litegripd.motor.motor import Motor
 from litegripd.rpc.method import Answer, Call, Deferred, Method, Param
 from litegripd.rpc.service import RpcService
 
-FORMAT = 9
+FORMAT = 10
 """The number of the format of what is handed over. A successor rejects any other."""
 
 SETTLED = (MotorPhase.ENABLED, MotorPhase.DISABLED, MotorPhase.FAULT)

@@ -443,6 +443,22 @@ def read_content(content: object) -> Calibration:
     )
 
 
+GIVEN_KEYS = (*_KNOWN_NUMBERS, "work_stroke_mm", "kp", "kd")
+"""What a request may bring for its own motion. All else in a file is of the gripper or its bus, and
+a motion changes neither."""
+
+
+def read_given(content: Mapping[str, Any]) -> Calibration:
+    """Return the calibration that a request brings for its own motion.
+
+    Raises `KeyError` with a key that no request may bring, else as `read_content`.
+    """
+    unknown = next((key for key in content if key not in GIVEN_KEYS), None)
+    if unknown is not None:
+        raise KeyError(unknown)
+    return read_content(content)
+
+
 def _check_motor_type(motor_type: str | None) -> None:
     """Raise for a file of a motor that no daemon drives."""
     why_not = None if motor_type is None else why_not_driven(motor_type)

@@ -22,8 +22,18 @@ from typing import (
 )
 
 from litegripd.control.admission import conflict_refusal
-from litegripd.control.events import NOW, Turn
+from litegripd.control.calibration import Terms
+from litegripd.control.controller import Controller
+from litegripd.control.events import NOW, Turn, doubted
 from litegripd.control.limiter import Gains
+from litegripd.model.calibration import (
+    GIVEN_KEYS,
+    Calibration,
+    CalibrationError,
+    of_stroke,
+    read_given,
+    scale_doubt,
+)
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import DM4310, MotorType
 from litegripd.model.motion_config import (
@@ -336,16 +346,59 @@ class Call(NamedTuple):
             raise Refused(refusal)
         return Gains(kp, kd).usual()
 
-    def config(self, base: MotionConfig, period_s: float, motor_type: MotorType) -> MotionConfig:
-        """Return `base` with the changes that the caller wants."""
-        given = self.params.get("config")
+    def terms(self, controller: Controller) -> Terms:
+        """Return what its motion counts on: the daemon's, but for what the caller brings."""
+        terms, given = controller.terms, self.params.get("calibration")
+        if "config" in self.params:
+            terms = replace(terms, config=self.config(controller))
+        if given is None:
+            return terms
+        return self._given_terms(given, terms.config, controller)
+
+    def config(self, controller: Controller) -> MotionConfig:
+        """Return the daemon's configuration with the changes that the caller wants."""
+        given, base = self.params.get("config"), controller.config
         if given is None:
             return base
         try:
-            return base.changed(given, period_s, motor_type)
+            return base.changed(given, controller.period_s, controller.gripper_id.motor_type)
         except MotionConfigError as error:
             data = {"parameter": "config", "field": error.field}
             raise Refused(Refusal("invalid_params", f"config: {error}", data)) from None
+
+    def _given_terms(
+        self, content: Mapping[str, Any], config: MotionConfig, controller: Controller
+    ) -> Terms:
+        """Return the terms of the calibration that the caller brings; tell a doubt of it once.
+
+        A stream brings the same one with each set-point: it is read once.
+        """
+        session, stroke_mm = self.session, controller.gripper_id.stroke_mm
+        given = session.calibration
+        if given is None or given.content != content:
+            given = of_stroke(_read(content), stroke_mm)
+        terms = accepted(controller.terms_of(given, self.owner, config))
+        if given is session.calibration:
+            return terms
+        session.calibration, doubt = given, scale_doubt(given, stroke_mm)
+        if doubt is not None and doubt not in session.doubts:
+            session.doubts.add(doubt)
+            controller.events.append(doubted(given, stroke_mm, self.owner))
+        return terms
+
+
+def _read(content: Mapping[str, Any]) -> Calibration:
+    """Return the calibration that a request brings; raise `Refused` if it cannot be used."""
+    try:
+        return read_given(content)
+    except KeyError as error:
+        name = str(error.args[0])[:64]
+        text = f"calibration has no key {_shown(name)}; it has: {', '.join(GIVEN_KEYS)}"
+        data = {"parameter": "calibration", "field": name}
+        raise Refused(Refusal("invalid_params", text, data)) from None
+    except CalibrationError as error:
+        text, data = f"calibration: {error}", {"parameter": "calibration"}
+        raise Refused(Refusal("calibration_unreadable", text, data)) from None
 
 
 @dataclass(frozen=True, slots=True)
@@ -426,8 +479,17 @@ CONFIG = Param(
     "object",
     "Fields of the motion configuration (config.get lists them) that count for this call only.",
 )
+CALIBRATION = Param(
+    "calibration",
+    "object",
+    "A calibration that counts for this call only, and for what it leaves the jaws doing:"
+    f" {', '.join(GIVEN_KEYS[:3])}, and if wanted {', '.join(GIVEN_KEYS[3:])}, as in a calibration"
+    " file. It is checked as calibration.load checks one (default: the calibration in use).",
+)
 RUN_PARAMS = (CONFIG, WAIT, PROGRESS, DETACH, IF_BUSY, KEY)
 """What every lasting motion takes."""
+MOTION_PARAMS = (CALIBRATION, *RUN_PARAMS)
+"""What one takes that goes by a calibration."""
 
 F = TypeVar("F", bound=Callable[..., Answer])
 _ROW = "_method"

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal, Protocol, TypeAlias
 
+from litegripd.model.calibration import Calibration, ScaleDoubt
 from litegripd.model.state import Owner
 from litegripd.rpc.jsonrpc import encode
 
@@ -60,11 +61,15 @@ class Session:
     `subscriptions` what it gets unrequested. `stream_refused` is the reason why its latest
     set-point was rejected. `is_orphaned`: the process that opened it has ended, or the connection.
     `is_gateway`: it may speak for users of other machines, `remote` is for whom it does.
+    `calibration` is the latest that one of its requests has brought, `doubts` why such were
+    probably wrong, as far as that was told.
     """
 
     __slots__ = (
+        "calibration",
         "congested",
         "counters",
+        "doubts",
         "identity",
         "is_gateway",
         "is_orphaned",
@@ -95,6 +100,8 @@ class Session:
         self.congested = False
         self.unanswered = 0
         self.stream_refused: str | None = None
+        self.calibration: Calibration | None = None
+        self.doubts: set[ScaleDoubt] = set()
         self.is_orphaned = False
         self.on_write: Callable[[], None] | None = None
 

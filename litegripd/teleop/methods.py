@@ -13,13 +13,13 @@ from litegripd.control.admission import (
     position_refusal,
     trajectory_or_teleop_refusal,
 )
+from litegripd.control.calibration import Terms
 from litegripd.control.controller import Controller
 from litegripd.control.limiter import Gains
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import FASTEST_RAD_S, FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.motion_config import (
     MOST_PUSH_NM,
-    MotionConfig,
     damping_conflict,
     fast_conflict,
 )
@@ -39,7 +39,17 @@ from litegripd.model.teleop import (
     encode_frame,
     udp_targets,
 )
-from litegripd.rpc.method import CONFIG, DETACH, Answer, Call, Method, Param, Refused, accepted
+from litegripd.rpc.method import (
+    CALIBRATION,
+    CONFIG,
+    DETACH,
+    Answer,
+    Call,
+    Method,
+    Param,
+    Refused,
+    accepted,
+)
 from litegripd.rpc.reports import Reporter
 from litegripd.teleop.follower import Course, TeleopFollower
 from litegripd.teleop.leader import TeleopLeader
@@ -106,17 +116,17 @@ class Teleoperation:
         options: LinkOptions,
         settings: TeleopSettings,
         owner: Owner,
-        config: MotionConfig,
+        terms: Terms,
         *,
         fake_leader: bool,
         detached: bool,
     ) -> Job | Refusal:
         """Begin to lead or to follow; reject it before anything moves."""
-        controller, geometry = self._controller, self._ready()
+        controller, geometry, config = self._controller, self._ready(terms), terms.config
         if isinstance(geometry, Refusal):
             return geometry
         rate_hz = 1.0 / controller.period_s if settings.rate_hz is None else settings.rate_hz
-        gains, conflict = self._gains(settings), None
+        gains, conflict = _gains(terms.gains, settings), None
         if options.mode == "slave":
             conflict = damping_conflict(gains.kp_nm_rad, gains.kd_nm_s_rad)
         refusal = self._rate_refusal(rate_hz) or conflict_refusal(
@@ -139,7 +149,7 @@ class Teleoperation:
             action = TeleopFollower(link, options, self._report, course)
         action.is_warned = warning is not None
         self._action = action
-        self._job = controller.begin("teleop", action, owner, detached)
+        self._job = controller.begin("teleop", action, owner, detached, terms=terms)
         return self._job
 
     def stop(self) -> None:
@@ -163,12 +173,7 @@ class Teleoperation:
             status = ended(status, None if job.error is None else job.error.message)
         return status
 
-    def _gains(self, settings: TeleopSettings) -> Gains:
-        """Return the caller's gains, else the calibration's within 55 to 100 N·m/rad."""
-        own, kp, kd = self._controller.gains.following(), settings.kp_nm_rad, settings.kd_nm_s_rad
-        return Gains(own.kp_nm_rad if kp is None else kp, own.kd_nm_s_rad if kd is None else kd)
-
-    def _ready(self) -> Geometry | Refusal:
+    def _ready(self, terms: Terms) -> Geometry | Refusal:
         """Return the travel if teleoperation may begin; raise the refusal otherwise."""
         controller = self._controller
         refusal = controller.why_busy() or controller.recording_refusal()
@@ -176,7 +181,7 @@ class Teleoperation:
             refusal = trajectory_or_teleop_refusal(controller.in_the_way()) or refusal
         if refusal is not None:
             return refusal
-        geometry = controller.geometry
+        geometry = terms.geometry
         if geometry is None:
             return _not_ready(controller.calibrated.problem)
         refusal = motor_refusal(controller.motor)
@@ -197,6 +202,12 @@ class Teleoperation:
 
     def _report(self, event: Event) -> None:
         self._controller.events.append(event)
+
+
+def _gains(calibrated: Gains, settings: TeleopSettings) -> Gains:
+    """Return the caller's gains, else the calibration's within 55 to 100 N·m/rad."""
+    own, kp, kd = calibrated.following(), settings.kp_nm_rad, settings.kd_nm_s_rad
+    return Gains(own.kp_nm_rad if kp is None else kp, own.kd_nm_s_rad if kd is None else kd)
 
 
 def _not_ready(why: Refusal) -> Refusal:
@@ -360,22 +371,19 @@ class TeleopMethods:
         "Begin to lead another gripper, or to follow one, until teleop.stop. It answers at once.",
         "The status.",
         TeleopStatus,
-        (*_WHERE, *_HOW, CONFIG, DETACH),
+        (*_WHERE, *_HOW, CONFIG, CALIBRATION, DETACH),
         role="operator",
         needs_lease=True,
         stop_voids=True,
     )
     def _start(self, call: Call) -> Answer:
-        controller, params = self._controller, call.params
-        config = call.config(
-            controller.config, controller.period_s, controller.gripper_id.motor_type
-        )
+        params = call.params
         options = _link_options(params)
         job = self._teleoperation.start(
             options,
             _settings(params),
             call.owner,
-            config,
+            call.terms(self._controller),
             fake_leader=params.get("fake_leader", False),
             detached=call.detached,
         )

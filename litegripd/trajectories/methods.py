@@ -10,10 +10,11 @@ from litegripd.control.limiter import DEFAULT_GAINS
 from litegripd.model.errors import Refusal
 from litegripd.model.state import ReplayResult
 from litegripd.rpc.method import (
+    CALIBRATION,
     DETACH,
     JOB,
     LEASE,
-    RUN_PARAMS,
+    MOTION_PARAMS,
     Answer,
     Call,
     Deferred,
@@ -148,6 +149,7 @@ class TrajectoryMethods:
                 minimum=1,
                 maximum=MAX_SAMPLES,
             ),
+            CALIBRATION,
             DETACH,
             LEASE,
         ),
@@ -159,6 +161,7 @@ class TrajectoryMethods:
         refusal = self._controller.lease.refusal(call.owner) if slack else None
         answer = refusal or self._trajectories.record(
             call.owner,
+            call.terms(self._controller),
             rate_hz=params.get("rate_hz", DEFAULT_RATE_HZ),
             slack=slack,
             max_samples=params.get("max_samples", MAX_SAMPLES),
@@ -248,7 +251,7 @@ class TrajectoryMethods:
                 " force_rate_n_s are the configuration's.",
                 choices=("path", "replay"),
             ),
-            *RUN_PARAMS,
+            *MOTION_PARAMS,
         ),
         role="operator",
         needs_lease=True,
@@ -256,11 +259,7 @@ class TrajectoryMethods:
         waits=True,
     )
     def _play(self, call: Call) -> Answer:
-        params = call.params
-        controller = self._controller
-        config = call.config(
-            controller.config, controller.period_s, controller.gripper_id.motor_type
-        )
+        params, terms = call.params, call.terms(self._controller)
         source = self._files.source("trajectory.play", call)
         if "repeat" in params and params.get("loop"):
             text = "trajectory.play takes loop or repeat, not both"
@@ -277,7 +276,7 @@ class TrajectoryMethods:
             self._trajectories.play(
                 request,
                 call.owner,
-                config,
+                terms,
                 call.gains(DEFAULT_GAINS),
                 detached=call.detached,
                 turn=call.turn,

@@ -19,12 +19,13 @@ from litegripd.control.admission import (
     position_refusal,
     trajectory_or_teleop_refusal,
 )
+from litegripd.control.calibration import Terms
 from litegripd.control.controller import Controller
 from litegripd.control.events import NOW, Turn
 from litegripd.control.limiter import Gains
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import Geometry
-from litegripd.model.motion_config import MotionConfig, fast_conflict, slow_conflict
+from litegripd.model.motion_config import fast_conflict, slow_conflict
 from litegripd.model.state import HelperTask, Job, Owner, TaskResult
 from litegripd.trajectories.capture import Capture, Teach, result_of
 from litegripd.trajectories.replay import Replay, ReplayRequest
@@ -142,11 +143,18 @@ class Trajectories:
     # Recording
 
     def record(
-        self, owner: Owner, *, rate_hz: float, slack: bool, max_samples: int, detached: bool
+        self,
+        owner: Owner,
+        terms: Terms,
+        *,
+        rate_hz: float,
+        slack: bool,
+        max_samples: int,
+        detached: bool,
     ) -> Job | Capture | Refusal:
         """Begin to record, or return a refusal; with `slack` a job makes the jaws slack."""
         controller = self._controller
-        geometry = self._ready()
+        geometry = self._ready(terms)
         refusal = self.refusal() or (geometry if isinstance(geometry, Refusal) else None)
         refusal = (
             refusal or self._rate_refusal(rate_hz) or (controller.why_busy() if slack else None)
@@ -161,9 +169,11 @@ class Trajectories:
             owner.client,
             controller.now_s,
             detached,
+            basis=controller.geometry,
         )
         if slack:
-            capture.job = controller.begin("record", Teach(capture), owner, detached)
+            action = Teach(capture)
+            capture.job = controller.begin("record", action, owner, detached, terms=terms)
         self.capture = controller.capture = capture
         return capture.job or capture
 
@@ -241,15 +251,15 @@ class Trajectories:
         self,
         request: ReplayRequest,
         owner: Owner,
-        config: MotionConfig,
+        terms: Terms,
         gains: Gains,
         *,
         detached: bool,
         turn: Turn,
     ) -> Job | Refusal:
         """Begin to load and replay a trajectory."""
-        controller = self._controller
-        refusal, geometry = self.refusal(turn) or controller.why_busy(turn), self._ready()
+        controller, config = self._controller, terms.config
+        refusal, geometry = self.refusal(turn) or controller.why_busy(turn), self._ready(terms)
         if refusal is not None or isinstance(geometry, Refusal):
             return refusal or (geometry if isinstance(geometry, Refusal) else NO_FEEDBACK)
         if request.force == "replay":
@@ -270,7 +280,7 @@ class Trajectories:
             motor_type=controller.gripper_id.motor_type,
             idle=lambda: controller.idle,
         )
-        self.replay_job = controller.begin("play", action, owner, detached, turn)
+        self.replay_job = controller.begin("play", action, owner, detached, turn, terms=terms)
         self.replay = action
         return self.replay_job
 
@@ -286,10 +296,9 @@ class Trajectories:
             return busy_with(running)
         return action
 
-    def _ready(self) -> Geometry | Refusal:
+    def _ready(self, terms: Terms) -> Geometry | Refusal:
         """Return the travel if the motor is enabled and calibrated; else a refusal."""
-        controller = self._controller
-        geometry = controller.geometry
+        controller, geometry = self._controller, terms.geometry
         if geometry is None:
             return controller.calibrated.problem
         refusal = motor_refusal(controller.motor) or position_refusal(controller.motor, geometry)

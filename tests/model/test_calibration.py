@@ -17,6 +17,7 @@ from litegripd.model.calibration import (
     measured,
     parse_calibration,
     plausible_travel_rad,
+    read_given,
     scale_doubt,
     scale_warning,
     to_plain,
@@ -494,3 +495,19 @@ def test_any_text_gives_a_calibration_or_its_error(text: str) -> None:
         return
     assert read.geometry.travel_mm > 0.0
     assert 0.0 <= read.geometry.openness(0.0) <= 1.0
+
+
+@pytest.mark.parametrize("key", ["zero_position_rad", "max_position_rad", "rad_to_mm", "kp", "kd"])
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf"), "1", True, [1.0]])
+def test_what_a_request_brings_has_only_finite_numbers(key: str, value: object) -> None:
+    content = {"zero_position_rad": 0.0, "max_position_rad": -1.65, "rad_to_mm": 52.0, key: value}
+    with pytest.raises(CalibrationError, match=key):
+        read_given(content)
+
+
+def test_what_a_request_brings_says_nothing_of_the_gripper() -> None:
+    content = {"zero_position_rad": 0.0, "max_position_rad": -1.65, "rad_to_mm": 52.0}
+    assert read_given(content).geometry.travel_rad == 1.65
+    for key in ("channel", "can_id", "nm_to_n", "calibrated", "travel_range_rad", ""):
+        with pytest.raises(KeyError, match=key):
+            read_given({**content, key: 1})

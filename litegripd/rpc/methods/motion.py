@@ -12,7 +12,7 @@ from litegripd.control.motions.move import Direction
 from litegripd.control.requests import MotionRequests, Pace
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import FASTEST_MM_S
-from litegripd.model.motion_config import MOVING_KP_NM_RAD, REACHING_KP_NM_RAD, MotionConfig
+from litegripd.model.motion_config import MOVING_KP_NM_RAD, REACHING_KP_NM_RAD
 from litegripd.model.state import (
     STOP_LEVELS,
     ClearFaultResult,
@@ -27,11 +27,12 @@ from litegripd.model.state import (
     StopLevel,
 )
 from litegripd.rpc.method import (
+    CALIBRATION,
     CONFIG,
     DETACH,
     IF_BUSY,
     JOB,
-    RUN_PARAMS,
+    MOTION_PARAMS,
     WAIT,
     Answer,
     Call,
@@ -84,13 +85,6 @@ class MotionMethods:
         self._reporter = reporter
         self._motions = MotionRequests(controller)
 
-    def _config(self, call: Call) -> MotionConfig:
-        return call.config(
-            self._controller.config,
-            self._controller.period_s,
-            self._controller.gripper_id.motor_type,
-        )
-
     @Method(
         "motor.enable",
         "Energise the motor and hold the measured position.",
@@ -108,7 +102,7 @@ class MotionMethods:
         waits=True,
     )
     def _enable(self, call: Call) -> Answer:
-        config = self._config(call)
+        config = call.config(self._controller)
         if "retries" in call.params:
             config = replace(config, enable_retries=call.params["retries"])
         return later(self._motions.enable(call.owner, config, call.detached))
@@ -146,7 +140,7 @@ class MotionMethods:
         " hold.",
         "The move's result and the state.",
         MoveResult,
-        (speed_param("speed_mm_s"), *RUN_PARAMS),
+        (speed_param("speed_mm_s"), *MOTION_PARAMS),
         role="operator",
         needs_lease=True,
         stop_voids=True,
@@ -160,7 +154,7 @@ class MotionMethods:
         "Close until the mechanical stop ends the move, then hold.",
         "The move's result and the state.",
         MoveResult,
-        (speed_param("speed_mm_s"), *RUN_PARAMS),
+        (speed_param("speed_mm_s"), *MOTION_PARAMS),
         role="operator",
         needs_lease=True,
         stop_voids=True,
@@ -170,11 +164,10 @@ class MotionMethods:
         return self._to_stop("close", call)
 
     def _to_stop(self, direction: Direction, call: Call) -> Answer:
-        config = self._config(call)
-        speed = call.params.get("speed_mm_s")
+        terms, speed = call.terms(self._controller), call.params.get("speed_mm_s")
         return later(
             self._motions.move_to_stop(
-                direction, call.owner, config, speed, detached=call.detached, turn=call.turn
+                direction, call.owner, terms, speed, detached=call.detached, turn=call.turn
             )
         )
 
@@ -216,7 +209,7 @@ class MotionMethods:
             ),
             Param("width_mm", "number", "The width that is expected.", minimum=0, maximum=1000),
             Param("tolerance_mm", "number", "By how much it may differ.", minimum=0, maximum=1000),
-            *RUN_PARAMS,
+            *MOTION_PARAMS,
         ),
         role="operator",
         needs_lease=True,
@@ -224,7 +217,8 @@ class MotionMethods:
         waits=True,
     )
     def _grasp(self, call: Call) -> Answer:
-        config, params = self._config(call), call.params
+        terms, params = call.terms(self._controller), call.params
+        config = terms.config
         _check_grasp(params)
         request = GraspRequest(
             force_n=params.get("force_n", config.force_n),
@@ -236,7 +230,7 @@ class MotionMethods:
             tolerance_mm=params.get("tolerance_mm", 0.0),
         )
         return later(
-            self._motions.grasp(request, call.owner, config, detached=call.detached, turn=call.turn)
+            self._motions.grasp(request, call.owner, terms, detached=call.detached, turn=call.turn)
         )
 
     @Method(
@@ -263,7 +257,7 @@ class MotionMethods:
                 maximum=3600,
             ),
             *usual_gain_params(),
-            *RUN_PARAMS,
+            *MOTION_PARAMS,
         ),
         role="operator",
         needs_lease=True,
@@ -271,14 +265,14 @@ class MotionMethods:
         waits=True,
     )
     def _move(self, call: Call) -> Answer:
-        config, target = self._config(call), _target("motion.move", call.params)
+        terms, target = call.terms(self._controller), _target("motion.move", call.params)
         _one_at_most("motion.move", _PACES, call.params)
         pace = Pace(*(call.params.get(name) for name in _PACES))
         return later(
             self._motions.move_to(
                 target,
                 call.owner,
-                config,
+                terms,
                 pace=pace,
                 gains=call.gains(DEFAULT_GAINS),
                 detached=call.detached,
@@ -291,13 +285,14 @@ class MotionMethods:
         "Hold from now on: what is held already, else the measured position.",
         "The position and the state.",
         HoldResult,
+        (CALIBRATION,),
         role="operator",
         needs_lease=True,
         stop_voids=True,
         waits=True,
     )
     def _hold(self, call: Call) -> Answer:
-        return later(self._motions.hold(call.owner))
+        return later(self._motions.hold(call.owner, call.terms(self._controller)))
 
     @Method(
         "motion.zero_gravity",
@@ -318,15 +313,14 @@ class MotionMethods:
         "Squeeze with this force from now on: what is gripped, else from where the jaws are.",
         "The force and the state.",
         ForceResult,
-        (_FORCE_DUE, CONFIG),
+        (_FORCE_DUE, CONFIG, CALIBRATION),
         role="operator",
         needs_lease=True,
         stop_voids=True,
     )
     def _set_force(self, call: Call) -> Answer:
-        config = self._config(call)
-        force_n = call.params["force_n"]
-        return self._at_once(self._motions.set_force(force_n, call.owner, config), force_n=force_n)
+        terms, force_n = call.terms(self._controller), call.params["force_n"]
+        return self._at_once(self._motions.set_force(force_n, call.owner, terms), force_n=force_n)
 
     @Method(
         "stream.set",
@@ -358,6 +352,7 @@ class MotionMethods:
                 f" within {REACHING_KP_NM_RAD:g} to {MOVING_KP_NM_RAD:g}",
                 "default: the calibration's",
             ),
+            CALIBRATION,
         ),
         role="operator",
         needs_lease=True,
@@ -370,13 +365,15 @@ class MotionMethods:
         since_s = min(call.params.get("sent_s", call.received_s), call.received_s)
         if call.now_s >= since_s + valid_s:
             return _expired(call.now_s - since_s, valid_s)
+        terms = call.terms(self._controller)
         job = self._motions.stream(
             target,
             call.owner,
+            terms,
             valid_until_s=since_s + valid_s,
             speed_mm_s=call.params.get("speed_mm_s"),
             torque_nm=call.params.get("torque_nm", DEFAULT_CONTACT_NM),
-            gains=call.gains(self._controller.gains.following()),
+            gains=call.gains(terms.gains.following()),
         )
         return JobNumber(job=accepted(job).number)
 

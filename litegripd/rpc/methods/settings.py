@@ -357,9 +357,7 @@ class SettingsMethods:
     )
     def _zero(self, call: Call) -> Answer:
         controller = self._controller
-        config = call.config(
-            controller.config, controller.period_s, controller.gripper_id.motor_type
-        )
+        config = call.config(controller)
         return later(
             self._calibrations.zero(
                 call.owner,
@@ -516,9 +514,7 @@ class SettingsMethods:
     )
     def _set_config(self, call: Call) -> Answer:
         controller = self._controller
-        config = call.config(
-            controller.config, controller.period_s, controller.gripper_id.motor_type
-        )
+        config = call.config(controller)
         if self._is_saving_config:
             text = "a change of the defaults is being saved: try again when that is done"
             return Refusal("too_many_requests", text, {"limit": 1})
