@@ -1,8 +1,10 @@
 """The package `litegrip` over whole daemons in virtual time."""
 
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -12,6 +14,7 @@ if as_sdk.FOLDER not in sys.path:
     sys.path.insert(0, as_sdk.FOLDER)
 
 import litegrip  # noqa: E402 - by that path
+import litegrip.protocols  # noqa: E402
 
 from tests.drop_in import Daemon, Site, a_site  # noqa: E402
 
@@ -25,9 +28,18 @@ def home(tmp_path: Path) -> Path:
     return path
 
 
+_CLOCKED = (litegrip.gripper, litegrip._sessions, litegrip.protocols.can_bus)
+"""The package's modules that wait, or read a clock."""
+
+
 @pytest.fixture
-def site(home: Path) -> Iterator[Site]:
+def site(home: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Site]:
     with a_site(home) as site:
+        clock = SimpleNamespace(
+            monotonic=lambda: site.now_s, sleep=site.run, strftime=time.strftime
+        )
+        for module in _CLOCKED:
+            monkeypatch.setattr(module, "time", clock)
         yield site
 
 
