@@ -13,6 +13,7 @@ The distribution litegrip-compat installs the same package for all programs of a
 
 from __future__ import annotations
 
+import importlib
 import os
 import runpy
 import sys
@@ -47,6 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = list(sys.argv[1:] if arguments is None else arguments)
     if given[:1] == ["-m"] and len(given) > 1:
         install()
+        importlib.import_module(NAME)
         sys.argv = given[1:]
         sys.path.insert(1, str(Path.cwd()))
         runpy.run_module(given[1], run_name="__main__", alter_sys=True)
@@ -56,6 +58,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if not Path(given[0]).exists():
         sys.exit(f"there is no script {given[0]}\n{_USAGE}")
     install()
+    importlib.import_module(NAME)  # a script may put a checkout of the SDK first on its path
     sys.argv = given
     sys.path[0:1] = [FOLDER, str(Path(given[0]).resolve().parent)]
     runpy.run_path(given[0], run_name="__main__")
