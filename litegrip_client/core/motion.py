@@ -151,7 +151,9 @@ class SetpointStream:
 
         Or have the motor make the torque `push_nm` in N·m, positive towards larger radians, within
         what `set_force` allows and at a bounded speed; with 0 the jaws are slack. Nothing else goes
-        with it. `torque_nm` is for this target what it is for the whole stream. `kp` (5 to 500 N·m/rad) and
+        with it.
+
+        `torque_nm` is for this target what it is for the whole stream. `kp` (5 to 500 N·m/rad) and
         `kd` (0.1 to 5 N·m·s/rad) are the most stiffness and damping, the calibration's by default.
         Raises `CommandError` (a target outside the travel, another motion runs, ...) and all that
         motions raise.
@@ -220,7 +222,9 @@ def frame_target(q: float, kp: float, kd: float, dq: float, tau: float) -> dict[
             raise ParameterError(text, reason="invalid_params", data={"parameter": gain})
     if values["kp"] > 0.0:
         if values["tau"] != 0.0:
-            raise _unsupported("a frame with kp and tau asks for a torque beside a position", _FORCES)
+            raise _unsupported(
+                "a frame with kp and tau asks for a torque beside a position", _FORCES
+            )
         return {"position_rad": values["q"], "kp": values["kp"], "kd": values["kd"]}
     if values["kd"] > 0.0 and values["dq"] != 0.0:
         hint = "move_at_speed(target_mm, speed_mm_s)"

@@ -432,7 +432,7 @@ class Connection(Exchange):
         self._multiplexer.wait(feed.inbox, timeout_s, f"with a {feed.what}")
 
     def listen(self, notification: str, listener: Listener) -> None:
-        """Hand a kind of notification that belongs to no subscription to a listener, held weakly."""
+        """Hand notifications that belong to no subscription to a listener, held weakly."""
         self._router.listeners[notification, 0] = ref(listener)
 
     def unlisten(self, notification: str) -> None:

@@ -121,7 +121,9 @@ class SetpointStream:
 
         Or have the motor make the torque `push_nm` in N·m, positive towards larger radians, within
         what `set_force` allows and at a bounded speed; with 0 the jaws are slack. Nothing else goes
-        with it. `torque_nm` is for this target what it is for the whole stream. `kp` (5 to 500 N·m/rad) and
+        with it.
+
+        `torque_nm` is for this target what it is for the whole stream. `kp` (5 to 500 N·m/rad) and
         `kd` (0.1 to 5 N·m·s/rad) are the most stiffness and damping, the calibration's by default.
         Raises `CommandError` (a target outside the travel, another motion runs, ...) and all that
         motions raise.

@@ -165,9 +165,7 @@ def compat(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_package_of_the_sdk_works_with_the_client_alone(compat: Path) -> None:
-    code = (
-        "import litegrip; print(litegrip.__version__, litegrip.LiteGrip('x').load_template('normal'))"
-    )
+    code = "import litegrip as g; print(g.__version__, g.LiteGrip('x').load_template('normal'))"
     done = run(compat / "bin/python", "-c", code)
     assert (done.stdout, done.stderr) == (f"{VERSION} True\n", "")
 

@@ -13,10 +13,9 @@ from litegrip_client import as_sdk
 if as_sdk.FOLDER not in sys.path:
     sys.path.insert(0, as_sdk.FOLDER)
 
-import litegrip  # noqa: E402 - by that path
-import litegrip.protocols  # noqa: E402
-
-from tests.drop_in import Daemon, Site, a_site  # noqa: E402
+import litegrip
+import litegrip.protocols
+from tests.drop_in import Daemon, Site, a_site
 
 MOUNTS = ("normal", "reverse")
 

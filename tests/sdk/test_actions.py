@@ -22,7 +22,7 @@ def test_open_and_close_press_onto_the_stops(gripper: LiteGrip, daemon: Daemon) 
         False,
     )
     target, limit, _, _ = litegrip.press_target(gripper.config, "open", 0.05)
-    assert (opened.target_rad, opened.limit_rad) == (pytest.approx(target), pytest.approx(limit))
+    assert [opened.target_rad, opened.limit_rad] == pytest.approx([target, limit])
     assert opened.state.position_mm == pytest.approx(daemon.gripper.opening_mm, abs=0.2)
     closed = gripper.actions.close()
     assert (bool(closed), closed.state.position_mm < 0.5) == (True, True)
@@ -33,7 +33,7 @@ def test_a_work_stroke_is_reached_and_not_pressed(gripper: LiteGrip, daemon: Dae
     opened = gripper.open()
     assert (opened.ok, opened.reached, opened.stalled) == (True, True, False)
     target, limit, _ = litegrip.work_limit_target(gripper.config, 70.0)
-    assert (opened.target_rad, opened.limit_rad) == (pytest.approx(target), pytest.approx(limit))
+    assert [opened.target_rad, opened.limit_rad] == pytest.approx([target, limit])
     assert daemon.gripper.opening_mm == pytest.approx(70.0, abs=1.0)
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from litegrip_client import as_sdk
 
-OURS = os.path.join(as_sdk.FOLDER, "litegrip", "__init__.py")
+OURS = f"{as_sdk.FOLDER}/litegrip/__init__.py"
 
 
 def run(*arguments: str | Path, cwd: Path) -> "subprocess.CompletedProcess[str]":
@@ -85,7 +85,8 @@ def test_a_checkout_that_a_script_puts_first_does_not_open_the_bus(tmp_path: Pat
     write(tmp_path / "src/litegrip/__init__.py", "raise SystemExit('it opens the bus')\n")
     script = write(
         tmp_path / "examples/stroke.py",
-        f"import sys\nsys.path.insert(0, {str(tmp_path / 'src')!r})\n{SHOW}from litegrip.can import MotorType\n",
+        f"import sys\nsys.path.insert(0, {str(tmp_path / 'src')!r})\n"
+        f"{SHOW}from litegrip.can import MotorType\n",
     )
     done = run(script, cwd=tmp_path)
     assert (done.stdout, done.stderr) == (f"{OURS}\n", "")

@@ -47,17 +47,13 @@ def pairs(table: str) -> list[Any]:
 def test_each_name_can_be_imported_from_its_module(module: str) -> None:
     names = SPECIFIED["modules"][module].split()
     assert [name for name in names if not hasattr(found(module), name)] == []
-    exec(f"from {module} import {', '.join(names)}", {})  # noqa: S102 - as a script does
+    exec(f"from {module} import {', '.join(names)}", {})
 
 
 def test_the_package_lists_its_names_in_the_order() -> None:
     lazy = {"ZenohTeleopTransport", "Listener", "Connector", "LatestSlot"}
     added = {"WriteZeroResult", "GripperGeometry"}
-    names = [
-        name
-        for name in SPECIFIED["modules"]["litegrip"].split()
-        if name not in lazy | added
-    ]
+    names = [name for name in SPECIFIED["modules"]["litegrip"].split() if name not in lazy | added]
     assert [name for name in litegrip.__all__ if name not in added] == names
     assert lazy | set(names) | added <= set(dir(litegrip))
 
@@ -100,9 +96,11 @@ def test_each_value_has_its_fields_in_order(path: str) -> None:
                 assert one.default in (time.sleep, time.monotonic)
                 assert (one.repr, one.compare) == (False, False)
             case _:
-                assert one.default == pytest.approx(default) if isinstance(
-                    default, float
-                ) else one.default == default
+                assert (
+                    one.default == pytest.approx(default)
+                    if isinstance(default, float)
+                    else one.default == default
+                )
                 assert isinstance(one.default, type(default))
                 assert hasattr(kind, name)  # programs look for fields on the class
     for name in row["properties"].split():
@@ -139,7 +137,9 @@ def test_each_function_has_its_signature(path: str, signature: str) -> None:
 def said(function: Any) -> str:
     """Return a signature without its annotations."""
     signature = inspect.signature(function)
-    bare = [one.replace(annotation=inspect.Parameter.empty) for one in signature.parameters.values()]
+    bare = [
+        one.replace(annotation=inspect.Parameter.empty) for one in signature.parameters.values()
+    ]
     return str(signature.replace(parameters=bare, return_annotation=inspect.Signature.empty))
 
 
@@ -148,9 +148,7 @@ def test_each_attribute_is_there(path: str) -> None:
     kind = found(path)
     names = SPECIFIED["properties"][path].split()
     made = None
-    if kind is litegrip.LiteGrip:
-        made = kind()
-    elif kind.__name__ in ("MotorState", "LatestSlot"):
+    if kind is litegrip.LiteGrip or kind.__name__ in ("MotorState", "LatestSlot"):
         made = kind()
     for name in names:
         assert hasattr(kind if made is None else made, name), name
@@ -164,6 +162,4 @@ def test_the_data_files_lie_beside_the_modules() -> None:
     assert list(litegrip.CALIB_TEMPLATES) == litegrip.list_templates() == ["normal", "reverse"]
     for path in litegrip.CALIB_TEMPLATES.values():
         assert Path(path).parent == folder
-    from litegrip.gripper import _FACTORY_CALIB
-
-    assert Path(_FACTORY_CALIB) == folder / "factory_calibration.json"
+    assert Path(litegrip.gripper._FACTORY_CALIB) == folder / "factory_calibration.json"

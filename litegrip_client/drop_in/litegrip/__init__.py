@@ -109,7 +109,10 @@ from .trajectory import (  # noqa: E402
 )
 
 if TYPE_CHECKING:
-    from .zenoh_link import Connector, LatestSlot, Listener, ZenohTeleopTransport
+    from .zenoh_link import Connector as Connector
+    from .zenoh_link import LatestSlot as LatestSlot
+    from .zenoh_link import Listener as Listener
+    from .zenoh_link import ZenohTeleopTransport as ZenohTeleopTransport
 
     __version__: str
 

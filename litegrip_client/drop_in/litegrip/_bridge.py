@@ -1,4 +1,4 @@
-"""Between this package and `litegrip_client`: its errors, states and tunables in the SDK's terms."""
+"""Between this package and `litegrip_client`: errors, states and tunables in the SDK's terms."""
 
 from __future__ import annotations
 
@@ -136,28 +136,36 @@ class Samples:
     def take(self, one: OurProgress) -> None:
         """Take a report of the daemon's."""
         self._reports += 1
-        if self._progress is None or self._reports <= 0 or self._reports % self._share:
+        progress = self._progress
+        if progress is None or self._reports <= 0 or self._reports % self._share:
             return
         i = self._reports * self._frames
         self._total = max(self._total, one.total_steps + self._settling, i)
-        self._pass_on(i, one.cmd_rad, one.pos_rad, one.torque_nm, one.temperature_coil)
+        self._pass_on(progress, i, one.cmd_rad, one.pos_rad, one.torque_nm, one.temperature_coil)
 
     def end(self, steps: int, command_rad: float, state: OurState) -> None:
         """Pass on the last frame."""
-        if self._progress is not None:
+        progress = self._progress
+        if progress is not None:
             self._total = max(self._total, steps)
             at_rad, torque_nm = state.position_rad or 0.0, state.torque_nm or 0.0
-            self._pass_on(steps, command_rad, at_rad, torque_nm, state.coil_temperature_c)
+            coil_c = state.coil_temperature_c
+            self._pass_on(progress, steps, command_rad, at_rad, torque_nm, coil_c)
 
     def _pass_on(
-        self, i: int, command_rad: float, at_rad: float, torque_nm: float, coil_c: float | None
+        self,
+        progress: Callable[[MoveProgress], None],
+        i: int,
+        command_rad: float,
+        at_rad: float,
+        torque_nm: float,
+        coil_c: float | None,
     ) -> None:
         before_rad = self._seen[-1] if self._seen else at_rad
         self._seen.append(at_rad)
         del self._seen[: -self._window - 1]
         is_full = len(self._seen) == self._window + 1
-        assert self._progress is not None
-        self._progress(
+        progress(
             MoveProgress(
                 "move",
                 i,

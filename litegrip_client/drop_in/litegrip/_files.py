@@ -1,4 +1,4 @@
-"""Calibration files of the SDK: where they are looked for, and what a configuration takes of them."""
+"""Calibration files of the SDK: where they are looked for, and what a configuration takes."""
 
 from __future__ import annotations
 
@@ -84,16 +84,13 @@ def apply(content: Mapping[str, Any], config: GripperConfig) -> None:
     Raises `CommandError`, and sets nothing, for figures that are not finite, or a scale of 0.
     """
     for key in _REQUIRED:
-        if key not in content:
-            raise KeyError(key)
+        value = content[key]
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise CommandError(f"{key} of the calibration is {value!r:.60}: not a number")
     for key, _ in _TAKEN:
         value = content.get(key)
         if isinstance(value, float) and not math.isfinite(value):
             raise CommandError(f"{key} of the calibration is {value}: not a finite number")
-    for key in _REQUIRED:
-        value = content[key]
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise CommandError(f"{key} of the calibration is {value!r:.60}: not a number")
     if content["rad_to_mm"] == 0:
         raise CommandError("rad_to_mm of the calibration is 0")
     for key, field in _TAKEN:

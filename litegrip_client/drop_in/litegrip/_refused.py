@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, NoReturn
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, ClassVar, NoReturn
 
 from .exceptions import CommandError
 
@@ -21,7 +23,11 @@ class Refused:
     `_INSTEAD` has the members, and what to use instead of each.
     """
 
-    _INSTEAD: dict[str, str] = {}
+    _INSTEAD: ClassVar[Mapping[str, str]] = MappingProxyType({})
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any: ...
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()

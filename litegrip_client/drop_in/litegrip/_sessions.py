@@ -172,7 +172,7 @@ class Sessions:
             )
         return taken
 
-    def play_start(  # noqa: PLR0917 - those of the SDK, by position
+    def play_start(
         self,
         trajectory: Trajectory,
         speed: float,
@@ -188,7 +188,7 @@ class Sessions:
         self._kind, self._asked = "play", {"loop": bool(loop), "speed": float(speed)}
         return self.trajectory_status()
 
-    def play(  # noqa: PLR0917 - those of the SDK, by position
+    def play(
         self,
         trajectory: Trajectory,
         speed: float,
@@ -432,23 +432,22 @@ class Carrier:
     def _send_out(self) -> None:
         while self.inbox:
             message = self.inbox.popleft()
-            try:
-                self.transport.pub(message["topic"], bytes.fromhex(message["payload"]))
-            except Exception as error:  # noqa: BLE001 - the program's own object may raise anything
-                self.failed += 1
-                LOG.log(
-                    logging.WARNING if self.failed == 1 else logging.DEBUG,
-                    "the transport did not publish: %s",
-                    error,
-                )
+            self._publish(message["topic"], bytes.fromhex(message["payload"]))
+
+    def _publish(self, topic: str, payload: bytes) -> None:
+        try:
+            self.transport.pub(topic, payload)
+        except Exception as error:  # noqa: BLE001 - the program's own object may raise anything
+            self.failed += 1
+            level = logging.WARNING if self.failed == 1 else logging.DEBUG
+            LOG.log(level, "the transport did not publish: %s", error)
 
     def _run(self) -> None:
-        while not self._is_over.wait(self._period_s):
-            try:
+        try:
+            while not self._is_over.wait(self._period_s):
                 self.step()
-            except ours.LiteGripError as error:
-                LOG.warning("teleoperation's transport is not carried any more: %s", error)
-                return
+        except ours.LiteGripError as error:
+            LOG.warning("teleoperation's transport is not carried any more: %s", error)
 
 
 def _above_0(name: str, value: float) -> float:

@@ -204,7 +204,7 @@ def _travel_rad(config: GripperConfig) -> float:
     return travel_rad
 
 
-def force_approach_terms(  # noqa: PLR0917 - the vendor's, by position
+def force_approach_terms(
     kp: float,
     kd: float,
     speed_rad_s: float,

@@ -150,7 +150,7 @@ class LiteGrip:
     `litegrip_client` behind this one, for all that the SDK does not know; None before `connect()`.
     """
 
-    def __init__(  # noqa: PLR0917 - the vendor's, by position
+    def __init__(
         self,
         channel: str = DefaultParams.CAN_CHANNEL,
         can_id: int = GripperParams.CAN_ID,
@@ -380,7 +380,7 @@ class LiteGrip:
     # Reading
 
     def poll(self, timeout_s: float = 0.0) -> bool:
-        """Return True if the motor has reported since the last `poll`; waits for it at most so long.
+        """Return True if the motor has reported since the last `poll`; wait for it so long.
 
         False before `connect()`.
         """
@@ -412,7 +412,7 @@ class LiteGrip:
                     return False
                 time.sleep(_SHORT_S)
 
-    def get_state(self, wait: bool = True) -> GripperState:  # noqa: ARG002 - never older than 5 ms
+    def get_state(self, wait: bool = True) -> GripperState:
         """Return what the motor has reported last; `wait` makes no difference."""
         daemon = self._connected()
         with in_their_terms():
@@ -465,7 +465,7 @@ class LiteGrip:
 
     # Frames
 
-    def send_mit_frame(  # noqa: PLR0917 - the vendor's, by position
+    def send_mit_frame(
         self, q: float, kp: float, kd: float, dq: float = 0.0, tau: float = 0.0
     ) -> bool:
         """Have the jaws follow `q` (rad), or, with `kp` 0, have the motor make `tau` (N·m).
@@ -628,7 +628,7 @@ class LiteGrip:
         """Move to an opening, mm, in `duration` seconds; it stays inside the travel."""
         return self._go(self._angle(finite("position_mm", position_mm)), kp, kd, duration)
 
-    def goto_rad(  # noqa: PLR0917 - the vendor's, by position
+    def goto_rad(
         self,
         position_rad: float,
         kp: float | None = None,
@@ -663,14 +663,14 @@ class LiteGrip:
         """Move to the closed limit, in a second."""
         return self.goto_rad(self.config.pos_closed_rad, duration=1.0)
 
-    def _go(
-        self, target_rad: float, kp: float | None, kd: float | None, duration: float
-    ) -> bool:
+    def _go(self, target_rad: float, kp: float | None, kd: float | None, duration: float) -> bool:
         lasts_s = max(finite("duration", duration), 0.0)
         daemon = self._begin("goto", None)
         stiff, damped = self._move_gains(kp, kd)
         with in_their_terms():
-            daemon.goto_rad(clamp_to_calibrated(self.config, target_rad), stiff, damped, duration=lasts_s)
+            daemon.goto_rad(
+                clamp_to_calibrated(self.config, target_rad), stiff, damped, duration=lasts_s
+            )
         return True
 
     def move_at_speed(
@@ -696,7 +696,7 @@ class LiteGrip:
         least_mm = _SMALLEST_RAD * self.config.rad_to_mm
         return self._at_speed(finite("target_rad", target_rad), speed_mm_s, least_mm, kp, kd)
 
-    def _at_speed(  # noqa: PLR0917 - one place for the two above
+    def _at_speed(
         self,
         target_rad: float,
         speed_mm_s: float,
@@ -772,7 +772,7 @@ class LiteGrip:
         self.save_calibration()
         return data
 
-    def calibrate(  # noqa: PLR0917 - the vendor's, by position
+    def calibrate(
         self,
         kp: float = 20.0,
         kd: float = 2.0,
@@ -795,7 +795,7 @@ class LiteGrip:
             lambda mount, mm: daemon.calibrate(*given, mount=mount, stroke_mm=mm)
         )
 
-    def calibrate_guided(  # noqa: PLR0917 - the vendor's, by position
+    def calibrate_guided(
         self,
         kp: float = 20.0,
         kd: float = 2.0,
@@ -964,7 +964,7 @@ class LiteGrip:
         """Record for a while; blocks."""
         return self._sessions.record(duration_s, rate_hz, zero_gravity)
 
-    def play_start(  # noqa: PLR0917 - the vendor's, by position
+    def play_start(
         self,
         trajectory: Trajectory,
         speed: float = 1.0,
@@ -976,7 +976,7 @@ class LiteGrip:
         """Begin to replay in the background; return the status."""
         return self._sessions.play_start(trajectory, speed, kp, kd, loop, align)
 
-    def play(  # noqa: PLR0917 - the vendor's, by position
+    def play(
         self,
         trajectory: Trajectory,
         speed: float = 1.0,
@@ -1095,7 +1095,11 @@ class LiteGrip:
             "kp": kp,
             "kd": kd,
         }
-        return own if config.work_stroke_mm <= 0.0 else {**own, "work_stroke_mm": config.work_stroke_mm}
+        return (
+            own
+            if config.work_stroke_mm <= 0.0
+            else {**own, "work_stroke_mm": config.work_stroke_mm}
+        )
 
     def _angle(self, opening_mm: float) -> float:
         """Return the angle of an opening."""
@@ -1125,4 +1129,3 @@ def _is_slack(state: Any) -> bool:
 
 def _version(daemon: litegrip_client.LiteGrip) -> str:
     return str(daemon.info().get("version"))
-

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import contextlib
 import math
-import queue
 import select
 import socket
 import struct
-from typing import Any
+from collections import deque
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 from ._refused import Refused
 from .exceptions import LiteGripError
@@ -211,21 +212,17 @@ class _Queue(TeleopSubscription):
     """Payloads that wait; the oldest is dropped where there are too many."""
 
     def __init__(self, depth: int) -> None:
-        self._waiting: queue.Queue[bytes] = queue.Queue(depth)
+        self._waiting: deque[bytes] = deque(maxlen=depth)
 
     def put(self, payload: bytes) -> None:
         """Add a payload."""
-        while True:
-            try:
-                return self._waiting.put_nowait(payload)
-            except queue.Full:
-                self.try_recv()
+        self._waiting.append(payload)
 
     def try_recv(self) -> bytes | None:
         """Return the oldest payload, None without one."""
         try:
-            return self._waiting.get_nowait()
-        except queue.Empty:
+            return self._waiting.popleft()
+        except IndexError:
             return None
 
 
@@ -320,7 +317,7 @@ def _address(given: str | tuple[str, int]) -> tuple[str, int]:
 class GripperTeleop(Refused):
     """The SDK's loop, which is the daemon's: `LiteGrip.teleop_start(transport=...)` runs it."""
 
-    _INSTEAD = {
+    _INSTEAD: ClassVar[Mapping[str, str]] = {
         "start": "LiteGrip.teleop_start(mode, transport=...)",
         "stop": "LiteGrip.teleop_stop()",
         "status": "LiteGrip.teleop_status()",

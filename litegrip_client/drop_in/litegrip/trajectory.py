@@ -5,8 +5,9 @@ from __future__ import annotations
 import bisect
 import os
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 from litegrip_client.values.trajectory_format import ENDING, HEADER, LGT_VERSION, MAGIC, SAMPLE
 
@@ -150,8 +151,9 @@ class Trajectory:
 
     def save(self, path: str | os.PathLike[str]) -> str:
         """Write a file, at once or not at all; return its path. See `resolve_path`."""
-        from litegrip_client.values import atomic_file  # noqa: PLC0415 - files are seldom written
         from pathlib import Path  # noqa: PLC0415
+
+        from litegrip_client.values import atomic_file  # noqa: PLC0415 - files are seldom written
 
         target = resolve_path(path)
         atomic_file.write(Path(target), self.to_bytes())
@@ -159,7 +161,7 @@ class Trajectory:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Trajectory:
-        """Read a file; raises `FileNotFoundError` and `TrajectoryFormatError`. See `resolve_path`."""
+        """Read a file (`resolve_path`); raises `FileNotFoundError`, `TrajectoryFormatError`."""
         found = resolve_path(path)
         with open(found, "rb") as file:
             return cls.from_bytes(file.read())
@@ -181,7 +183,7 @@ def resolve_path(path: str | os.PathLike[str]) -> str:
 class TrajectoryRecorder(Refused):
     """The SDK's recording loop, which is the daemon's."""
 
-    _INSTEAD = {
+    _INSTEAD: ClassVar[Mapping[str, str]] = {
         "start": "LiteGrip.record_start()",
         "stop": "LiteGrip.record_stop()",
         "wait_for": "LiteGrip.record(duration_s)",
@@ -199,7 +201,7 @@ class TrajectoryRecorder(Refused):
 class TrajectoryPlayer(Refused):
     """The SDK's replay loop, which is the daemon's."""
 
-    _INSTEAD = {
+    _INSTEAD: ClassVar[Mapping[str, str]] = {
         "start": "LiteGrip.play_start(trajectory)",
         "stop": "LiteGrip.play_stop()",
         "wait": "LiteGrip.play(trajectory)",

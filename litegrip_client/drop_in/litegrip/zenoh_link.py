@@ -1,4 +1,4 @@
-"""The link over zenoh: a leader listens, a follower connects to it. Needs the package eclipse-zenoh.
+"""The link over zenoh: a leader listens, a follower connects to it. Needs eclipse-zenoh.
 
 These are ends in the program's own process. `LiteGrip.teleop_start` needs none of them: the
 daemon has the link.

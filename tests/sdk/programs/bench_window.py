@@ -17,7 +17,7 @@ class Worker:
         self.config.max_stroke_mm = 85.0
         self.config.can_id, self.config.mst_id, self.config.canfd_mode = 8, None, False
         self.gripper = LiteGrip(config=self.config)
-        self.commands: "queue.Queue[tuple[str, float]]" = queue.Queue()
+        self.commands: queue.Queue[tuple[str, float]] = queue.Queue()
         self.stops = threading.Event()
         self.reports = 0
         self.failed_in_a_row = 0

@@ -32,12 +32,14 @@ def main() -> int:
             cases.append(("empty", (True, False)))
         if not given.skip_loaded:
             cases.append(("loaded", (False, True)))
-        for name, expected in cases:
-            slices: list[int] = []
+        slices: list[int] = []
 
-            def watch(sample: MoveProgress) -> None:
-                if sample.phase == "hold":
-                    slices.append(sample.i)
+        def watch(sample: MoveProgress) -> None:
+            if sample.phase == "hold":
+                slices.append(sample.i)
+
+        for name, expected in cases:
+            slices.clear()
 
             assert gripper.open(60.0, progress=watch)
             if name == "loaded":

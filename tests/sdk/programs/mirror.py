@@ -33,8 +33,7 @@ def main() -> int:
             print("another SDK:", name)
             return 1
     sdk = loaded_by_path(Path(litegrip.__file__).parent.parent)
-    from litegrip import gripper as module
-
+    module = sys.modules["litegrip.gripper"]
     print("from", Path(module._FACTORY_CALIB).name, sdk.__file__ == litegrip.__file__)
     gripper = sdk.LiteGrip(channel=channel, can_id=8, mst_id=None)
     assert gripper.connect()

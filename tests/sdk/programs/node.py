@@ -12,7 +12,7 @@ PERIOD_S = 0.02
 class Node:
     def __init__(self, channel: str) -> None:
         self.gripper = LiteGrip(channel)
-        self.target_rad: "float | None" = None
+        self.target_rad: float | None = None
         self.fresh_s = 0.0
         self.latched = False
         if not callable(getattr(self.gripper, "refresh_status", None)):
@@ -48,7 +48,8 @@ class Node:
             sent = gripper.send_mit_frame(q=self.target_rad, kp=20.0, kd=0.5, dq=0.0, tau=0.0)
             self.latched = self.latched or not sent
         else:
-            self.latched = self.latched or gripper.stop() is False
+            answer: object = gripper.stop()  # type: ignore[func-returns-value]
+            self.latched = self.latched or answer is False
             gripper.refresh_status()
 
     def run(self, seconds: float) -> None:

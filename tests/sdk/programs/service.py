@@ -36,9 +36,7 @@ def main() -> int:
             bus.control_mit_stream(0.0, 0.0, 0.0, given.duration, interval_s=given.interval)
         elif given.what == "goto":
             bus.initialize()
-            bus.control_mit_stream(
-                given.rad, 100.0, 2.0, given.duration, interval_s=given.interval
-            )
+            bus.control_mit_stream(given.rad, 100.0, 2.0, given.duration, interval_s=given.interval)
         else:
             bus.disable()
             print("zero", bus.set_zero())

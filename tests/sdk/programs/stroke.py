@@ -45,7 +45,9 @@ def main() -> int:
         assert gripper.connect()
         enabled = gripper.enable()
         if not enabled.ok:
-            print(f"not enabled after {enabled.tries}: {enabled.state.error_code}")
+            print(
+                f"not enabled after {enabled.tries}: {getattr(enabled.state, 'error_code', None)}"
+            )
             return 1
         print(str(gripper))
         peak = 0.0

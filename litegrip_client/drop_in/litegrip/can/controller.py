@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 from .._refused import Refused
 
@@ -12,7 +13,7 @@ __all__ = ["MotorController"]
 class MotorController(Refused):
     """Motors on one bus. `CommandError` says which call of `LiteGrip` does the same."""
 
-    _INSTEAD = {
+    _INSTEAD: ClassVar[Mapping[str, str]] = {
         "add_motor": "LiteGrip(channel, can_id).connect()",
         "remove_motor": "LiteGrip.disconnect()",
         "get_motor": "LiteGrip.get_state()",

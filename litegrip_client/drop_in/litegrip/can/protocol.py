@@ -168,7 +168,7 @@ def uint_to_float(value: int, value_min: float, value_max: float, bits: int) -> 
     return value * (value_max - value_min) / ((1 << bits) - 1) + value_min
 
 
-def pack_mit_frame(  # noqa: PLR0917 - the vendor's, by position
+def pack_mit_frame(
     q: float,
     dq: float,
     kp: float,

@@ -6,8 +6,8 @@ import logging
 import math
 import time
 
-from ..can.motor import MotorParams, MotorState, MotorType
 from .._bridge import in_their_terms
+from ..can.motor import MotorParams, MotorState, MotorType
 from ..exceptions import (
     CANTimeoutError,
     CommandError,
