@@ -29,6 +29,8 @@ def run(site: Site, monkeypatch: pytest.MonkeyPatch) -> Run:
         with monkeypatch.context() as patch:
             patch.setattr(sys, "argv", [f"{name}.py", *arguments])
             patch.setitem(sys.modules, "time", clock)
+            for module in [one for one in sys.modules if one.partition(".")[0] == "litegrip"]:
+                patch.setitem(sys.modules, module, sys.modules[module])  # a program may reload it
             with pytest.raises(SystemExit) as ended:
                 runpy.run_path(str(PROGRAMS / f"{name}.py"), run_name="__main__")
         return int(ended.value.code or 0)
