@@ -27,7 +27,6 @@ from docs.protocol_fields import (  # noqa: E402
     state_section,
     teleop_section,
 )
-from docs.sdk_surface import surface_page  # noqa: E402
 from litegrip_client.values.errors import OWN_REASONS  # noqa: E402
 from litegripd.app.build import METHODS, SIMULATED_METHODS  # noqa: E402
 from litegripd.io.stop_socket import MAX_STOP_LINE_BYTES  # noqa: E402
@@ -251,7 +250,6 @@ GENERATED = (
     Generated("litegrip_client/threads/actions.py", blocking_client),
     Generated("litegrip_web/page/severity.js", page_severity),
     Generated("docs/errors.md", errors_page),
-    Generated("docs/generated/sdk-compat.md", surface_page),
     Generated("docs/protocol.md", protocol_page),
     Generated("docs/configuration.md", configuration_page),
     Generated("etc/litegripd.toml", default_file),

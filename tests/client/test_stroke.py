@@ -10,7 +10,6 @@ import pytest
 from litegrip_client import (
     CalibrationData,
     CommandError,
-    DefaultParams,
     GripperConfig,
     GripperState,
     LiteGrip,
@@ -260,9 +259,9 @@ def test_the_nominal_figures_are_the_templates() -> None:
 
 
 def test_the_constants_are_the_vendors() -> None:
-    assert UnitConversion.RAD_TO_MM == DefaultParams.RAD_TO_MM == pytest.approx(75.438596)
+    assert pytest.approx(75.438596) == UnitConversion.RAD_TO_MM
     assert pytest.approx(1.0) == UnitConversion.MM_TO_RAD * UnitConversion.RAD_TO_MM
-    assert (DefaultParams.MAX_STROKE_MM, GripperConfig().max_stroke_mm) == (STROKE_MM, STROKE_MM)
+    assert GripperConfig().max_stroke_mm == STROKE_MM
     assert CalibrationData(rad_to_mm=SPAN_MM / TRAVEL_RAD).stroke_mm == pytest.approx(STROKE_MM)
 
 

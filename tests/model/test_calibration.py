@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegrip_client import DM_Motor_Type
 from litegripd.model.calibration import (
     NOMINAL,
     SUPERSEDED,
@@ -171,9 +170,8 @@ def test_a_file_that_readers_would_read_differently_is_refused(text: str, why: s
 
 
 def test_a_type_that_cannot_be_driven_is_refused_by_its_number_too() -> None:
-    assert tuple(one.name for one in DM_Motor_Type) == NUMBERED_TYPES
     with pytest.raises(CalibrationError, match=r"motor_type is 'DM6006', .*missing"):
-        parse_calibration(changed(motor_type=int(DM_Motor_Type.DM6006)))
+        parse_calibration(changed(motor_type=NUMBERED_TYPES.index("DM6006")))
 
 
 @pytest.mark.parametrize("motor_type", ["DM4310", "DM4340", "", None, 1, 3])

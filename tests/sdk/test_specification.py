@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 import litegrip
+from tests.sdk import table
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -163,3 +164,7 @@ def test_the_data_files_lie_beside_the_modules() -> None:
     for path in litegrip.CALIB_TEMPLATES.values():
         assert Path(path).parent == folder
     assert Path(litegrip.gripper._FACTORY_CALIB) == folder / "factory_calibration.json"
+
+
+def test_the_page_has_each_name_and_what_differs() -> None:
+    assert table.PAGE.read_text(encoding="utf-8") == table.page()

@@ -17,6 +17,7 @@ from litegrip_client.values.results import MoveProgress as OurProgress
 
 from . import teleop, trajectory
 from .actions import MotionConfig, MoveProgress
+from .constants import UnitConversion
 from .exceptions import (
     CANTimeoutError,
     CommandError,
@@ -85,7 +86,7 @@ def state_of(state: OurState, config: GripperConfig) -> GripperState:
         state.error_code or 0,
         time.time() - (0.0 if math.isinf(age_s) else age_s),
         (config.pos_closed_rad - position_rad) * sign * config.rad_to_mm,
-        sign * torque_nm * config.nm_to_n,
+        sign * torque_nm * UnitConversion.NM_TO_N,
         age_s,
     )
 

@@ -45,6 +45,8 @@ TRAJECTORY_LOG = logging.getLogger("litegrip.trajectory")
 
 _LOOK_S = 0.02
 _OVER_TIME, _OVER_TIME_S = 1.5, 3.0
+_LEAST_SHARE = 0.9
+"""Single measurements may be lost on the bus."""
 
 _IDLE_TELEOP: Mapping[str, Any] = {"active": False, "mode": None}
 _IDLE_TRAJECTORY: Mapping[str, Any] = {"active": False, "kind": None}
@@ -166,7 +168,7 @@ class Sessions:
             self.end()
             raise
         taken = self.record_stop(allow_empty=True)
-        if len(taken) < wanted:
+        if len(taken) < _LEAST_SHARE * wanted:
             raise TrajectoryRecordingError(
                 f"{len(taken)} of {wanted} samples were recorded: the recording did not fill"
             )

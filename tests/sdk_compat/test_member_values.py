@@ -12,7 +12,6 @@ from litegrip_client import (
     CalibrationData,
     CANTimeoutError,
     CommandError,
-    DM_Motor_Type,
     GripperConfig,
     HardwareError,
     LiteGrip,
@@ -22,11 +21,8 @@ from litegrip_client import (
     Trajectory,
     TrajectorySample,
     UnitConversion,
-    decode_frame,
     default_calib_path,
-    encode_frame,
     resolve_path,
-    teleop_topic,
     trajectory_dir,
 )
 from litegripd.model.gripper import FASTEST_RAD_S
@@ -52,13 +48,6 @@ def test_what_is_measured_is_a_number(site: Site, daemon: Daemon, gripper: LiteG
     site.run(1.0)
     assert gripper.is_grasped()
     assert gripper.get_force() == pytest.approx(10.0, abs=1.0)
-
-
-def test_a_gripper_says_what_it_is(daemon: Daemon, gripper: LiteGrip) -> None:
-    info = gripper.get_info()
-    assert (info.channel, info.can_id, info.mst_id) == ("can0", 8, 0x18)
-    assert (info.motor_type, info.mount, info.calibrated) == ("DM4310", daemon.mount, True)
-    assert info.software_version is not None
 
 
 def test_a_motor_that_is_silent_has_no_figures_and_is_not_ready(
@@ -264,7 +253,6 @@ def test_a_calibration_by_hand_needs_a_hand(daemon: Daemon, gripper: LiteGrip) -
     "right",
     [
         {"mst_id": 0x18, "canfd_mode": False, "motor_type": "DM4310"},
-        {"motor_type": DM_Motor_Type.DM4310},
         {"motor_type": 1},
         {"config": GripperConfig()},
         {"config": GripperConfig(can_id=8, mst_id=0x18, kp=100.0)},
@@ -283,10 +271,9 @@ def test_what_is_as_the_script_says_is_connected_to(
     [
         ({"mst_id": 0x19}, "mst_id 24, not 25"),
         ({"motor_type": "DM4340"}, "motor_type DM4310, not DM4340"),
-        ({"motor_type": DM_Motor_Type.DM4340}, "motor_type DM4310, not DM4340"),
         ({"motor_type": 5}, "motor_type DM4310, not DM6006"),
-        ({"motor_type": "DM1"}, "not DM1, which is none of the SDK's types: DM3507, DM4310, "),
-        ({"motor_type": 99}, "not 99, which is none of the SDK's types: DM3507, DM4310, "),
+        ({"motor_type": "DM1"}, "not DM1, which is none of the maker's types: DM3507, DM4310, "),
+        ({"motor_type": 99}, "not 99, which is none of the maker's types: DM3507, DM4310, "),
         ({"config": GripperConfig(kp=150.0)}, "kp 100.0, not 150.0"),
         ({"config": GripperConfig(can_id=9)}, "can_id 0x08, not 0x09"),
     ],
@@ -350,15 +337,9 @@ def test_a_trajectory_is_made_filled_and_asked() -> None:
         taught.to_bytes()
 
 
-def test_constants_and_frames(site: Site) -> None:
+def test_constants_and_paths(site: Site) -> None:
     assert UnitConversion.NM_TO_N * UnitConversion.N_TO_NM == 1.0
     assert pytest.approx(1.0) == UnitConversion.RAD_TO_MM * UnitConversion.MM_TO_RAD
     assert (CalibrationData().mount, CalibrationData().calibrated) == ("normal", False)
-    assert teleop_topic() == "litearm/v4/gripA/gripper_teleop"
-    frame = encode_frame(0.5, 60.0, 1.0, 2.0)
-    assert (len(frame), decode_frame(frame)) == (32, (0.5, 60.0, 1.0, 2.0))
-    for wrong in (frame[:-1], encode_frame(0.5)[:8] + b"\x7f\xf0" + bytes(22)):
-        with pytest.raises(ValueError, match="frame"):
-            decode_frame(wrong)
     assert default_calib_path("can1").endswith("/.litegrip/can1_calibration.json")
     assert resolve_path("pick") == f"{trajectory_dir()}/pick.lgt"
