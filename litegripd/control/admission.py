@@ -197,6 +197,20 @@ def force_refusal(force_n: float, geometry: Geometry, motor_type: MotorType) -> 
     )
 
 
+def push_refusal(push_nm: float, geometry: Geometry, motor_type: MotorType) -> Refusal | None:
+    """Return a refusal if a push has more torque than a grip may have, or more force."""
+    most_nm = min(motor_type.holding_nm, geometry.torque_nm(motor_type.most_force_n))
+    if abs(push_nm) <= most_nm:
+        return None
+    return Refusal(
+        "out_of_limits",
+        f"push_nm is {push_nm:g}, it must be at most {at_most(most_nm, 3)} either way: a grip may"
+        f" have {motor_type.holding_nm:g} N·m and {motor_type.most_force_n:g} N, and the"
+        f" calibration has {geometry.nm_to_n:g} N per N·m",
+        {"field": "push_nm", "requested": push_nm, "limit": [-most_nm, most_nm]},
+    )
+
+
 def heat_refusal(allowance_nm: float, needed_nm: float) -> Refusal | None:
     """Return a refusal if the coil's heat leaves too little torque."""
     if allowance_nm >= needed_nm:

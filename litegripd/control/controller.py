@@ -230,6 +230,11 @@ class Controller:
         idle = self.idle if self.action is None else self.action.idle_after()
         return idle if isinstance(idle, Grip) else None
 
+    @property
+    def _is_pushed(self) -> bool:
+        """True while the running motion drives the jaws by a torque that its caller has set."""
+        return self.action is not None and self.action.by_force
+
     def grip_at(self, turn: Turn) -> Grip | None:
         """Return the hold by force that a motion which begins at its turn would find, or None."""
         if turn.replaces is None:
@@ -419,16 +424,23 @@ class Controller:
         *,
         terms: Terms | None = None,
     ) -> Job:
-        """Change at once what idle jaws do; the job has ended when this returns."""
+        """Change at once what idle jaws do; the job has ended when this returns.
+
+        Slack jaws that are let go again, perhaps 50 times a second, are no news.
+        """
         self._end_replaced(turn)
+        is_news = not (isinstance(idle, Slack) and isinstance(self.idle, Slack))
         if isinstance(idle, Grip) and kind == "set_force":
             self._moved_by = kind
         self.put_in_force(terms or self.terms)
         self.idle = idle
         job = self._new_job(kind, owner, detached=True, turn=turn)
         self.jobs.begin(job, self.now_s)
-        self.events.append(events.job_started(job))
-        self.end(result)
+        self.jobs.end(job, result, self.now_s)
+        if is_news:
+            self.events += [events.job_started(job), *events.job_ended(job, result)]
+        else:
+            self.jobs.forget_like(job)
         return job
 
     def queue(self, kind: JobKind, owner: Owner, detached: bool, start: Start) -> Job | Refusal:
@@ -827,7 +839,8 @@ class Controller:
         grip, running, geometry = self.grip, self.jobs.running, self.in_force.geometry
         is_held = grip is not None and grip.is_holding
         self.pressing.see(feedback, is_held=is_held)
-        if is_held or geometry is None or self._rests_at_stop(feedback, geometry):
+        is_wanted = is_held or self._is_pushed
+        if is_wanted or geometry is None or self._rests_at_stop(feedback, geometry):
             return
         lasting = self.pressing.take_lasting(now_s, self._moved_by)
         if lasting is not None:
@@ -866,7 +879,9 @@ class Controller:
         own_bounds = None if action is None else action.bounds
         bounds = own_bounds or bounds_of(self.in_force.geometry, self.in_force.config)
         grip = self.grip
-        change = self.output.send(now_s, command, feedback, bounds, ranges, grips=grip is not None)
+        change = self.output.send(
+            now_s, command, feedback, bounds, ranges, grips=grip is not None or self._is_pushed
+        )
         if change is not None:
             self.events.append(events.heat_changed(change))
         if grip is not None:

@@ -157,6 +157,14 @@ class JobBook:
             job.result = outcome
             job.state = JobState.DONE
 
+    def forget_like(self, job: Job) -> None:
+        """Forget the job before this one if it was the same: repeats leave room for the others."""
+        before = self._jobs.get(job.number - 1)
+        if before is None or before.is_running or before.key is not None:
+            return
+        if (before.kind, before.owner) == (job.kind, job.owner):
+            del self._jobs[before.number]
+
     def take_ended(self) -> list[Job]:
         """Return the jobs that have ended since the last call."""
         ended, self._ended = self._ended, []

@@ -21,6 +21,7 @@ from litegripd.control.admission import (
     heat_refusal,
     motor_refusal,
     position_refusal,
+    push_refusal,
     stroke_refusal,
     target_refusal,
 )
@@ -32,7 +33,8 @@ from litegripd.control.limiter import DEFAULT_GAINS, Gains
 from litegripd.control.motions.base import ClearFault, Disable, Enable, SetZero
 from litegripd.control.motions.calibrate import Calibrate, CalibrateByHand, Side
 from litegripd.control.motions.grasp import BUDGET_NM, Grasp, GraspRequest
-from litegripd.control.motions.move import Direction, MoveTo, MoveToStop, SetPoint, Stream
+from litegripd.control.motions.move import Direction, MoveTo, MoveToStop
+from litegripd.control.motions.stream import Push, SetPoint, Stream
 from litegripd.model.calibration import Calibration, of_stroke
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import Geometry, MotorType, Mount
@@ -310,15 +312,9 @@ class MotionRequests:
         gains: Gains,
     ) -> Job | Refusal:
         """Take a set-point that is valid until `valid_until_s`; the first one begins the motion."""
-        controller = self._controller
-        running, action = controller.jobs.running, controller.action
-        is_own = running is not None and running.owner.client == owner.client
-        if not (is_own and isinstance(action, Stream)):
-            running, action = None, Stream(controller.period_s)
+        controller, own = self._controller, self._own_stream(owner)
         geometry = (
-            self._ready(terms)
-            if running is None
-            else terms.geometry or controller.calibrated.problem
+            self._ready(terms) if own is None else terms.geometry or controller.calibrated.problem
         )
         if isinstance(geometry, Refusal):
             return geometry
@@ -331,9 +327,48 @@ class MotionRequests:
         point = SetPoint(
             target.position_rad(geometry), valid_until_s, geometry.to_rad(speed), torque_nm, gains
         )
-        action.set(point)
-        if running is None:
+        return self._go_on(own, point, owner, terms)
+
+    def push(
+        self, push_nm: float, owner: Owner, terms: Terms, *, valid_until_s: float
+    ) -> Job | Refusal:
+        """Take a set-point of torque; the first one begins the motion. With 0 the jaws are slack.
+
+        Slack jaws need no calibration, and may be anywhere.
+        """
+        controller, own, geometry = self._controller, self._own_stream(owner), terms.geometry
+        if push_nm == 0.0:
+            free = self._powered() if own is None else None
+            refusal = free if isinstance(free, Refusal) else None
+        else:
+            ready = self._ready(terms) if own is None else geometry or controller.calibrated.problem
+            refusal = (
+                ready
+                if isinstance(ready, Refusal)
+                else push_refusal(push_nm, ready, controller.gripper_id.motor_type)
+            )
+        if refusal is not None:
+            return refusal
+        push = Push(push_nm, valid_until_s, geometry, terms.config, terms.gains)
+        return self._go_on(own, push, owner, terms)
+
+    def _own_stream(self, owner: Owner) -> tuple[Job, Stream] | None:
+        """Return the stream that runs, if it is the owner's."""
+        running, action = self._controller.jobs.running, self._controller.action
+        is_own = running is not None and running.owner.client == owner.client
+        return (running, action) if running and is_own and isinstance(action, Stream) else None
+
+    def _go_on(
+        self, own: tuple[Job, Stream] | None, point: SetPoint | Push, owner: Owner, terms: Terms
+    ) -> Job:
+        """Give the stream another set-point, and begin one if there is none."""
+        controller = self._controller
+        if own is None:
+            action = Stream(controller.gripper_id.motor_type, controller.period_s)
+            action.set(point)
             return controller.begin("stream", action, owner, detached=False, terms=terms)
+        running, action = own
+        action.set(point)
         controller.put_in_force(terms)
         return running
 

@@ -332,6 +332,14 @@ class MotionMethods:
         (
             *target_params(),
             Param(
+                "push_nm",
+                "number",
+                "In place of where to go: the motor's torque, N·m, towards increasing radians if"
+                " positive. It pushes free jaws at 1.7 rad/s at most, and may be what a grip may"
+                " have, 4 and 40 N on a DM4310. With 0 they are slack. It takes none of speed_mm_s,"
+                " torque_nm, kp and kd.",
+            ),
+            Param(
                 "valid_s",
                 "number",
                 "How long it counts (default 0.2).",
@@ -360,21 +368,29 @@ class MotionMethods:
         may_notify=True,
     )
     def _stream(self, call: Call) -> Answer:
-        target = _target("stream.set", call.params)
-        valid_s = call.params.get("valid_s", DEFAULT_VALID_S)
-        since_s = min(call.params.get("sent_s", call.received_s), call.received_s)
+        params, target = call.params, None
+        if "push_nm" in params:
+            _check_push(params)
+        else:
+            target = _target("stream.set", params, "push_nm")
+        valid_s = params.get("valid_s", DEFAULT_VALID_S)
+        since_s = min(params.get("sent_s", call.received_s), call.received_s)
         if call.now_s >= since_s + valid_s:
             return _expired(call.now_s - since_s, valid_s)
-        terms = call.terms(self._controller)
-        job = self._motions.stream(
-            target,
-            call.owner,
-            terms,
-            valid_until_s=since_s + valid_s,
-            speed_mm_s=call.params.get("speed_mm_s"),
-            torque_nm=call.params.get("torque_nm", DEFAULT_CONTACT_NM),
-            gains=call.gains(terms.gains.following()),
-        )
+        terms, until_s = call.terms(self._controller), since_s + valid_s
+        if target is None:
+            push_nm = float(params["push_nm"])
+            job = self._motions.push(push_nm, call.owner, terms, valid_until_s=until_s)
+        else:
+            job = self._motions.stream(
+                target,
+                call.owner,
+                terms,
+                valid_until_s=until_s,
+                speed_mm_s=params.get("speed_mm_s"),
+                torque_nm=params.get("torque_nm", DEFAULT_CONTACT_NM),
+                gains=call.gains(terms.gains.following()),
+            )
         return JobNumber(job=accepted(job).number)
 
     @Method(
@@ -453,13 +469,26 @@ def _one_at_most(method: str, names: Sequence[str], params: Mapping[str, Any]) -
         raise Refused(Refusal("invalid_params", text, {"parameter": given[1]}))
 
 
-def _target(method: str, params: Mapping[str, Any]) -> Target:
-    """Return the target: exactly one quantity must be given."""
+def _target(method: str, params: Mapping[str, Any], *others: str) -> Target:
+    """Return the target: exactly one quantity must be given, and none of the others."""
     given = [name for name in QUANTITIES if name in params]
-    if len(given) != 1:
-        text = f"{method} takes exactly one of {', '.join(QUANTITIES)}"
+    if len(given) != 1 or any(name in params for name in others):
+        text = f"{method} takes exactly one of {', '.join((*QUANTITIES, *others))}"
         raise Refused(Refusal("invalid_params", text, {"parameter": (given or QUANTITIES)[0]}))
     return Target(given[0], float(params[given[0]]))
+
+
+_OF_POSITIONS = ("speed_mm_s", "torque_nm", "kp", "kd")
+
+
+def _check_push(params: Mapping[str, Any]) -> None:
+    """Refuse what says how to follow a position: a push follows none."""
+    if any(name in params for name in QUANTITIES):
+        _target("stream.set", params, "push_nm")
+    wrong = next((name for name in _OF_POSITIONS if name in params), None)
+    if wrong is not None:
+        text = f"stream.set: {wrong} does not go with push_nm, which is the whole torque: leave it"
+        raise Refused(Refusal("invalid_params", f"{text} out", {"parameter": wrong}))
 
 
 def _expired(age_s: float, valid_s: float) -> Refusal:
