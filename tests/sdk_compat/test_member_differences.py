@@ -1,15 +1,10 @@
-"""What docs/from-the-sdk.md says of calls that mean something else here, tried as it says it."""
+"""Calls of the client that mean something else than in the SDK."""
 
 import re
-import shlex
-import subprocess
 from collections.abc import Callable
-from dataclasses import fields
-from pathlib import Path
 
 import pytest
 
-import litegrip_client
 from litegrip_client import (
     BusyError,
     CommandError,
@@ -25,8 +20,6 @@ from tests.geometry import CLOSED_RAD, MM_RAD, OPEN_RAD, TRAVEL_MM
 from tests.sdk_compat.scenes import jaws_are_loose, tuned
 from tests.sdk_compat.trajectories import swing
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "from-the-sdk.md"
-
 
 @pytest.fixture
 def mount() -> str:
@@ -40,15 +33,6 @@ def held(daemon: Daemon, gripper: LiteGrip) -> LiteGrip:
     daemon.gripper.put_object(width_mm=30.0)
     assert gripper.grasp(10.0, until="verdict")
     return gripper
-
-
-def test_every_name_of_the_table_is_here() -> None:
-    rows = re.findall(r"^\| [a-z]+ \|.*\|$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
-    cells = [cell for row in rows for cell in row.split("|")[2:4] if "the daemon" not in cell]
-    names = {name for cell in cells for name in re.findall(r"`(\w+)`", cell)}
-    assert len(names) > 70
-    for name in names:
-        assert hasattr(litegrip_client, name) or hasattr(LiteGrip, name), name
 
 
 # At rest
@@ -500,19 +484,6 @@ def test_a_motor_that_stays_silent_names_the_fault(
         gripper.enable()
 
 
-# The page itself
-
-
-def test_the_line_for_sed_changes_the_imports_of_a_script(tmp_path: Path) -> None:
-    line = re.search(r"^ *(sed -i .*) \*\.py$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
-    assert line
-    script = tmp_path / "pick.py"
-    script.write_text("from litegrip import LiteGrip, CommandError\nprint('litegrip')\n")
-    subprocess.run([*shlex.split(line[1]), str(script)], check=True)
-    changed = "from litegrip_client import LiteGrip, CommandError\nprint('litegrip')\n"
-    assert script.read_text() == changed
-
-
 def test_what_is_beyond_channel_and_id_is_given_by_name() -> None:
     make: type = LiteGrip
     with pytest.raises(TypeError, match="positional"):
@@ -526,21 +497,3 @@ def test_a_new_calibration_is_an_event(daemon: Daemon) -> None:
         while "calibration" not in kinds:
             kinds.append(next(events).kind)
         assert gripper.mount == "reverse"
-
-
-def test_the_new_tunables_are_fields() -> None:
-    sentence = re.search(r"^- New: `force_rate_n_s`[^-]*", PAGE.read_text(), re.MULTILINE)
-    assert sentence
-    names = re.findall(r"`([a-z]+_[a-z_]+)`", sentence[0])
-    assert len(names) == 4
-    assert set(names) <= {field.name for field in fields(MotionConfig)}
-
-
-def test_the_members_of_the_status_of_teleoperation_are_those_that_the_page_names(
-    gripper: LiteGrip,
-) -> None:
-    sentence = re.search(r"in the status (`phase`.*?)\.", PAGE.read_text(), re.DOTALL)
-    assert sentence
-    names = set(re.findall(r"`([a-z_]+)`", sentence[1]))
-    assert len(names) >= 12
-    assert names <= gripper.teleop_status().keys()
