@@ -100,12 +100,16 @@ def test_a_motion_is_taught(
 def test_a_motor_by_itself(
     run: Run, daemon: Daemon, site: Site, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for what in ("status", "open", "close", "release", "zero"):
+    for what in ("status", "open", "close", "release"):
         assert run("service", what) == 0, what
     assert run("service", "goto", "--rad", "-0.3") == 0
     out = capsys.readouterr().out
     assert "mst 0x18" in out
-    assert "zero True" in out
+    assert "-0.30 1" in out
+    assert run("service", "zero") == 0
+    assert "zero True" in capsys.readouterr().out
+    assert run("service", "goto", "--rad", "-0.3") == 1  # its limits mean other angles now
+    assert "calibrate again" in capsys.readouterr().out
 
 
 def test_a_node(run: Run, daemon: Daemon, capsys: pytest.CaptureFixture[str]) -> None:

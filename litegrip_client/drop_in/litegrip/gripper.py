@@ -884,8 +884,8 @@ class LiteGrip:
 
         A `template` is "normal" or "reverse". A `path` that is missing, or no JSON, is replaced by
         the factory's file, with a warning. Without either: the channel's own file, the older
-        single one, the daemon's calibration if this object is connected, and the factory's file if
-        that is for this channel. Raises `CommandError` and, for a file that lacks a limit or the
+        single one, the daemon's calibration if one answers, and the factory's file if that is for
+        this channel. Raises `CommandError` and, for a file that lacks a limit or the
         scale, `KeyError`.
         """
         if path is not None and template is not None:
@@ -922,22 +922,33 @@ class LiteGrip:
         for path, content in _files.candidates(self.channel, DEFAULT_CALIB):
             _files.apply(content, self.config)
             return path
-        if self.is_connected:
-            with in_their_terms():
-                theirs = self._connected().config
-            if theirs.calibrated:
-                config = self.config
-                config.pos_closed_rad = theirs.pos_closed_rad or 0.0
-                config.pos_open_rad = theirs.pos_open_rad or 0.0
-                config.rad_to_mm = theirs.rad_to_mm or config.rad_to_mm
-                config.work_stroke_mm = theirs.work_stroke_mm
-                config.kp, config.kd, config.calibrated = theirs.kp, theirs.kd, True
-                return "of the daemon"
+        if self._load_daemons():
+            return "of the daemon"
         content = _files.read_strictly(_FACTORY_CALIB)
         if content.get("channel") not in (None, self.channel):
             return None
         _files.apply(content, self.config)
         return _FACTORY_CALIB
+
+    def _load_daemons(self) -> bool:
+        """Take the limits and gains that the daemon has; false where none answers, or has any."""
+        daemon = self.daemon or litegrip_client.LiteGrip(self.channel)
+        try:
+            daemon.connect()
+            theirs = daemon.config
+        except ours.LiteGripError as error:
+            LOG.info("the daemon of %s does not tell its calibration: %s", self.channel, error)
+            return False
+        finally:
+            if daemon is not self.daemon:
+                daemon.disconnect()
+        if theirs.pos_closed_rad is None or theirs.pos_open_rad is None or theirs.rad_to_mm is None:
+            return False
+        config = self.config
+        config.pos_closed_rad, config.pos_open_rad = theirs.pos_closed_rad, theirs.pos_open_rad
+        config.rad_to_mm, config.work_stroke_mm = theirs.rad_to_mm, theirs.work_stroke_mm
+        config.kp, config.kd, config.calibrated = theirs.kp, theirs.kd, True
+        return True
 
     def load_template(self, name: str) -> bool:
         """Read the nominal calibration of a mount, "normal" or "reverse"."""

@@ -42,7 +42,7 @@ class Worker:
             return False
 
     def run(self) -> None:
-        mode, value = "release", 0.0
+        mode, value, ramp_nm = "release", 0.0, 0.0
         target_rad = self.gripper.get_state(wait=False).position_rad
         while self.failed_in_a_row < 20:
             began_s = time.monotonic()
@@ -57,7 +57,7 @@ class Worker:
                         return
                     target_rad = self.gripper.get_state(wait=False).position_rad
                 self.reports += self.gripper.poll(timeout_s=0.0)
-                state = self.gripper.get_state(wait=False)
+                self.gripper.get_state(wait=False)
                 if mode == "move":
                     step_rad = 60.0 / self.config.rad_to_mm * PERIOD_S
                     target_rad += min(max(value - target_rad, -step_rad), step_rad)
@@ -66,7 +66,8 @@ class Worker:
                     )
                 elif mode == "force":
                     sign = self.config.close_sign
-                    tau = sign * min(value * 0.1, abs(state.torque_nm) + 0.02)
+                    ramp_nm = min(value * 0.1, ramp_nm + 0.02)
+                    tau = sign * ramp_nm
                     sent = self.gripper.send_mit_frame(q=0.0, kp=0.0, kd=0.0, dq=0.0, tau=tau)
                 else:
                     sent = self.gripper.send_mit_frame(q=0.0, kp=0.0, kd=0.0, dq=0.0, tau=0.0)
@@ -101,8 +102,8 @@ def main() -> int:
     worker.commands.put(("release", 0.0))
     time.sleep(0.3)
     worker.commands.put(("force", 10.0))
-    time.sleep(2.0)
-    print(f"force {worker.gripper.get_force():.0f}")
+    time.sleep(3.0)
+    print("force", 8.0 < worker.gripper.get_force() < 12.0)
     worker.stops.set()
     thread.join()
     print("enabled", worker.gripper.get_state().is_enabled, "failed", worker.failed_in_a_row)
