@@ -196,8 +196,9 @@ user who may not write there.
 
 - A line is at most {MAX_LINE_BYTES} bytes; a longer one is refused and the connection closed.
   Batches, duplicate keys, NaN, Infinity and unknown parameters are refused and the connection stays
-  open. So are requests without an `id`, a string or an integer, except `stream.set`: a set-point
-  without one gets no answer, and a `stream.refused` where it is refused.
+  open. So are requests without an `id`, a string or an integer, except `stream.set` and
+  `teleop.receive`: without one they get no answer, and a `stream.refused` or `teleop.refused`
+  where they are refused.
 - Requests of one connection run concurrently: answers come when they are done, by `id`.
 - `rpc.discover` returns an OpenRPC document: the parameters, the JSON Schema of every result, and,
   as `x-notifications`, that of the `params` of all that comes without a request. Of an event's

@@ -6,8 +6,6 @@ generated from this file: its docstrings are written for both.
 
 from __future__ import annotations
 
-import math
-
 from litegrip_client.core.motion import Motion, SetpointStream, check_no_feedforward, frame_target
 from litegrip_client.core.session import ACTION_TIMEOUT_S, DaemonSession
 from litegrip_client.values.checks import given_numbers, integer, number
@@ -610,6 +608,10 @@ class GripperActions:
         align: bool = True,
         align_speed_mm_s: float | None = None,
         lead_cap_mm: float | None = None,
+        require_ready: bool = True,
+        ready_timeout_s: float | None = None,
+        ready_tolerance_mm: float | None = None,
+        ready_period_s: float | None = None,
         port: int | None = None,
         grip_id: str | None = None,
         link: str | None = None,
@@ -628,8 +630,9 @@ class GripperActions:
     ) -> dict[str, Any]:
         """Lead ("master") or follow ("slave") until `teleop_stop`; return the first status.
 
-        A master's jaws go slack and are moved by hand. A slave needs the master's `host`; its jaws
-        go where the master's are, as a share of its own travel: calibration and mount may differ.
+        A master's jaws hold until its slave is ready, go slack then, and are moved by hand. A slave
+        needs the master's `host`; its jaws go where the master's are, as a share of its own travel:
+        calibration and mount may differ.
         Both ends share `port` (17448) and `grip_id` ("gripA"). `link` is "zenoh" (the default)
         or "udp", which only a trusted network is for, and with which the master needs the slave's
         `host`, and a slave's is its own address to listen at (all of them by default; `only_from`
@@ -647,9 +650,17 @@ class GripperActions:
         udp a master's `host` may name several slaves, separated by commas.
 
         A slave first goes to where its master is, at `align_speed_mm_s` (`motion_config.speed_mm_s`
-        by default). `lead_cap_mm` (`max_lead_mm`) bounds what its lead pushes with: 1.34 N·m a mm.
+        by default). With `align` false it goes there as fast as the bounds of its lead and its
+        force let it; it does not jump either. `lead_cap_mm` (`max_lead_mm`) bounds what its lead
+        pushes with: 1.34 N·m a mm, 2 N·m at most; 0 is as far as that.
 
-        `align` false is refused: the jaws would jump. So is `transport`: the link is the daemon's.
+        It is ready when it follows and its jaws are within `ready_tolerance_mm` (2) of where the
+        master's are; it says so every `ready_period_s` (0.1). The first time lets a master's jaws
+        go; after `ready_timeout_s` (10; 0: never) they go slack all the same, and
+        `ready_timed_out` of the status is true. With `require_ready` false, and over udp, where
+        nobody can say so, they are slack at once.
+
+        `transport` is refused: the link is the daemon's.
 
         It ends with this object's connection. Raises `TeleopNotReady` (not calibrated, not
         enabled), `TeleopBusyError` (it runs already), `TrajectoryBusyError` (a trajectory is
@@ -661,12 +672,6 @@ class GripperActions:
                 " it continues while a script is late",
                 reason="unsupported",
                 data={"parameter": "transport", "hint": 'leave it out, or take link="udp"'},
-            )
-        if not align:
-            raise CommandError(
-                "a follower that does not align would jump to where its leader is",
-                reason="unsupported",
-                data={"parameter": "align", "hint": "leave it out; align_speed_mm_s is how fast"},
             )
         params: dict[str, Any] = {"mode": mode}
         listens = (mode, link) == ("slave", "udp")
@@ -688,16 +693,24 @@ class GripperActions:
             dq_max=dq_max,
             reflect_n=reflect_n,
             reflect_gain=reflect_gain,
+            align_speed_mm_s=align_speed_mm_s,
+            lead_cap_mm=lead_cap_mm,
+            ready_timeout_s=ready_timeout_s,
+            ready_tolerance_mm=ready_tolerance_mm,
+            ready_period_s=ready_period_s,
         )
         if reflect:
             params["reflect"] = True
         if fake_leader:
             params["fake_leader"] = True
-        own = given_numbers(speed_mm_s=align_speed_mm_s, max_lead_mm=lead_cap_mm)
-        config = {**self._motion_config.to_wire(), **own}
+        if not align:
+            params["align"] = False
+        if not require_ready:
+            params["require_ready"] = False
+        config = self._motion_config.to_wire()
         if config:
             params["config"] = config
-        return _with_torque(await self._command("teleop.start", self._calibrated(params)))
+        return _of_sdk(await self._command("teleop.start", self._calibrated(params)))
 
     async def teleop_stop(self, timeout: float = 2.0) -> dict[str, Any]:
         """End it, if it runs: the jaws hold where they are. Returns the status at the end.
@@ -706,18 +719,19 @@ class GripperActions:
         the torque guard has released stay loose: holding would press what it freed.
         """
         timeout_s = number("timeout", timeout)
-        return _with_torque(await self._session.wire.call("teleop.stop", None, timeout_s))
+        return _of_sdk(await self._session.wire.call("teleop.stop", None, timeout_s))
 
     async def teleop_status(self) -> dict[str, Any]:
         """Return the status of teleoperation, or of the last one.
 
         A dictionary with `active`, `mode`, `topic`, `frames`, `last_frame_age_ms`, `stale`,
         `openness`, `position_mm`, `force_n`, `dq_cmd`, `loop_hz`, `rejected`, `send_failed`,
-        `fault`, `torque_nm`, `over_torque`, `torque_trips`, `matching` and more: whether its limits
-        make a slave press less (`force_limited`), and, of reflection, `reflected_n`, `followers`
-        and `round_trip_ms`. A `torque_nm` that is not known is NaN.
+        `fault`, `torque_nm`, `over_torque`, `torque_trips`, `matching`, `ready`, `ready_rx`,
+        `ready_pubs`, `ready_timed_out` and more: whether its limits make a slave press less
+        (`force_limited`), and, of reflection, `reflected_n`, `followers` and `round_trip_ms`. No
+        figure is NaN; those of a frame are 0 while `frames` is 0. `fault` is "" without one.
         """
-        return _with_torque(await self._session.wire.call("teleop.status"))
+        return _of_sdk(await self._session.wire.call("teleop.status"))
 
     # The calibration: which way closing is, and how far it is. There is one, the daemon's, for all
     # its clients. Files are the client's, where a path is given or LITEGRIP_CALIB names one.
@@ -945,10 +959,22 @@ def state_of(result: dict[str, Any]) -> GripperState:
     return GripperState.from_wire(result.get("state", {}))
 
 
-def _with_torque(status: dict[str, Any]) -> dict[str, Any]:
-    """Return a status of teleoperation whose torque is a number, as scripts print it."""
-    known = status.get("torque_nm", 0.0) is not None
-    return status if known else {**status, "torque_nm": math.nan}
+_BEFORE_A_FRAME: dict[str, Any] = {
+    "openness": 0.0,
+    "position_mm": 0.0,
+    "force_n": 0.0,
+    "torque_nm": 0.0,
+    "fault": "",
+}
+"""What an older daemon has no value for, with the SDK's: scripts print them as numbers and text."""
+
+
+def _of_sdk(status: dict[str, Any]) -> dict[str, Any]:
+    """Return a status of teleoperation with the values that the SDK has before there are any."""
+    missing = {
+        name: first for name, first in _BEFORE_A_FRAME.items() if status.get(name, first) is None
+    }
+    return {**status, **missing}
 
 
 def _play_params(  # noqa: PLR0917 - those of `play`, in its order

@@ -603,6 +603,10 @@ class GripperActions:
         align: bool = True,
         align_speed_mm_s: float | None = None,
         lead_cap_mm: float | None = None,
+        require_ready: bool = True,
+        ready_timeout_s: float | None = None,
+        ready_tolerance_mm: float | None = None,
+        ready_period_s: float | None = None,
         port: int | None = None,
         grip_id: str | None = None,
         link: str | None = None,
@@ -621,8 +625,9 @@ class GripperActions:
     ) -> dict[str, Any]:
         """Lead ("master") or follow ("slave") until `teleop_stop`; return the first status.
 
-        A master's jaws go slack and are moved by hand. A slave needs the master's `host`; its jaws
-        go where the master's are, as a share of its own travel: calibration and mount may differ.
+        A master's jaws hold until its slave is ready, go slack then, and are moved by hand. A slave
+        needs the master's `host`; its jaws go where the master's are, as a share of its own travel:
+        calibration and mount may differ.
         Both ends share `port` (17448) and `grip_id` ("gripA"). `link` is "zenoh" (the default)
         or "udp", which only a trusted network is for, and with which the master needs the slave's
         `host`, and a slave's is its own address to listen at (all of them by default; `only_from`
@@ -640,9 +645,17 @@ class GripperActions:
         udp a master's `host` may name several slaves, separated by commas.
 
         A slave first goes to where its master is, at `align_speed_mm_s` (`motion_config.speed_mm_s`
-        by default). `lead_cap_mm` (`max_lead_mm`) bounds what its lead pushes with: 1.34 N·m a mm.
+        by default). With `align` false it goes there as fast as the bounds of its lead and its
+        force let it; it does not jump either. `lead_cap_mm` (`max_lead_mm`) bounds what its lead
+        pushes with: 1.34 N·m a mm, 2 N·m at most; 0 is as far as that.
 
-        `align` false is refused: the jaws would jump. So is `transport`: the link is the daemon's.
+        It is ready when it follows and its jaws are within `ready_tolerance_mm` (2) of where the
+        master's are; it says so every `ready_period_s` (0.1). The first time lets a master's jaws
+        go; after `ready_timeout_s` (10; 0: never) they go slack all the same, and
+        `ready_timed_out` of the status is true. With `require_ready` false, and over udp, where
+        nobody can say so, they are slack at once.
+
+        `transport` is refused: the link is the daemon's.
 
         It ends with this object's connection. Raises `TeleopNotReady` (not calibrated, not
         enabled), `TeleopBusyError` (it runs already), `TrajectoryBusyError` (a trajectory is
@@ -656,6 +669,10 @@ class GripperActions:
                 align=align,
                 align_speed_mm_s=align_speed_mm_s,
                 lead_cap_mm=lead_cap_mm,
+                require_ready=require_ready,
+                ready_timeout_s=ready_timeout_s,
+                ready_tolerance_mm=ready_tolerance_mm,
+                ready_period_s=ready_period_s,
                 port=port,
                 grip_id=grip_id,
                 link=link,
@@ -687,9 +704,10 @@ class GripperActions:
 
         A dictionary with `active`, `mode`, `topic`, `frames`, `last_frame_age_ms`, `stale`,
         `openness`, `position_mm`, `force_n`, `dq_cmd`, `loop_hz`, `rejected`, `send_failed`,
-        `fault`, `torque_nm`, `over_torque`, `torque_trips`, `matching` and more: whether its limits
-        make a slave press less (`force_limited`), and, of reflection, `reflected_n`, `followers`
-        and `round_trip_ms`. A `torque_nm` that is not known is NaN.
+        `fault`, `torque_nm`, `over_torque`, `torque_trips`, `matching`, `ready`, `ready_rx`,
+        `ready_pubs`, `ready_timed_out` and more: whether its limits make a slave press less
+        (`force_limited`), and, of reflection, `reflected_n`, `followers` and `round_trip_ms`. No
+        figure is NaN; those of a frame are 0 while `frames` is 0. `fault` is "" without one.
         """
         return complete(self._core.teleop_status())
 

@@ -262,7 +262,8 @@ ERROR_TABLE: tuple[ErrorKind, ...] = (
         "TeleopNotReady",
         4,
         False,
-        "Teleoperation needs a calibrated gripper whose motor is enabled.",
+        "Teleoperation needs a calibrated gripper whose motor is enabled; what a client brings for"
+        " it, one that the same connection has begun.",
     ),
     ErrorKind("not_enabled", -32030, "NotInitializedError", 5, False, "The motor is not enabled."),
     ErrorKind(

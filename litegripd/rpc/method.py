@@ -530,6 +530,11 @@ class Method:
         setattr(function, _ROW, self)
         return function
 
+    @property
+    def refused_as(self) -> str:
+        """The notification that reports the refusal of a request without an id."""
+        return f"{self.name.partition('.')[0]}.refused"
+
     def with_motor(self, motor_type: MotorType) -> "Method":
         """Return the row for a type of motor, which has its own limits."""
         return replace(self, params=tuple(param.with_motor(motor_type) for param in self.params))
@@ -566,16 +571,16 @@ def speed_param(default: str) -> Param:
     return config_param("speed_mm_s", text)
 
 
-def config_param(name: str, description: str) -> Param:
-    """Return a parameter with the range of the configuration's field of the same name."""
-    low, high = ranges_of(DM4310)[name]
+def config_param(field: str, description: str, name: str | None = None) -> Param:
+    """Return a parameter with the range of a field of the configuration, and its name."""
+    low, high = ranges_of(DM4310)[field]
     return Param(
-        name,
+        name or field,
         "number",
         description,
         minimum=low,
         maximum=high,
-        maximum_of=lambda motor_type: ranges_of(motor_type)[name][1],
+        maximum_of=lambda motor_type: ranges_of(motor_type)[field][1],
     )
 
 

@@ -397,7 +397,7 @@ class RpcService:
             )
         else:
             if method.may_notify and not isinstance(answer, Refusal):
-                session.stream_refused = None
+                session.turned_down.pop(method.name, None)
             self._answer(session, request, answer)
 
     def _answer(self, session: Session, request: Request, answer: Answer) -> None:
@@ -460,12 +460,13 @@ class RpcService:
                 self._refuse(session, request.identity, refusal)
             return
         session.counters.refused += refusal is not None
-        before = session.stream_refused
-        session.stream_refused = None if refusal is None else refusal.reason
-        if refusal is None or refusal.reason == before:
+        before = session.turned_down.pop(method.name, None)
+        if refusal is None:
             return
-        self._log_refusal(session, refusal)
-        session.write(notification_line("stream.refused", encode(error_object(refusal))))
+        session.turned_down[method.name] = refusal.reason
+        if refusal.reason != before:
+            self._log_refusal(session, refusal)
+            session.write(notification_line(method.refused_as, encode(error_object(refusal))))
 
     def _collect_events(self, now_s: float) -> None:
         """Take the gripper's events since the last call."""

@@ -53,6 +53,9 @@ class Endpoint(Protocol):
     def reply(self, payload: bytes, to: str) -> None:
         """Send from a follower to the leader whose frames have come; raises as `publish`."""
 
+    def tell(self, payload: bytes) -> None:
+        """Send from a follower to all leaders whether it is ready; raises as `publish`."""
+
     @property
     def matching(self) -> bool | None:
         """True if somebody listens; None if this is unknown."""
@@ -156,6 +159,9 @@ class UdpLeader:
     def reply(self, _payload: bytes, _to: str) -> None:
         """Do nothing: a leader publishes."""
 
+    def tell(self, _payload: bytes) -> None:
+        """Do nothing: a leader publishes."""
+
     def close(self) -> None:
         """Close the sockets."""
         for listener in self._listeners:
@@ -247,6 +253,9 @@ class UdpFollower:
         failed = _sent(self._socket, payload, address)
         if failed is not None and not isinstance(failed, ConnectionRefusedError):
             raise failed
+
+    def tell(self, _payload: bytes) -> None:
+        """Do nothing: a datagram has no topic that tells it from a frame."""
 
     def close(self) -> None:
         """Stop listening, and release the port."""
@@ -441,13 +450,13 @@ class ZenohLeader:
         self.is_protected = is_protected
         self._publisher = _publisher(session, options.topic)
         self._in_use = threading.Lock()  # zenoh undeclares nothing that is in use
-        self._forces = None
-        if options.reflects:
-            # Called from zenoh's thread: a subscriber whose thread waits cannot be undeclared, and
-            # the session stays.
-            self._forces = session.declare_subscriber(
-                options.force_topic, lambda sample: _deliver(sample, deliver)
-            )
+        # Called from zenoh's thread: a subscriber whose thread waits cannot be undeclared, and the
+        # session stays.
+        topics = (options.ready_topic, *([options.force_topic] if options.reflects else ()))
+        self._subscribers = [
+            session.declare_subscriber(topic, lambda sample: _deliver(sample, deliver))
+            for topic in topics
+        ]
 
     @property
     def matching(self) -> bool | None:
@@ -463,12 +472,15 @@ class ZenohLeader:
     def reply(self, _payload: bytes, _to: str) -> None:
         """Do nothing: a leader publishes."""
 
+    def tell(self, _payload: bytes) -> None:
+        """Do nothing: a leader publishes."""
+
     def close(self) -> None:
         """Stop publishing; the session stays."""
         with self._in_use:
             self._publisher.undeclare()
-        if self._forces is not None:
-            self._forces.undeclare()
+        for subscriber in self._subscribers:
+            subscriber.undeclare()
 
 
 class ZenohFollower:
@@ -492,6 +504,7 @@ class ZenohFollower:
         self._session = zenoh.open(config)
         self._in_use = threading.Lock()
         self._forces = _publisher(self._session, options.force_topic) if options.reflects else None
+        self._ready: zenoh.Publisher | None = _publisher(self._session, options.ready_topic)
         self._deliver = deliver
         self._subscriber = self._session.declare_subscriber(
             options.topic, zenoh.handlers.RingChannel(_QUEUED_AT_MOST)
@@ -514,11 +527,17 @@ class ZenohFollower:
             if self._forces is not None:
                 self._forces.put(payload)
 
+    def tell(self, payload: bytes) -> None:
+        """Send whether this follower is ready."""
+        with self._in_use:
+            if self._ready is not None:
+                self._ready.put(payload)
+
     def close(self) -> None:
         """Disconnect, which also ends the listening."""
         self._reaching.close()
         with self._in_use:
-            self._forces = None
+            self._forces = self._ready = None
             self._session.close()
         self._thread.join(_END_WITHIN_S)
 

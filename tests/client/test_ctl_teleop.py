@@ -34,7 +34,11 @@ STATUS: dict[str, Any] = {
     "other_leaders": 0,
     "dropped": 0,
     "send_failed": 0,
-    "fault": None,
+    "fault": "",
+    "ready": True,
+    "ready_rx": 0,
+    "ready_pubs": 14,
+    "ready_timed_out": False,
     "torque_nm": 0.2,
     "over_torque": False,
     "torque_trips": 0,
@@ -87,6 +91,14 @@ def started(daemon: FakeDaemon) -> list[dict[str, Any]]:
         (
             ("slave", "--link", "udp", "--port", "9", "--grip-id", "x", "--force-limit", "8"),
             {"mode": "slave", "link": "udp", "port": 9, "grip_id": "x", "force_limit_n": 8.0},
+        ),
+        (
+            ("master", "--no-require-ready", "--ready-timeout", "0"),
+            {"mode": "master", "require_ready": False, "ready_timeout_s": 0.0},
+        ),
+        (
+            ("slave", "--host", "b", "--align-speed", "20", "--lead-cap", "0.5"),
+            {"mode": "slave", "host": "b", "align_speed_mm_s": 20.0, "lead_cap_mm": 0.5},
         ),
         (
             ("slave", "--host", "b", "--watchdog", "0.1"),

@@ -58,19 +58,21 @@ def test_only_what_was_given_is_sent(
         "reflect_n": 4.0,
         "reflect_gain": 0.25,
         "fake_leader": True,
+        "align": False,
+        "align_speed_mm_s": 20.0,
+        "lead_cap_mm": 0.0,
+        "require_ready": False,
+        "ready_timeout_s": 0.0,
+        "ready_tolerance_mm": 1.0,
+        "ready_period_s": 0.05,
     }
     gripper.teleop_start("slave", "0.0.0.0", only_from="h", **everything)
-    gripper.teleop_start("master", "h", link="udp", align_speed_mm_s=20, lead_cap_mm=2)
+    gripper.teleop_start("master", "h", link="udp", align=True, require_ready=True)
     assert [params for _, params in asked] == [
         {"mode": "master"},
         {"mode": "slave", "host": "10.0.0.2"},
         {"mode": "slave", "bind": "0.0.0.0", "host": "h", **everything},
-        {
-            "mode": "master",
-            "host": "h",
-            "link": "udp",
-            "config": {"speed_mm_s": 20.0, "max_lead_mm": 2.0},
-        },
+        {"mode": "master", "host": "h", "link": "udp"},
     ]
 
 
@@ -80,6 +82,15 @@ def test_stop_and_status_return_the_status(
     assert gripper.teleop_stop() == STATUS
     assert gripper.teleop_status() == STATUS
     assert asked == [("teleop.stop", {}), ("teleop.status", {})]
+
+
+def test_an_older_daemons_status_has_numbers_and_texts_as_scripts_print_them(
+    gripper: LiteGrip, daemon: FakeDaemon
+) -> None:
+    names = ("openness", "position_mm", "force_n", "torque_nm")
+    older = {**STATUS, "fault": None, "job": None, **dict.fromkeys(names)}
+    daemon.handlers["teleop.status"] = lambda _request: older
+    assert gripper.teleop_status() == {**older, "fault": "", **dict.fromkeys(names, 0.0)}
 
 
 def test_tunables_that_were_set_travel_with_it(

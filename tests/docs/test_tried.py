@@ -149,6 +149,8 @@ TRIED: list[tuple[str, str | None]] = [
      "test_two_daemons_over_zenoh_and_a_leader_that_goes_and_comes_back")),
     ("a `link_error`", ("tests/control/test_teleop_job.py::"
      "test_the_links_state_is_told_once_and_shown")),
+    ("a master's `holds until a slave is ready`", ("tests/control/test_teleop_ready.py::"
+     "test_a_leader_holds_until_its_follower_is_where_it_is")),
     ("`stale`", (f"{LOST}test_a_cable_that_is_cut_for_ten_seconds_is_no_step_though_the_leader_"
      "went_elsewhere")),
     ("`over_torque`", ("tests/control/test_teleop_guard.py::"

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from itertools import pairwise
 
 import pytest
 
@@ -55,7 +56,7 @@ def test_teleoperation_and_trajectories_exclude_each_other(gripper: LiteGrip) ->
         gripper.open()
     status = gripper.teleop_stop(timeout=2.0)
     assert status["active"] is False
-    assert math.isnan(status["torque_nm"])  # not known any more, and still printed as a number
+    assert math.isfinite(status["torque_nm"])  # it is printed as a number, and written as JSON
 
 
 @pytest.mark.parametrize("speed", [15.0, 30.0, 60.0])
@@ -71,10 +72,23 @@ def test_a_follower_aligns_at_the_speed_that_it_is_given(
     assert travelled_mm / 0.2 == pytest.approx(speed, rel=0.15)
 
 
+def test_without_aligning_a_follower_goes_there_at_once_and_does_not_jump(
+    site: Site, daemon: Daemon, gripper: LiteGrip
+) -> None:
+    gripper.goto(60.0)
+    with site.recorded(daemon) as moments:
+        gripper.teleop_start("slave", fake_leader=True, align=False, align_speed_mm_s=5.0)
+        site.run(0.8)
+    openings = [moment.opening_mm for moment in moments]
+    assert openings[-1] - openings[0] > 10.0  # and not 4, at 5 mm/s
+    steps = [abs(later - earlier) for earlier, later in pairwise(openings)]
+    assert max(steps) < 1.0
+
+
 @pytest.mark.parametrize(
     "refused",
     [
-        lambda g: g.teleop_start("slave", "10.0.0.1", align=False),
+        lambda g: g.teleop_start("slave", "10.0.0.1", lead_cap_mm=-1.0),
         lambda g: g.teleop_start("slave", "10.0.0.1", transport=object()),
         lambda g: g.teleop_start("slave", "10.0.0.1", only_from="10.0.0.1"),
     ],
