@@ -54,8 +54,7 @@ def test_a_torque_squeezes_as_a_force_and_lapses(
 
 
 def test_a_torque_beyond_the_grips_is_refused(gripper: LiteGrip, daemon: Daemon) -> None:
-    with pytest.raises(litegrip.CommandError):
-        gripper.send_mit_frame(0.0, 0.0, 0.0, tau=9.0)
+    with pytest.raises(litegrip.CommandError, match="push_nm"):
         gripper.send_mit_frame(0.0, 0.0, 0.0, tau=9.0)
 
 

@@ -320,7 +320,7 @@ class Sessions:
                 kp=kp,
                 kd=kd,
                 align=align,
-                require_ready=require_ready,
+                require_ready=require_ready and (carrier is None or carrier.can_listen),
                 **figures,
             )
         self._kind, self._carrier = "teleop", carrier
