@@ -8,7 +8,7 @@ A further file is a further row of `GENERATED`: its path, and the function that 
 
 import argparse
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -32,9 +32,10 @@ from litegrip_client.values.errors import OWN_REASONS  # noqa: E402
 from litegripd.app.build import METHODS, SIMULATED_METHODS  # noqa: E402
 from litegripd.io.stop_socket import MAX_STOP_LINE_BYTES  # noqa: E402
 from litegripd.model.errors import ERROR_TABLE  # noqa: E402
+from litegripd.model.motion_config import MotionConfig  # noqa: E402
 from litegripd.model.state import EXCUSE, SEVERITIES, WARNING_MEMBERS, WARNINGS  # noqa: E402
 from litegripd.rpc.jsonrpc import MAX_LINE_BYTES  # noqa: E402
-from litegripd.rpc.method import Method, Param  # noqa: E402
+from litegripd.rpc.method import CONFIG, Method, Param  # noqa: E402
 from litegripd.rpc.methods.reading import STATE_FIELDS  # noqa: E402
 from litegripd.rpc.openrpc import PROTOCOL_VERSION  # noqa: E402
 
@@ -76,6 +77,38 @@ def client_error_table() -> str:
             "",
         )
     )
+
+
+def client_method_table() -> str:
+    """Make the client's table: method to parameters, each with what it may name."""
+    config = tuple(MotionConfig().as_fields(1.0))
+    return "\n".join(
+        (
+            '"""Methods and parameters of this version: made by docs/generate.py, not by hand."""',
+            "",
+            "_CONFIG = (",
+            *(f'    "{name}",' for name in config),
+            ")",
+            "",
+            "METHODS: dict[str, dict[str, tuple[str, ...]]] = {",
+            *(line for row in METHODS for line in _method_rows(row)),
+            "}",
+            '"""Method: its parameters, and the values or fields that each of them may name."""',
+            "",
+        )
+    )
+
+
+def _method_rows(method: Method) -> Iterator[str]:
+    yield f'    "{method.name}": {{'
+    for name, param in method.declared.items():
+        if param.choices:
+            yield f'        "{name}": ('
+            yield from (f'            "{choice}",' for choice in param.choices)
+            yield "        ),"
+        else:
+            yield f'        "{name}": {"_CONFIG" if name == CONFIG.name else "()"},'
+    yield "    },"
 
 
 def page_severity() -> str:
@@ -248,6 +281,7 @@ user who may not write there.
 
 GENERATED = (
     Generated("litegrip_client/values/error_table.py", client_error_table),
+    Generated("litegrip_client/values/method_table.py", client_method_table),
     Generated("litegrip_client/threads/actions.py", blocking_client),
     Generated("litegrip_web/page/severity.js", page_severity),
     Generated("docs/errors.md", errors_page),
