@@ -4,22 +4,28 @@ What can be missing is what the daemon's own tables have, so that a later additi
 """
 
 import json
+import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import pytest
 
 from litegrip_client import LiteGrip
-from litegripd.app.build import BY_NAME, METHODS
+from litegripd.app.build import BY_NAME
 from litegripd.model import motion_config
 from litegripd.model.state import HelperTask, TaskResult
 from litegripd.rpc.method import CONFIG, Method, Param
 from tests.drop_in import Daemon, RealDisk, Site, VirtualStream, a_site
+from tests.versions.steps import STEPS, ready
 
 Requests = list[tuple[str, Mapping[str, Any]]]
+Change = Callable[[dict[str, Any]], Iterable[dict[str, Any]]]
+"""Makes of a message of the daemon's those that come in its place."""
 
 
 class Lack(NamedTuple):
@@ -49,7 +55,11 @@ def lacks_of(row: Method) -> Iterator[Lack]:
         yield from (Lack(row.name, name, value) for value in values_of(param))
 
 
-LACKS = tuple(lack for row in METHODS for lack in lacks_of(row))
+def needed(requests: Requests) -> Iterator[Lack]:
+    """Give the methods and parameters without which a daemon refuses some of the requests."""
+    for method, params in requests:
+        yield Lack(method)
+        yield from (Lack(method, parameter) for parameter in params)
 
 
 @contextmanager
@@ -97,9 +107,9 @@ class Scene:
 class OtherStream(VirtualStream):
     """Notes what the client sends, and changes what the daemon answers."""
 
-    def __init__(
-        self, site: Site, daemon: Daemon, requests: Requests, change: Callable[[Any], Any]
-    ) -> None:
+    peer_pid = os.getpid()
+
+    def __init__(self, site: Site, daemon: Daemon, requests: Requests, change: Change) -> None:
         super().__init__(site, daemon)
         self._requests = requests
         self._change = change
@@ -127,9 +137,7 @@ def as_it_is(message: dict[str, Any]) -> Iterable[dict[str, Any]]:
 
 
 @contextmanager
-def a_scene(
-    home: Path, change: Callable[[dict[str, Any]], Iterable[dict[str, Any]]] = as_it_is
-) -> Iterator[Scene]:
+def a_scene(home: Path, change: Change = as_it_is) -> Iterator[Scene]:
     """Give a daemon whose messages come changed, and a client that has enabled its gripper."""
     home.mkdir(exist_ok=True)
     with a_site(home, {"LITEGRIP_TRAJ_DIR": str(home / "own")}) as site:
@@ -151,3 +159,16 @@ def a_scene(
             assert gripper.enable()
             yield Scene(site, daemon, gripper, requests)
             gripper.disconnect()
+
+
+@cache
+def sent_by_steps() -> dict[str, Requests]:
+    """Return what the client sends in each step at a daemon of its own version."""
+    sent: dict[str, Requests] = {}
+    with TemporaryDirectory() as folder, a_scene(Path(folder) / "home") as scene:
+        for name, step in STEPS.items():
+            ready(scene.gripper)
+            scene.requests.clear()
+            step(scene.gripper)
+            sent[name] = list(scene.requests)
+    return sent
