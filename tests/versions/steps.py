@@ -4,7 +4,7 @@ Each step names only what its call needs: what else is sent, the client sends by
 be run again, and begins with an enabled, calibrated gripper whose jaws are free. So this module
 imports the client alone, and nothing of the tests.
 
-    python -m tests.versions.steps SOCKET    all steps at a real daemon, those of asyncio as well
+    python tests/versions/steps.py SOCKET    all that standard input names, at a real daemon
 """
 
 from __future__ import annotations
@@ -12,6 +12,8 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import inspect
+import io
+import json
 import os
 import sys
 import time
@@ -21,6 +23,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
+import litegrip_client
 from litegrip_client import (
     BusyError,
     CalibrationData,
@@ -31,6 +34,7 @@ from litegrip_client import (
     TrajectorySample,
     aio,
 )
+from litegrip_client.ctl import main as ctl
 
 Step = Callable[[LiteGrip], object]
 
@@ -227,6 +231,10 @@ STEPS: Mapping[str, Step] = {
 """By the calls that a step is about."""
 
 
+LONG = ("calibrate", "set_zero zero")
+"""Both stops are probed, for which a quarter of a minute goes by."""
+
+
 def uncovered() -> set[str]:
     """Return the calls of this version's client that no step is about."""
     named = {word for name in STEPS for word in name.split()}
@@ -283,19 +291,34 @@ async def by_asyncio(path: str) -> None:
         assert await gripper.play(await gripper.fetch_trajectory("pick"))
 
 
-def main() -> None:
-    """Carry out all steps at the daemon of a socket; print each when it is done."""
-    path = sys.argv[1]
-    os.environ["LITEGRIPD_SOCKET"] = path
-    with LiteGrip(socket_path=path) as gripper:
-        for name, step in STEPS.items():
-            carried_out(partial(step, gripper), partial(ready, gripper))
-            print(name, flush=True)
-    carried_out(lambda: asyncio.run(by_asyncio(path)), lambda: None)
-    print("asyncio", flush=True)
-    import litegrip_client  # noqa: PLC0415 - where it is from
+def command(path: str, line: str) -> dict[str, Any]:
+    """Carry out a command of litegripctl; return its exit code, and what it shows."""
+    shown = io.StringIO()
+    with contextlib.redirect_stdout(shown):
+        code = ctl.main(["--socket", path, "--json", *line.split()])
+    return {"line": line, "code": code, "shown": [*map(json.loads, shown.getvalue().splitlines())]}
 
-    print(Path(litegrip_client.__file__).parent)
+
+def main() -> None:
+    """Make all calls at the daemon of a socket, then what a list on standard input names.
+
+    Prints what was done, as JSON, a line each.
+    """
+    path = sys.argv[1]
+    wanted = json.load(sys.stdin)
+    os.environ["LITEGRIPD_SOCKET"] = path
+    print(json.dumps({"client": str(Path(litegrip_client.__file__).parent)}))
+    for line in wanted.get("lines", ()):
+        print(json.dumps(command(path, line)))
+    names = wanted.get("steps", ())
+    if not names:
+        return
+    with LiteGrip(socket_path=path) as gripper:
+        for name in names:
+            carried_out(partial(STEPS[name], gripper), partial(ready, gripper))
+            print(json.dumps({"step": name}))
+    carried_out(lambda: asyncio.run(by_asyncio(path)), lambda: None)
+    print(json.dumps({"step": "asyncio"}))
 
 
 if __name__ == "__main__":

@@ -27,7 +27,7 @@ from tests.versions.older import (
     needed,
     sent_by_steps,
 )
-from tests.versions.steps import STEPS, ready, uncovered
+from tests.versions.steps import LONG, STEPS, ready, uncovered
 
 VERSION = "0.0.9"
 
@@ -178,10 +178,6 @@ def without(name: str) -> Change:
         return {key: drop(item) for key, item in value.items() if not (is_state and key == name)}
 
     return lambda message: (drop(message),)
-
-
-LONG = ("calibrate", "set_zero zero")
-"""Both stops are probed, for which a quarter of a minute goes by."""
 
 
 @pytest.mark.parametrize("name", NEWER_FIELDS)
