@@ -237,6 +237,10 @@ user who may not write there.
   as `x-notifications`, that of the `params` of all that comes without a request. Of an event's
   `data` and an error's `data` it says only what all have in common. Bear members that it does not
   name: later versions add some.
+- Versions of this protocol take nothing away and require nothing more. `version` of `hello` says
+  which one the daemon is. It refuses what it does not know yet: `unknown_method`, or
+  `invalid_params` with the `parameter`. So send only what is wanted. Of what `litegrip_client` has
+  and the daemon lacks, it raises `older_daemon`.
 - A motion answers with its result when it ends. With `"wait": false` it answers `{{"job": n}}` at
   once, and outlives its connection, unless `"detach"` is false; with `"detach": true` every one
   does. What its holder has queued under a lease that is lost never begins, detached or not.

@@ -1,5 +1,6 @@
 """This client at a daemon that lacks something: it says so, or does without, and never blames."""
 
+import asyncio
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
@@ -9,12 +10,13 @@ from typing import Any
 
 import pytest
 
-from litegrip_client import CommandError, LiteGripError, ParameterError, ProtocolError
+from litegrip_client import CommandError, LiteGripError, ParameterError, ProtocolError, aio
 from litegrip_client.values.results import NEWER_FIELDS
 from litegrip_client.values.version import client_version
 from litegrip_client.values.voices import in_python, in_shell
 from litegripd.app.build import METHODS
 from litegripd.rpc.method import Method
+from tests.client.fake_daemon import FakeDaemon
 from tests.versions.lines import LINES, a_shell, carried_out, sent_by_lines
 from tests.versions.older import (
     Change,
@@ -106,6 +108,34 @@ def test_a_slip_of_the_caller_is_none_of_the_daemons_age(
         scene.connection.call(method, params)
     assert caught.value.reason == reason
     assert "older" not in str(caught.value)
+
+
+def test_a_set_point_that_gets_no_answer_tells_it_by_the_next_call(scene: Scene) -> None:
+    with scene.gripper.stream(torque_nm=1.0) as targets:
+        targets.set_target(50.0)
+        with lacking(scene.daemon, Lack("stream.set", "torque_nm")):
+            targets.set_target(49.0)
+            with pytest.raises(CommandError) as caught:
+                targets.set_target(48.0)
+    assert caught.value.reason == "older_daemon"
+    assert caught.value.message.endswith(" lacks: gripper.stream(torque_nm=...)")
+
+
+def test_the_client_for_asyncio_says_the_same(tmp_path: Path) -> None:
+    words = "motion.grasp has no parameter 'hold_by'; it has: force_n"
+    with FakeDaemon(tmp_path / "can0.sock") as daemon:
+        daemon.handlers["motion.grasp"] = lambda request: request.fail(
+            "invalid_params", -32602, words, parameter="hold_by"
+        )
+
+        async def grasp() -> None:
+            async with aio.LiteGrip(socket_path=daemon.path) as gripper:
+                await gripper.grasp(hold_by="gains")
+
+        with pytest.raises(CommandError) as caught:
+            asyncio.run(grasp())
+    assert caught.value.reason == "older_daemon"
+    assert caught.value.message.endswith(" lacks: gripper.grasp(hold_by=...)")
 
 
 # What a program's calls need ----------------------------------------------------------------------
