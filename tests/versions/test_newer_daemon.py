@@ -7,6 +7,10 @@ import pytest
 
 from litegrip_client import GripperState, LiteGripError
 from litegrip_client.ctl.state_view import state_line, state_text
+from litegrip_client.values.error_table import CODES, REASONS
+from litegrip_client.values.errors import exit_code, from_error_object
+from litegripd.model.errors import ERROR_TABLE, ErrorKind, Refusal
+from litegripd.rpc.jsonrpc import error_object
 from tests.versions.lines import sent_by_lines
 from tests.versions.newer import WORD, with_more, with_unknown_error
 from tests.versions.older import a_scene
@@ -49,6 +53,20 @@ def test_an_error_that_it_has_never_heard_of_is_the_base_class_with_the_daemons_
         assert (error.reason, error.code) == (WORD, -32999)
         assert error.message.startswith("opening_mm is 1000")
         assert scene.gripper.goto(40.0)
+
+
+@pytest.mark.parametrize("kind", ERROR_TABLE, ids=lambda kind: kind.reason)
+def test_a_client_from_before_a_kind_of_error_raises_the_base_class_with_all_that_came(
+    monkeypatch: pytest.MonkeyPatch, kind: ErrorKind
+) -> None:
+    monkeypatch.delitem(REASONS, kind.reason)
+    monkeypatch.delitem(CODES, kind.code)
+    sent = error_object(Refusal(kind.reason, "so it is", {"hint": "do this", "limit": 3}))
+    error = from_error_object(sent, "motion.fly")
+    assert type(error) is LiteGripError
+    assert (error.message, error.hint, error.reason) == ("so it is", "do this", kind.reason)
+    assert (error.code, error.retryable, error.data["limit"]) == (kind.code, kind.retryable, 3)
+    assert exit_code(error) == 70
 
 
 def test_a_word_of_the_state_that_it_does_not_know_stands_there(tmp_path: Path) -> None:
