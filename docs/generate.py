@@ -8,7 +8,7 @@ A further file is a further row of `GENERATED`: its path, and the function that 
 
 import argparse
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,9 +31,10 @@ from litegrip_client.values.errors import OWN_REASONS  # noqa: E402
 from litegripd.app.build import METHODS, SIMULATED_METHODS  # noqa: E402
 from litegripd.io.stop_socket import MAX_STOP_LINE_BYTES  # noqa: E402
 from litegripd.model.errors import ERROR_TABLE  # noqa: E402
+from litegripd.model.motion_config import MotionConfig  # noqa: E402
 from litegripd.model.state import EXCUSE, SEVERITIES, WARNING_MEMBERS, WARNINGS  # noqa: E402
 from litegripd.rpc.jsonrpc import MAX_LINE_BYTES  # noqa: E402
-from litegripd.rpc.method import Method, Param  # noqa: E402
+from litegripd.rpc.method import CONFIG, Method, Param  # noqa: E402
 from litegripd.rpc.methods.reading import STATE_FIELDS  # noqa: E402
 from litegripd.rpc.openrpc import PROTOCOL_VERSION  # noqa: E402
 
@@ -75,6 +76,38 @@ def client_error_table() -> str:
             "",
         )
     )
+
+
+def client_method_table() -> str:
+    """Make the client's table: method to parameters, each with what it may name."""
+    config = tuple(MotionConfig().as_fields(1.0))
+    return "\n".join(
+        (
+            '"""Methods and parameters of this version: made by docs/generate.py, not by hand."""',
+            "",
+            "_CONFIG = (",
+            *(f'    "{name}",' for name in config),
+            ")",
+            "",
+            "METHODS: dict[str, dict[str, tuple[str, ...]]] = {",
+            *(line for row in METHODS for line in _method_rows(row)),
+            "}",
+            '"""Method: its parameters, and the values or fields that each of them may name."""',
+            "",
+        )
+    )
+
+
+def _method_rows(method: Method) -> Iterator[str]:
+    yield f'    "{method.name}": {{'
+    for name, param in method.declared.items():
+        if param.choices:
+            yield f'        "{name}": ('
+            yield from (f'            "{choice}",' for choice in param.choices)
+            yield "        ),"
+        else:
+            yield f'        "{name}": {"_CONFIG" if name == CONFIG.name else "()"},'
+    yield "    },"
 
 
 def page_severity() -> str:
@@ -204,6 +237,10 @@ user who may not write there.
   as `x-notifications`, that of the `params` of all that comes without a request. Of an event's
   `data` and an error's `data` it says only what all have in common. Bear members that it does not
   name: later versions add some.
+- Versions of this protocol take nothing away and require nothing more. `version` of `hello` says
+  which one the daemon is. It refuses what it does not know yet: `unknown_method`, or
+  `invalid_params` with the `parameter`. So send only what is wanted. Of what `litegrip_client` has
+  and the daemon lacks, it raises `older_daemon`.
 - A motion answers with its result when it ends. With `"wait": false` it answers `{{"job": n}}` at
   once, and outlives its connection, unless `"detach"` is false; with `"detach": true` every one
   does. What its holder has queued under a lease that is lost never begins, detached or not.
@@ -248,6 +285,7 @@ user who may not write there.
 
 GENERATED = (
     Generated("litegrip_client/values/error_table.py", client_error_table),
+    Generated("litegrip_client/values/method_table.py", client_method_table),
     Generated("litegrip_client/threads/actions.py", blocking_client),
     Generated("litegrip_web/page/severity.js", page_severity),
     Generated("docs/errors.md", errors_page),

@@ -82,7 +82,6 @@ _HINTS = {
     "unknown_job": "see: litegripctl jobs",
     "unknown_trajectory": "see: litegripctl trajectories",
     "trajectory_busy": "see: litegripctl jobs; what only watches ends with its client: clients",
-    "unknown_method": "the daemon is older than this program: see 'litegripctl info'",
 }
 
 

@@ -302,6 +302,7 @@ class Exchange:
     and `stop_socket`, where it takes stops before everything else. `has_clock` is true if this
     machine's CLOCK_MONOTONIC is the daemon's, which it is not behind a portal or a forwarded
     socket. `voice` puts the daemon's errors into the reader's words; None means those of Python.
+    `daemon_version` is for them, too.
     """
 
     def __init__(self, path: str, timeout_s: float) -> None:
@@ -311,6 +312,7 @@ class Exchange:
         self.stop_generation: int | None = None
         self.client: int | None = None
         self.stop_socket: str | None = None
+        self.daemon_version: str | None = None
         self.has_clock = True
         self.voice: Voice | None = None
         self._router = Router(self._end_orphan)
@@ -392,6 +394,8 @@ class Exchange:
                 reason="wrong_protocol",
                 data={"hint": "install the litegrip_client of the daemon's version"},
             )
+        version = hello.get("version")
+        self.daemon_version = version if isinstance(version, str) else None
         client = hello.get("client")
         self.client = client if isinstance(client, int) else None
         stop_socket = hello.get("stop_socket")
@@ -427,7 +431,7 @@ class Exchange:
         return result
 
     def _error(self, error_object: Any, method: str) -> LiteGripError:
-        error = from_error_object(error_object, method, self.voice)
+        error = from_error_object(error_object, method, self.voice, self.daemon_version)
         if isinstance(error, StoppedError):
             # A caller that gets this error knows the stop: its next request is meant to come after,
             # and `sent_s` alone guards it until an answer has the new number.

@@ -22,6 +22,7 @@ OWN_REASONS: Mapping[str, tuple[str, int, str]] = {
     "wrong_loop": ("CommandError", 4, "The connection belongs to another event loop."),
     "reentrant": ("CommandError", 4, "The thread waits for an answer there already."),
     "wrong_protocol": ("ProtocolError", 70, "The daemon speaks another version of the protocol."),
+    "older_daemon": ("CommandError", 4, "The daemon is older, and lacks what it was asked for."),
     "missing_field": ("ProtocolError", 70, "Something is missing in what the daemon sent."),
     "wrong_gripper": ("CommandError", 4, "The daemon has another channel or motor than named."),
     "unsupported": ("CommandError", 4, "What the SDK can do, but not through a daemon."),
@@ -269,14 +270,18 @@ _CLASSES: Mapping[str, type[LiteGripError]] = {
 
 
 def from_error_object(
-    error: Any, method: str | None = None, voice: Voice | None = None
+    error: Any,
+    method: str | None = None,
+    voice: Voice | None = None,
+    daemon_version: str | None = None,
 ) -> LiteGripError:
     """Return the exception for the error object of an answer to `method`.
 
     Its message and hint are put into the words of a `voice`, that of Python unless given.
 
     A reason that this version does not know, from a newer daemon, becomes the exception of its
-    code, and `LiteGripError` when the code is unknown as well.
+    code, and `LiteGripError` when the code is unknown as well. What an older daemon lacks becomes
+    a `CommandError` that says so, with `daemon_version`: it is no mistake of the caller's.
     """
     if not isinstance(error, dict):
         return ProtocolError(f"the daemon sent an error that is no object: {error!r:.80}")
@@ -290,15 +295,67 @@ def from_error_object(
     if isinstance(data.get("hint"), str):
         data["hint"] = voice(data["hint"], method, parameter)
     reason, code = data.get("reason"), error.get("code")
+    message = str(error.get("message", "the daemon gave no message"))
+    if method is not None and reason in ("unknown_method", "invalid_params"):
+        lacking = _lacking(method, str(reason), message)
+        if lacking is not None:
+            return _older_daemon(voice(lacking, None, None), daemon_version, code, data)
     row = REASONS.get(reason) if isinstance(reason, str) else None
     if row is None and isinstance(code, int):
         row = REASONS.get(CODES.get(code, ""))
     kind = _CLASSES.get(row[0], LiteGripError) if row is not None else LiteGripError
     return kind(
-        voice(str(error.get("message", "the daemon gave no message")), method, parameter),
+        voice(message, method, parameter),
         reason=reason if isinstance(reason, str) else None,
         code=code if isinstance(code, int) else None,
         data=data,
+    )
+
+
+_NO_PARAMETER = r"\S+ has no parameter '(\w+)'"
+_NO_VALUE = r"\S+: (\w+) is '([^']*)', it must be one of: "
+_NO_FIELD = r"(config): there is no field '(\w+)'"
+"""How every daemon refuses what it does not know."""
+
+
+def _lacking(method: str, reason: str, message: str) -> str | None:
+    """Return what this client's version has and the daemon lacks; None if it is a slip."""
+    import re  # noqa: PLC0415 - only errors need it, as the next
+
+    from litegrip_client.values.method_table import METHODS  # noqa: PLC0415
+
+    parameters = METHODS.get(method)
+    if parameters is None:
+        return None
+    if reason == "unknown_method":
+        return method
+    stopped = re.search(r"; stopped \(\w+\) all the same$", message)
+    then = "" if stopped is None else stopped[0]
+    if (found := re.match(_NO_PARAMETER, message)) is not None:
+        return f"{method} with {found[1]}{then}" if found[1] in parameters else None
+    found = re.match(_NO_VALUE, message) or re.match(_NO_FIELD, message)
+    if found is None or found[2] not in parameters.get(found[1], ()):
+        return None
+    return f"{method} with {found[1]}, {found[2]}{then}"
+
+
+def _older_daemon(
+    lacking: str, daemon_version: str | None, code: Any, data: dict[str, Any]
+) -> CommandError:
+    from litegrip_client.values.version import client_version  # noqa: PLC0415 - only here
+
+    own = client_version()
+    daemon = "" if daemon_version is None else f", litegripd {daemon_version},"
+    client = "" if daemon_version == own else f", {own},"  # it runs what was there when it began
+    return CommandError(
+        f"the daemon{daemon} is older than this client{client} and lacks: {lacking}",
+        reason="older_daemon",
+        code=code if isinstance(code, int) else None,
+        data={
+            **data,
+            "reason": "older_daemon",
+            "hint": "upgrade it as docs/installation.md says, then: litegripctl restart --hold",
+        },
     )
 
 

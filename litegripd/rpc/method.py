@@ -156,7 +156,10 @@ class Param:
 
 
 def check(method: str, declared: Mapping[str, Param], given: Mapping[str, Any]) -> Refusal | None:
-    """Return a refusal for a parameter that is unknown, missing, mistyped or out of range."""
+    """Return a refusal for a parameter that is unknown, missing, mistyped or out of range.
+
+    By the words for what is unknown a newer client finds that this daemon is older.
+    """
     for name, value in given.items():
         param = declared.get(name)
         if param is None:
