@@ -268,3 +268,16 @@ def test_every_status_is_json(gripper: LiteGrip) -> None:
     gripper.record_stop()
     json.dumps(gripper.teleop_status(), allow_nan=False)
     assert gripper.session is None
+
+
+def test_loggers_have_the_sdks_names_and_no_handler(
+    gripper: LiteGrip, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.INFO, "litegrip"):
+        gripper.load_template("normal" if gripper.mount == "normal" else "reverse")
+        gripper.open()
+        gripper.record_start(zero_gravity=False)
+        gripper.record_stop()
+    names = {record.name for record in caplog.records if record.levelno == logging.INFO}
+    assert {"litegrip", "litegrip.trajectory"} <= names
+    assert logging.getLogger("litegrip").handlers == []
