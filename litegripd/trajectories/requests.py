@@ -27,45 +27,37 @@ from litegripd.model.gripper import Geometry
 from litegripd.model.motion_config import MotionConfig, fast_conflict, slow_conflict
 from litegripd.model.state import HelperTask, Job, Owner, TaskResult
 from litegripd.trajectories.capture import Capture, Teach, result_of
+from litegripd.trajectories.file_methods import Temporaries
 from litegripd.trajectories.replay import Replay, ReplayRequest
 from litegripd.trajectories.values import PIECE_BYTES, outcome_of
 
-
-def recording_key(number: int) -> str:
-    """Return the key under which the helper process stores a recording."""
-    return f"recording {number}"
+OnKept: TypeAlias = Callable[[Mapping[str, Any] | Refusal], None]
 
 
 class Keeping:
     """One recording on its way to the helper; `on_kept` is called once, with the facts.
 
-    With a `name` it becomes a trajectory of the user `uid`. Only the latest recording is kept: it
-    replaces the one before.
+    With a `name` it becomes a trajectory of the user `uid`, else it is the temporary one `key`.
     """
 
     def __init__(
         self,
         controller: Controller,
         capture: Capture,
-        number: int,
-        on_kept: Callable[[Mapping[str, Any] | Refusal], None],
+        key: str,
+        on_kept: OnKept,
         *,
         name: str | None,
         uid: int,
     ) -> None:
         self._controller = controller
         self._capture = capture
-        self._number = number
+        self._key = key
         self._name = name
         self._uid = uid
         self._on_kept = on_kept
         self._grips = json.dumps(capture.grips()).encode()
         self._sent = 0
-
-    def begin(self) -> None:
-        """Send the first piece."""
-        before = {"keys": [recording_key(self._number - 1)]}
-        self._controller.tasks.append(HelperTask("trajectory.drop", before, lambda _result: None))
         self._send()
 
     def _send(self) -> None:
@@ -77,7 +69,7 @@ class Keeping:
         else:
             data = memoryview(self._grips)[offset - capture.size :][:PIECE_BYTES]
         parameters = {
-            "key": recording_key(self._number),
+            "key": self._key,
             "offset": offset,
             "total": capture.size + len(self._grips),
             "grip_bytes": len(self._grips),
@@ -95,11 +87,9 @@ class Keeping:
         if isinstance(answer, Refusal):
             self._on_kept(answer)
         elif answer["complete"]:
-            number = None if self._name is not None else self._number
-            known = {
-                key: value for key, value in answer.items() if key not in ("received", "complete")
-            }
-            self._on_kept({"recording": number, **known})
+            self._on_kept(
+                {key: answer[key] for key in answer if key not in ("received", "complete")}
+            )
         else:
             self._send()
 
@@ -109,20 +99,19 @@ STAYS = (
     " name or, to fetch it (trajectory.get), without one"
 )
 
-OnKept: TypeAlias = Callable[[Mapping[str, Any] | Refusal], None]
-
 
 class Trajectories:
     """Begins and ends recordings and replays on one controller."""
 
-    NOT_CARRIED = ("capture", "replay", "replay_job", "_controller", "_keeping")
+    NOT_CARRIED = ("capture", "replay", "replay_job", "_controller", "_keeping", "_temporaries")
 
-    def __init__(self, controller: Controller) -> None:
+    def __init__(self, controller: Controller, temporaries: Temporaries) -> None:
         self.replay: Replay | None = None
         self.replay_job: Job | None = None
         self.capture: Capture | None = None
         """The latest recording: under way, over, or stored by the helper process."""
         self._controller = controller
+        self._temporaries = temporaries
         self._keeping: Keeping | None = None
 
     def refusal(self, turn: Turn = NOW) -> Refusal | None:
@@ -170,7 +159,7 @@ class Trajectories:
     def stop_recording(
         self,
         name: str | None,
-        uid: int,
+        owner: Owner,
         on_kept: OnKept,
         *,
         allow_empty: bool,
@@ -178,8 +167,8 @@ class Trajectories:
     ) -> Refusal | None:
         """End the recording, and let the helper process store it, under a name if there is one.
 
-        With a name it belongs to the user `uid`. Then `on_kept` gets the facts. A recording that is
-        rejected or cannot be stored stays until the next one begins.
+        With a name it belongs to the owner's user, else to this connection. Then `on_kept` gets the
+        facts. A recording that is rejected or cannot be stored stays until the next one begins.
         """
         controller, capture = self._controller, self.capture
         if self._keeping is not None:
@@ -197,20 +186,18 @@ class Trajectories:
         refusal = _unusable(capture, allow_empty=allow_empty, allow_partial=allow_partial)
         if refusal is not None:
             return refusal
-        controller.recordings += 1
+        temporary = self._temporaries.of_recording(owner.client)
 
         def kept(answer: Mapping[str, Any] | Refusal) -> None:
             self._keeping = None
             if isinstance(answer, Refusal):
+                self._temporaries.forget(temporary)
                 on_kept(replace(answer, data={**answer.data, "hint": STAYS}))
             else:
                 capture.let_go()
-                on_kept(answer)
+                on_kept(self._temporaries.kept(temporary, answer))
 
-        self._keeping = Keeping(
-            controller, capture, controller.recordings, kept, name=name, uid=uid
-        )
-        self._keeping.begin()
+        self._keeping = Keeping(controller, capture, temporary.name, kept, name=name, uid=owner.uid)
         return None
 
     def client_lost(self, client: int) -> None:
