@@ -3,7 +3,7 @@
 All contents are in the helper process; they pass through here in pieces, unread.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypedDict
 
@@ -21,7 +21,6 @@ from litegripd.rpc.method import (
     Refused,
     Result,
     Shape,
-    accepted,
 )
 from litegripd.rpc.sessions import Session
 from litegripd.trajectories.values import MAX_NAME, TEMPORARY, Summary, name_problem, outcome_of
@@ -65,42 +64,40 @@ class Temporaries:
         self._all: dict[str, Temporary] = {}
         self._uploads = 0
 
-    def get(self, client: int, name: str) -> Temporary:
-        """Return a complete one of this connection; raises `Refused`."""
+    def check(self, client: int, name: str) -> None:
+        """Raise `Refused` for the name of none, or of one that is incomplete or another's."""
         found = self._all.get(name)
-        if found is not None and found.client == client and found.is_whole:
-            return found
-        text = (
-            f"this connection has no whole trajectory {name}: one ends with its connection, and a"
-            " recording with the next one"
-        )
-        raise Refused(Refusal("unknown_trajectory", text, {"requested": name}))
+        if found is None or found.client != client or not found.is_whole:
+            text = (
+                f"this connection has no whole trajectory {name}: one ends with its connection, and"
+                " a recording with the next one"
+            )
+            raise Refused(Refusal("unknown_trajectory", text, {"requested": name}))
 
     def of_recording(self, client: int) -> Temporary:
         """Begin to keep a recording, in place of the one before."""
-        self.drop([one for one in self._all.values() if one.kind == "recording"])
+        self.drop([name for name, one in self._all.items() if one.kind == "recording"])
         self._controller.recordings += 1
         return self._begin(Temporary("recording", self._controller.recordings, client))
 
-    def of_piece(self, client: int, sha256: str, total: int, offset: int) -> Temporary | Refusal:
+    def of_piece(self, client: int, sha256: str, total: int, offset: int) -> Temporary:
         """Return the upload of a piece; the first piece begins it, or restarts it.
 
-        The pieces of one upload have the same SHA-256 and the same total.
+        The pieces of one upload have the same SHA-256 and the same total. Raises `Refused`.
         """
         coming = (one for one in self._all.values() if one.client == client and not one.is_whole)
         upload = next((one for one in coming if one.sha256 == sha256), None)
         if upload is not None and upload.pieces >= MOST_PIECES:
             text = f"{MOST_PIECES} pieces wait for their answers already: send one after the other"
-            return Refusal("too_many_requests", text, {"limit": MOST_PIECES})
+            raise Refused(Refusal("too_many_requests", text, {"limit": MOST_PIECES}))
         if upload is not None and upload.total == total:
             return upload
         if upload is not None or offset > 0:
             text = f"nothing of this trajectory is here, but offset is {offset}: begin at 0"
             if upload is not None:
                 text = f"total is {total}, in the pieces before it was {upload.total}"
-            return Refusal("invalid_params", text, {"parameter": "offset"})
-        if (refusal := self._limit(client, total)) is not None:
-            return refusal
+            raise Refused(Refusal("invalid_params", text, {"parameter": "offset"}))
+        self._check_room(client, total)
         self._uploads += 1
         return self._begin(Temporary("upload", self._uploads, client, sha256, total))
 
@@ -110,39 +107,38 @@ class Temporaries:
         By its number, clients of 0.1.0 call it.
         """
         if answer["name"] is not None:
-            self.forget(one)
+            self.forget(one.name)
             return {one.kind: None, **answer}
         one.is_whole = True
         return {one.kind: one.number, **answer, "name": one.name}
 
-    def forget(self, one: Temporary) -> None:
-        """Forget one that is nowhere else."""
-        self._all.pop(one.name, None)
+    def forget(self, name: str) -> None:
+        """Forget one that the helper process does not have."""
+        self._all.pop(name, None)
 
-    def drop(self, dropped: Sequence[Temporary]) -> None:
+    def drop(self, names: Sequence[str]) -> None:
         """Forget some, here and in the helper process."""
-        for one in dropped:
-            self.forget(one)
-        if dropped:
-            wanted = {"names": [one.name for one in dropped]}
-            self._controller.tasks.append(HelperTask("trajectory.drop", wanted, lambda _done: None))
+        for name in names:
+            self.forget(name)
+        if names:
+            task = HelperTask("trajectory.drop", {"names": names}, lambda _done: None)
+            self._controller.tasks.append(task)
 
     def session_ended(self, session: Session) -> None:
         """Drop those of a connection that has ended."""
-        self.drop([one for one in self._all.values() if one.client == session.identity])
+        self.drop([name for name, one in self._all.items() if one.client == session.identity])
 
-    def _limit(self, client: int, total: int) -> Refusal | None:
+    def _check_room(self, client: int, total: int) -> None:
         uploads = [one for one in self._all.values() if one.kind == "upload"]
         if sum(one.client == client for one in uploads) >= MOST_PER_CONNECTION:
             text = (
                 f"this connection has {MOST_PER_CONNECTION} uploads already: delete one"
                 " (trajectory.delete), or give it a name"
             )
-            return Refusal("too_many_requests", text, {"limit": MOST_PER_CONNECTION})
+            raise Refused(Refusal("too_many_requests", text, {"limit": MOST_PER_CONNECTION}))
         if sum(one.total for one in uploads) + total > MOST_BYTES:
             text = f"all uploads together would have more than {MOST_BYTES} bytes: try again later"
-            return Refusal("too_many_requests", text, {"limit": MOST_BYTES})
-        return None
+            raise Refused(Refusal("too_many_requests", text, {"limit": MOST_BYTES}))
 
     def _begin(self, begun: Temporary) -> Temporary:
         self._all[begun.name] = begun
@@ -377,9 +373,8 @@ class TrajectoryFileMethods:
             text = f"trajectory.put: sha256 must have {_SHA256_DIGITS} hexadecimal digits"
             return Refusal("invalid_params", text, {"parameter": "sha256"})
         offset, total = params["offset"], params["total"]
-        client = call.session.identity
         check_name(name)
-        upload = accepted(self.temporaries.of_piece(client, sha256, total, offset))
+        upload = self.temporaries.of_piece(call.session.identity, sha256, total, offset)
         upload.pieces += 1
         wanted = {
             "key": upload.name,
@@ -392,22 +387,15 @@ class TrajectoryFileMethods:
             "uid": call.owner.uid,
             "header": None,
         }
-        deferred = Deferred()
 
-        def done(result: TaskResult) -> None:
-            deferred.resolve(self._note_piece(upload, outcome_of(result, "not_saved")))
+        def noted(answer: Mapping[str, Any] | Refusal) -> Result:
+            upload.pieces -= 1
+            if isinstance(answer, Refusal):
+                self.temporaries.forget(upload.name)
+                return answer
+            return self.temporaries.kept(upload, answer) if answer["complete"] else answer
 
-        task = HelperTask("trajectory.put", wanted, done, call.owner.uid)
-        self._controller.tasks.append(task)
-        return deferred
-
-    def _note_piece(self, upload: Temporary, answer: Mapping[str, Any] | Refusal) -> Result:
-        """Count a stored piece, or drop a rejected upload; return the result."""
-        upload.pieces -= 1
-        if isinstance(answer, Refusal):
-            self.temporaries.forget(upload)
-            return answer
-        return self.temporaries.kept(upload, answer) if answer["complete"] else answer
+        return self._task(call, "trajectory.put", wanted, "not_saved", noted)
 
     @Method(
         "trajectory.delete",
@@ -422,16 +410,17 @@ class TrajectoryFileMethods:
     def _delete(self, call: Call) -> Answer:
         name = self.named(call)
         if not name.startswith(TEMPORARY):
-            return self._task(call, "trajectory.delete", {"name": name}, failed="not_saved")
-        self.temporaries.drop([self.temporaries.get(call.session.identity, name)])
+            return self._task(call, "trajectory.delete", {"name": name}, "not_saved")
+        self.temporaries.drop([name])
         return {"name": name, "deleted": True}
 
     def named(self, call: Call) -> str:
         """Return the name of the trajectory that is meant; raises `Refused` if it cannot be one."""
         name: str = call.params["name"]
         if name.startswith(TEMPORARY):
-            return self.temporaries.get(call.session.identity, name).name
-        check_name(name)
+            self.temporaries.check(call.session.identity, name)
+        else:
+            check_name(name)
         return name
 
     def _task(
@@ -440,12 +429,13 @@ class TrajectoryFileMethods:
         operation: str,
         parameters: Mapping[str, Any],
         failed: str = "trajectory_unreadable",
+        noted: Callable[[Mapping[str, Any] | Refusal], Result] = lambda answer: answer,
     ) -> Deferred:
-        """Send a task to the helper process; its answer is the answer."""
+        """Send a task to the helper process; its answer, as it is noted, is the answer."""
         deferred = Deferred()
 
         def done(result: TaskResult) -> None:
-            deferred.resolve(outcome_of(result, failed))
+            deferred.resolve(noted(outcome_of(result, failed)))
 
         self._controller.tasks.append(HelperTask(operation, parameters, done, call.owner.uid))
         return deferred

@@ -34,64 +34,42 @@ from litegripd.trajectories.values import PIECE_BYTES, outcome_of
 OnKept: TypeAlias = Callable[[Mapping[str, Any] | Refusal], None]
 
 
-class Keeping:
-    """One recording on its way to the helper; `on_kept` is called once, with the facts.
+def keep(
+    controller: Controller, capture: Capture, where: Mapping[str, object], on_kept: OnKept
+) -> None:
+    """Send a recording to the helper process in pieces: first the samples, then the grips.
 
-    With a `name` it becomes a trajectory of the user `uid`, else it is the temporary one `key`.
+    `where` says how it is kept there; `on_kept` is called once, with the facts.
     """
+    grips = json.dumps(capture.grips()).encode()
+    common = {
+        **where,
+        "total": capture.size + len(grips),
+        "grip_bytes": len(grips),
+        "sha256": None,
+        "header": capture.header(controller.gripper_id.can_id),
+    }
 
-    def __init__(
-        self,
-        controller: Controller,
-        capture: Capture,
-        key: str,
-        on_kept: OnKept,
-        *,
-        name: str | None,
-        uid: int,
-    ) -> None:
-        self._controller = controller
-        self._capture = capture
-        self._key = key
-        self._name = name
-        self._uid = uid
-        self._on_kept = on_kept
-        self._grips = json.dumps(capture.grips()).encode()
-        self._sent = 0
-        self._send()
-
-    def _send(self) -> None:
-        """Send the next piece: first of the samples, then of the grips."""
-        capture = self._capture
-        offset = self._sent
+    def send(offset: int) -> None:
         if offset < capture.size:
             data = capture.piece(offset // PIECE_BYTES)
         else:
-            data = memoryview(self._grips)[offset - capture.size :][:PIECE_BYTES]
-        parameters = {
-            "key": self._key,
-            "offset": offset,
-            "total": capture.size + len(self._grips),
-            "grip_bytes": len(self._grips),
-            "sha256": None,
-            "data": base64.b64encode(data).decode("ascii"),
-            "name": self._name,
-            "uid": self._uid,
-            "header": capture.header(self._controller.gripper_id.can_id),
-        }
-        self._sent += len(data)
-        self._controller.tasks.append(HelperTask("trajectory.put", parameters, self._answered))
+            data = memoryview(grips)[offset - capture.size :][:PIECE_BYTES]
 
-    def _answered(self, result: TaskResult) -> None:
-        answer = outcome_of(result, "not_saved")
-        if isinstance(answer, Refusal):
-            self._on_kept(answer)
-        elif answer["complete"]:
-            self._on_kept(
-                {key: answer[key] for key in answer if key not in ("received", "complete")}
-            )
-        else:
-            self._send()
+        def answered(result: TaskResult) -> None:
+            answer = outcome_of(result, "not_saved")
+            if isinstance(answer, Refusal):
+                on_kept(answer)
+            elif answer["complete"]:
+                own = ("received", "complete")
+                on_kept({key: value for key, value in answer.items() if key not in own})
+            else:
+                send(offset + len(data))
+
+        piece = {"offset": offset, "data": base64.b64encode(data).decode("ascii")}
+        controller.tasks.append(HelperTask("trajectory.put", {**common, **piece}, answered))
+
+    send(0)
 
 
 STAYS = (
@@ -103,7 +81,7 @@ STAYS = (
 class Trajectories:
     """Begins and ends recordings and replays on one controller."""
 
-    NOT_CARRIED = ("capture", "replay", "replay_job", "_controller", "_keeping", "_temporaries")
+    NOT_CARRIED = ("capture", "replay", "replay_job", "_controller", "_is_keeping", "_temporaries")
 
     def __init__(self, controller: Controller, temporaries: Temporaries) -> None:
         self.replay: Replay | None = None
@@ -112,7 +90,7 @@ class Trajectories:
         """The latest recording: under way, over, or stored by the helper process."""
         self._controller = controller
         self._temporaries = temporaries
-        self._keeping: Keeping | None = None
+        self._is_keeping = False
 
     def refusal(self, turn: Turn = NOW) -> Refusal | None:
         """Return a refusal if a recording, a replay or teleoperation is under way at its turn."""
@@ -123,7 +101,7 @@ class Trajectories:
         )
         if refusal is not None:
             return refusal
-        if self._keeping is not None:
+        if self._is_keeping:
             text = "a recording is being taken to the disk's process: try again in a moment"
             return Refusal("trajectory_busy", text)
         return None
@@ -171,7 +149,7 @@ class Trajectories:
         facts. A recording that is rejected or cannot be stored stays until the next one begins.
         """
         controller, capture = self._controller, self.capture
-        if self._keeping is not None:
+        if self._is_keeping:
             return self.refusal()
         if capture is None or capture.is_taken:
             text = "no recording is under way: begin one (trajectory.record_start)"
@@ -189,15 +167,17 @@ class Trajectories:
         temporary = self._temporaries.of_recording(owner.client)
 
         def kept(answer: Mapping[str, Any] | Refusal) -> None:
-            self._keeping = None
+            self._is_keeping = False
             if isinstance(answer, Refusal):
-                self._temporaries.forget(temporary)
+                self._temporaries.forget(temporary.name)
                 on_kept(replace(answer, data={**answer.data, "hint": STAYS}))
             else:
                 capture.let_go()
                 on_kept(self._temporaries.kept(temporary, answer))
 
-        self._keeping = Keeping(controller, capture, temporary.name, kept, name=name, uid=owner.uid)
+        self._is_keeping = True
+        where = {"key": temporary.name, "name": name, "uid": owner.uid}
+        keep(controller, capture, where, kept)
         return None
 
     def client_lost(self, client: int) -> None:
