@@ -93,11 +93,7 @@ class Trajectories:
         session = self._session
         content = await fetch(session.wire, source)
         trajectory = await session.run_blocking(Trajectory.from_bytes, content)
-        if not has_grips:
-            return trajectory
-        beside = await fetch_grips(session.wire, source)
-        if not beside:
-            return trajectory
+        beside = await fetch_grips(session.wire, source) if has_grips else b""
         return await session.run_blocking(trajectory.with_grips, content, beside)
 
     async def kept(self) -> list[dict[str, Any]]:

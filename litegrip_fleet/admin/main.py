@@ -20,7 +20,7 @@ from typing import Any, NoReturn
 import zenoh
 
 from litegrip_client.core.sockets import SOCKET_VARIABLE, STOP_LEVELS
-from litegrip_client.core.stop import WHY_CHARACTERS
+from litegrip_client.core.stop import WHY_CHARACTERS, stop_params
 from litegrip_client.ctl.findings import as_data, as_text, is_well
 from litegrip_client.line.exchange import request_line
 from litegrip_client.values.version import client_version
@@ -355,8 +355,7 @@ def _stop(config: FleetConfig, arguments: argparse.Namespace) -> int:
     if _only_by_portal(config) is not None:
         stopped = by_portal.stop_all(part, site, arguments.level, why or None)
         return _report(stopped, arguments)
-    params = {"level": arguments.level} | ({"why": why} if why else {})
-    line = request_line(1, "stop", params)
+    line = request_line(1, "stop", stop_params(arguments.level, why or None))
     with _connected(config, otherwise=_NOT_SENT) as session:
 
         async def stop() -> Stopped:
