@@ -267,7 +267,7 @@ def streamed(torque_nm: float, **more: Any) -> Act:
     return act
 
 
-def path(rig: Rig) -> int:
+def path(rig: Rig) -> str:
     """Upload a path through the object."""
     count = round((FROM_MM - TO_MM) / 50.0 / 0.01)
     way_mm = (FROM_MM - TO_MM) / count
