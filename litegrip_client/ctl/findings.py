@@ -36,7 +36,7 @@ Named: TypeAlias = "tuple[str, Finding]"
 Found: TypeAlias = "Iterable[Named]"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)  # with slots, Python 3.10 makes no Check[Facts]()
 class Check(Generic[FactsT]):
     """One thing to look at; `examine` gives None where there is nothing to look at.
 
