@@ -241,8 +241,8 @@ def plays(mount: str, stiffness_nm_rad: float) -> Worst:
     bench = Bench(mount, FROM_MM)
     bench.put_object(stiffness_nm_rad)
     client = bench.client_of_bench
-    upload = uploaded(client, path(0.99 * FASTEST_MM_S))
-    return ended(bench, client.send("trajectory.play", upload=upload))
+    name = uploaded(client, path(0.99 * FASTEST_MM_S))
+    return ended(bench, client.send("trajectory.play", name=name))
 
 
 def paused(mount: str, stiffness_nm_rad: float) -> Worst:
@@ -250,8 +250,8 @@ def paused(mount: str, stiffness_nm_rad: float) -> Worst:
     bench = Bench(mount, FROM_MM)
     bench.put_object(stiffness_nm_rad)
     client = bench.client_of_bench
-    upload = uploaded(client, path(50.0))
-    number = client.send("trajectory.play", upload=upload)
+    name = uploaded(client, path(50.0))
+    number = client.send("trajectory.play", name=name)
     bench.run(0.4)
     client.result("trajectory.control", action="pause")
     bench.run(0.5)

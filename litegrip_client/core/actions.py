@@ -490,7 +490,7 @@ class GripperActions:
             )
         params = _play_params(speed, kp, kd, align, torque_nm, force)
         params["repeat"] = integer("repeat", repeat)
-        params["upload"] = await self._trajectories.upload(trajectory)
+        params.update(await self._trajectories.upload(trajectory))
         result = await self._run("trajectory.play", self._configured(params), progress)
         return PlayResult.from_wire(result)
 
@@ -514,7 +514,7 @@ class GripperActions:
         params = _play_params(speed, kp, kd, align, torque_nm, force)
         # It must end with the connection. A motion for which nobody waits does not.
         params |= {"loop": bool(loop), "wait": False, "detach": False}
-        params["upload"] = await self._trajectories.upload(trajectory)
+        params.update(await self._trajectories.upload(trajectory))
         await self._command("trajectory.play", self._configured(params))
         return await self.trajectory_status()
 

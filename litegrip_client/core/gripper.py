@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from litegrip_client.core.actions import GripperActions, state_of
 from litegrip_client.core.session import ACTION_TIMEOUT_S, DaemonSession, Lease
-from litegrip_client.core.stop import stop
+from litegrip_client.core.stop import stop, stop_params
 from litegrip_client.values.errors import BusyError, HardwareError, NotPermittedError, StoppedError
 from litegrip_client.values.results import GripperState
 from litegrip_client.values.warn import leave, warn
@@ -163,8 +163,7 @@ class Gripper(GripperActions):
         is sent as a usual request. This is a software stop: it does not replace the switch that
         cuts the power.
         """
-        params = {"level": level} if why is None else {"level": level, "why": why}
-        return state_of(await stop(self._session, params))
+        return state_of(await stop(self._session, stop_params(level, why)))
 
     async def clear_stop(self) -> GripperState:
         """Clear a stop: the motor may then be enabled and moved again. Moves nothing.

@@ -126,8 +126,7 @@ def _is_remote(options: Namespace) -> bool:
 
 def start(run: Run, method: str, params: Mapping[str, Any]) -> int:
     """Start a motion and show its job, without waiting for its end."""
-    call = run.connection.prepare_guarded(method, {**params, "detach": True, "wait": False})
-    data = run.connection.run(call)
+    data = run.connection.command(method, {**params, "detach": True, "wait": False})
     run.output.result(data, f"{run.options.command}: job {data['job']} started")
     return OK
 

@@ -15,6 +15,7 @@ from argparse import Namespace
 from collections.abc import Callable, Mapping
 
 from litegrip_client.core.discovery import is_socket_given, running_channels
+from litegrip_client.core.session import different
 from litegrip_client.core.sockets import DEFAULT_CHANNEL
 from litegrip_client.ctl.streams import write
 from litegrip_client.line.connection import Connection
@@ -168,11 +169,8 @@ def _take_the_only_one(options: Namespace) -> None:
 def _check(options: Namespace, hello: Mapping[str, Any], path: str) -> None:
     is_checked = options.channel_chosen and options.socket is None
     if is_checked and hello["channel"] != options.channel:
-        raise CommandError(
-            f"the daemon at {path} has channel {hello['channel']}, not {options.channel}",
-            reason="wrong_gripper",
-            data={"hint": "see the variable LITEGRIPD_SOCKET"},
-        )
+        hint = "see the variable LITEGRIPD_SOCKET"
+        raise different("channel", options.channel, hello["channel"], path, hint)
 
 
 OK = 0

@@ -349,6 +349,12 @@ class Connection(Exchange):
         """
         return self.run(self.prepare(method, params, on_progress), timeout_s)
 
+    def command(
+        self, method: str, params: Mapping[str, Any], timeout_s: float | None = None
+    ) -> dict[str, Any]:
+        """Make a call that must never act after a stop that this program did not know of."""
+        return self.run(self.prepare_guarded(method, params), timeout_s)
+
     def run(self, call: Call, timeout_s: float | None = None) -> dict[str, Any]:
         """Send a prepared call and wait for its result, as described for `call`."""
         multiplexer = self._multiplexer

@@ -500,8 +500,6 @@ METHODS: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "trajectory.play": {
         "name": (),
-        "upload": (),
-        "recording": (),
         "speed": (),
         "kp": (),
         "kd": (),
@@ -551,8 +549,6 @@ METHODS: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "trajectory.get": {
         "name": (),
-        "upload": (),
-        "recording": (),
         "offset": (),
         "length": (),
         "format": (
@@ -575,7 +571,6 @@ METHODS: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "trajectory.delete": {
         "name": (),
-        "upload": (),
         "sent_s": (),
         "stop_generation": (),
     },

@@ -4,6 +4,8 @@ import json
 from json import scanner
 from typing import Any, NoReturn, cast
 
+from litegrip_client.values.text import cause, text_of
+
 
 def _no_constant(name: str) -> NoReturn:
     raise ValueError(f"{name} is not JSON")
@@ -33,3 +35,15 @@ def decode(text: str) -> Any:
             raise ValueError("a number has more digits than any number needs") from None
         raise
     return value if end == len(text) else _decoder.decode(text)
+
+
+def of_file(content: bytes, is_none: str) -> Any:
+    """Return the value in a file that a person may have edited.
+
+    Raises `ValueError` with what is wrong, which begins with `is_none` for what is no JSON.
+    """
+    text = text_of(content)
+    try:
+        return decode(text)
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{is_none}: {error}{cause(text)}") from error

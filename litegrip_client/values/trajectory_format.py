@@ -16,7 +16,6 @@ from typing import Any, BinaryIO, Literal, TypeAlias
 
 from litegrip_client.values import strict_json
 from litegrip_client.values.errors import TrajectoryFormatError
-from litegrip_client.values.text import cause, text_of
 
 MAGIC = b"LGRTRJ01"
 ENDING = ".lgt"
@@ -247,13 +246,9 @@ def parse_grips(content: bytes) -> Any:
     if len(content) > MAX_GRIP_BYTES:
         raise TrajectoryFormatError(f"{len(content)} bytes, at most {MAX_GRIP_BYTES} are allowed")
     try:
-        text = text_of(content)
+        return strict_json.of_file(content, "it is no JSON")
     except ValueError as error:
         raise TrajectoryFormatError(str(error)) from None
-    try:
-        return strict_json.decode(text)
-    except (ValueError, RecursionError) as error:
-        raise TrajectoryFormatError(f"it is no JSON: {error}{cause(text)}") from None
 
 
 def _grip_of(number: int, plain: object) -> TaughtGrip:

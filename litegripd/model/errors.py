@@ -162,7 +162,7 @@ ERROR_TABLE: tuple[ErrorKind, ...] = (
         "TrajectoryNotFoundError",
         4,
         False,
-        "No trajectory of that name, and no such upload or recording, or no longer kept.",
+        "No trajectory of that name, or a temporary one that has ended.",
     ),
     ErrorKind(
         "trajectory_unreadable",

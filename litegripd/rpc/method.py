@@ -506,7 +506,8 @@ class Method:
     of a caller; `needs_lease` marks methods that only the holder of the lease may call, while there
     is one; `stop_voids` those that a later stop makes void; `waits` those whose answer comes when a
     job has ended; `may_notify` those that may be sent without an id; `lifts_stop` the one that is
-    also for the client that has stopped and for admins, with any role and any holder of the lease.
+    also for the client that has stopped and for admins, with any role and any holder of the lease;
+    `of_older` returns what the parameters of an older client are now called.
     """
 
     name: str
@@ -520,6 +521,7 @@ class Method:
     waits: bool = False
     may_notify: bool = False
     lifts_stop: bool = False
+    of_older: Callable[[Mapping[str, Any]], Mapping[str, Any]] | None = None
     declared: Mapping[str, Param] = field(init=False)
 
     def __post_init__(self) -> None:

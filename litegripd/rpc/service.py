@@ -82,6 +82,8 @@ class Requests:
     ) -> Call | Refusal:
         """Return a request as its function takes it, or a refusal."""
         self._controller.lease.renew(session.identity, now_s)
+        if method.of_older is not None:
+            request = request._replace(params=method.of_older(request.params))
         refusal = _malformed(session, request, method)
         if refusal is None and method.stop_voids:
             refusal = self._void(session, request, received_s)

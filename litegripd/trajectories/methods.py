@@ -29,11 +29,11 @@ from litegripd.rpc.sessions import Session
 from litegripd.trajectories.capture import Capture
 from litegripd.trajectories.file_methods import (
     NAME,
-    RECORDING,
-    UPLOAD,
+    WHICH,
     TrajectoryFileMethods,
     Whole,
     check_name,
+    of_older,
 )
 from litegripd.trajectories.replay import AT_START_MM, ReplayRequest
 from litegripd.trajectories.requests import Trajectories
@@ -114,13 +114,13 @@ class TrajectoryMethods:
 
     def __init__(self, controller: Controller, files: TrajectoryFileMethods) -> None:
         self._controller = controller
-        self._trajectories = Trajectories(controller)
+        self._trajectories = Trajectories(controller, files.temporaries)
         self._files = files
 
     def session_ended(self, session: Session) -> None:
-        """End a connection's uploads, and a recording that it only watched."""
+        """End a connection's temporary trajectories, and a recording that it only watched."""
         self._trajectories.client_lost(session.identity)
-        self._files.session_ended(session)
+        self._files.temporaries.session_ended(session)
 
     @Method(
         "trajectory.record_start",
@@ -172,11 +172,13 @@ class TrajectoryMethods:
 
     @Method(
         "trajectory.record_stop",
-        "End the recording and keep it: under a name, or as the latest recording. One that cannot"
-        " be kept stays until the next one begins, and may be ended again.",
-        "recording (its number; null with a name), name, path, samples, duration_s, max_rate_s,"
-        " total (bytes), sha256, missed (samples that were due but not measured), grips (how many"
-        " are kept with it), grips_left_out (those beyond 200), and what the file's header says.",
+        "End the recording and keep it: under a name; without one until this connection or the next"
+        " recording ends, with a temporary name, which the answer says. One that cannot be kept"
+        " stays until the next one begins, and may be ended again.",
+        "name, recording (the number in a temporary one, else null), path, samples, duration_s,"
+        " max_rate_s, total (bytes), sha256, missed (samples that were due but not measured), grips"
+        " (how many are kept with it), grips_left_out (those beyond 200), and what the file's"
+        " header says.",
         RECORDED,
         (
             NAME,
@@ -204,7 +206,7 @@ class TrajectoryMethods:
         check_name(name)
         refusal = self._trajectories.stop_recording(
             name,
-            call.owner.uid,
+            call.owner,
             kept,
             allow_empty=call.params.get("allow_empty", False),
             allow_partial=call.params.get("allow_partial", False),
@@ -221,9 +223,7 @@ class TrajectoryMethods:
         " taught width), and the state.",
         ReplayResult,
         (
-            NAME,
-            UPLOAD,
-            RECORDING,
+            WHICH,
             _SPEED,
             *usual_gain_params(),
             Param(
@@ -257,15 +257,16 @@ class TrajectoryMethods:
         needs_lease=True,
         stop_voids=True,
         waits=True,
+        of_older=of_older,
     )
     def _play(self, call: Call) -> Answer:
         params, terms = call.params, call.terms(self._controller)
-        source = self._files.source("trajectory.play", call)
+        name = self._files.named(call)
         if "repeat" in params and params.get("loop"):
             text = "trajectory.play takes loop or repeat, not both"
             return Refusal("invalid_params", text, {"parameter": "repeat"})
         request = ReplayRequest(
-            source=source,
+            name=name,
             speed=params.get("speed", 1.0),
             torque_nm=params.get("torque_nm", DEFAULT_TORQUE_NM),
             repeat=0 if params.get("loop") else params.get("repeat", 1),

@@ -28,81 +28,49 @@ from litegripd.model.gripper import Geometry
 from litegripd.model.motion_config import fast_conflict, slow_conflict
 from litegripd.model.state import HelperTask, Job, Owner, TaskResult
 from litegripd.trajectories.capture import Capture, Teach, result_of
+from litegripd.trajectories.file_methods import Temporaries
 from litegripd.trajectories.replay import Replay, ReplayRequest
 from litegripd.trajectories.values import PIECE_BYTES, outcome_of
 
-
-def recording_key(number: int) -> str:
-    """Return the key under which the helper process stores a recording."""
-    return f"recording {number}"
+OnKept: TypeAlias = Callable[[Mapping[str, Any] | Refusal], None]
 
 
-class Keeping:
-    """One recording on its way to the helper; `on_kept` is called once, with the facts.
+def keep(
+    controller: Controller, capture: Capture, where: Mapping[str, object], on_kept: OnKept
+) -> None:
+    """Send a recording to the helper process in pieces: first the samples, then the grips.
 
-    With a `name` it becomes a trajectory of the user `uid`. Only the latest recording is kept: it
-    replaces the one before.
+    `where` says how it is kept there; `on_kept` is called once, with the facts.
     """
+    grips = json.dumps(capture.grips()).encode()
+    common = {
+        **where,
+        "total": capture.size + len(grips),
+        "grip_bytes": len(grips),
+        "sha256": None,
+        "header": capture.header(controller.gripper_id.can_id),
+    }
 
-    def __init__(
-        self,
-        controller: Controller,
-        capture: Capture,
-        number: int,
-        on_kept: Callable[[Mapping[str, Any] | Refusal], None],
-        *,
-        name: str | None,
-        uid: int,
-    ) -> None:
-        self._controller = controller
-        self._capture = capture
-        self._number = number
-        self._name = name
-        self._uid = uid
-        self._on_kept = on_kept
-        self._grips = json.dumps(capture.grips()).encode()
-        self._sent = 0
-
-    def begin(self) -> None:
-        """Send the first piece."""
-        before = {"keys": [recording_key(self._number - 1)]}
-        self._controller.tasks.append(HelperTask("trajectory.drop", before, lambda _result: None))
-        self._send()
-
-    def _send(self) -> None:
-        """Send the next piece: first of the samples, then of the grips."""
-        capture = self._capture
-        offset = self._sent
+    def send(offset: int) -> None:
         if offset < capture.size:
             data = capture.piece(offset // PIECE_BYTES)
         else:
-            data = memoryview(self._grips)[offset - capture.size :][:PIECE_BYTES]
-        parameters = {
-            "key": recording_key(self._number),
-            "offset": offset,
-            "total": capture.size + len(self._grips),
-            "grip_bytes": len(self._grips),
-            "sha256": None,
-            "data": base64.b64encode(data).decode("ascii"),
-            "name": self._name,
-            "uid": self._uid,
-            "header": capture.header(self._controller.gripper_id.can_id),
-        }
-        self._sent += len(data)
-        self._controller.tasks.append(HelperTask("trajectory.put", parameters, self._answered))
+            data = memoryview(grips)[offset - capture.size :][:PIECE_BYTES]
 
-    def _answered(self, result: TaskResult) -> None:
-        answer = outcome_of(result, "not_saved")
-        if isinstance(answer, Refusal):
-            self._on_kept(answer)
-        elif answer["complete"]:
-            number = None if self._name is not None else self._number
-            known = {
-                key: value for key, value in answer.items() if key not in ("received", "complete")
-            }
-            self._on_kept({"recording": number, **known})
-        else:
-            self._send()
+        def answered(result: TaskResult) -> None:
+            answer = outcome_of(result, "not_saved")
+            if isinstance(answer, Refusal):
+                on_kept(answer)
+            elif answer["complete"]:
+                own = ("received", "complete")
+                on_kept({key: value for key, value in answer.items() if key not in own})
+            else:
+                send(offset + len(data))
+
+        piece = {"offset": offset, "data": base64.b64encode(data).decode("ascii")}
+        controller.tasks.append(HelperTask("trajectory.put", {**common, **piece}, answered))
+
+    send(0)
 
 
 STAYS = (
@@ -110,21 +78,20 @@ STAYS = (
     " name or, to fetch it (trajectory.get), without one"
 )
 
-OnKept: TypeAlias = Callable[[Mapping[str, Any] | Refusal], None]
-
 
 class Trajectories:
     """Begins and ends recordings and replays on one controller."""
 
-    NOT_CARRIED = ("capture", "replay", "replay_job", "_controller", "_keeping")
+    NOT_CARRIED = ("capture", "replay", "replay_job", "_controller", "_is_keeping", "_temporaries")
 
-    def __init__(self, controller: Controller) -> None:
+    def __init__(self, controller: Controller, temporaries: Temporaries) -> None:
         self.replay: Replay | None = None
         self.replay_job: Job | None = None
         self.capture: Capture | None = None
         """The latest recording: under way, over, or stored by the helper process."""
         self._controller = controller
-        self._keeping: Keeping | None = None
+        self._temporaries = temporaries
+        self._is_keeping = False
 
     def refusal(self, turn: Turn = NOW) -> Refusal | None:
         """Return a refusal if a recording, a replay or teleoperation is under way at its turn."""
@@ -135,7 +102,7 @@ class Trajectories:
         )
         if refusal is not None:
             return refusal
-        if self._keeping is not None:
+        if self._is_keeping:
             text = "a recording is being taken to the disk's process: try again in a moment"
             return Refusal("trajectory_busy", text)
         return None
@@ -180,7 +147,7 @@ class Trajectories:
     def stop_recording(
         self,
         name: str | None,
-        uid: int,
+        owner: Owner,
         on_kept: OnKept,
         *,
         allow_empty: bool,
@@ -188,11 +155,11 @@ class Trajectories:
     ) -> Refusal | None:
         """End the recording, and let the helper process store it, under a name if there is one.
 
-        With a name it belongs to the user `uid`. Then `on_kept` gets the facts. A recording that is
-        rejected or cannot be stored stays until the next one begins.
+        With a name it belongs to the owner's user, else to this connection. Then `on_kept` gets the
+        facts. A recording that is rejected or cannot be stored stays until the next one begins.
         """
         controller, capture = self._controller, self.capture
-        if self._keeping is not None:
+        if self._is_keeping:
             return self.refusal()
         if capture is None or capture.is_taken:
             text = "no recording is under way: begin one (trajectory.record_start)"
@@ -207,20 +174,20 @@ class Trajectories:
         refusal = _unusable(capture, allow_empty=allow_empty, allow_partial=allow_partial)
         if refusal is not None:
             return refusal
-        controller.recordings += 1
+        temporary = self._temporaries.of_recording(owner.client)
 
         def kept(answer: Mapping[str, Any] | Refusal) -> None:
-            self._keeping = None
+            self._is_keeping = False
             if isinstance(answer, Refusal):
+                self._temporaries.forget(temporary.name)
                 on_kept(replace(answer, data={**answer.data, "hint": STAYS}))
             else:
                 capture.let_go()
-                on_kept(answer)
+                on_kept(self._temporaries.kept(temporary, answer))
 
-        self._keeping = Keeping(
-            controller, capture, controller.recordings, kept, name=name, uid=uid
-        )
-        self._keeping.begin()
+        self._is_keeping = True
+        where = {"key": temporary.name, "name": name, "uid": owner.uid}
+        keep(controller, capture, where, kept)
         return None
 
     def client_lost(self, client: int) -> None:

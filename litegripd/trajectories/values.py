@@ -18,6 +18,9 @@ MAX_NAME = 64
 MAX_NAME_BYTES = 200
 """With its suffixes, also that of a temporary file, a name fits into a file system's 255 bytes."""
 
+TEMPORARY = "tmp/"
+"""So begin the names of those that end with their connection; no other name has a slash."""
+
 CSV_HEAD = "t_s,openness,position_rad,velocity_rad_s,torque_nm\n"
 
 
@@ -160,13 +163,13 @@ class Loading:
     be used.
     """
 
-    def __init__(self, source: Mapping[str, object]) -> None:
+    def __init__(self, name: str) -> None:
         self.path: Path | None = None
         self.failure: Refusal | None = None
         self.max_rate_s = 0.0
         self.grips: tuple[TaughtGrip, ...] = ()
         self.grip_problem: str | None = None
-        self._source = source
+        self._name = name
         self._facts: Mapping[str, Any] | None = None
         self._pieces: dict[int, bytes] = {}
         self._asked = 0
@@ -184,14 +187,14 @@ class Loading:
             self.failure = Refusal("trajectory_unreadable", text)
         if not self._is_asked:
             self._is_asked = True
-            return HelperTask("trajectory.open", {"source": self._source}, self._opened)
+            return HelperTask("trajectory.open", {"name": self._name}, self._opened)
         unanswered = self._asked - len(self._pieces)
         if self._facts is None or unanswered >= _MOST_UNANSWERED or self._asked >= self._count:
             return None
         self._asked += 1
         offset = (self._asked - 1) * PIECE_BYTES
         parameters = {
-            "source": self._source,
+            "name": self._name,
             "sha256": self._facts["sha256"],
             "offset": offset,
         }

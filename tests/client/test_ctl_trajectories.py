@@ -220,8 +220,8 @@ def test_play_local_sends_the_file_first(
 ) -> None:
     (folder / "pick.lgt").write_bytes(CONTENT)
     assert ctl("play", "--local", "pick")[0] == 0
-    assert there.uploads == {1: CONTENT}
-    assert there.asked("play")[0]["upload"] == 1
+    assert there.uploads == {"tmp/upload-1": CONTENT}
+    assert there.asked("play")[0]["name"] == "tmp/upload-1"
     code, _shown, error = ctl("play", "--local", f"{tmp_path}/no.lgt")
     assert code == 4
     assert error == (

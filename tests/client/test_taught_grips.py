@@ -153,7 +153,7 @@ def test_play_sends_the_grips_and_asks_for_their_force(
     daemon.handlers["trajectory.play"] = lambda _request: {**PLAYED, **figures}
     result = gripper.play(TAUGHT, force="replay")
     assert (result.grips, result.width_mm, result.width_difference_mm) == (2, 44.0, -4.0)
-    assert there.uploads == {1: CONTENT}
+    assert there.uploads == {"tmp/upload-1": CONTENT}
     assert there.grips == {None: BESIDE}
     assert there.asked("play")[0]["force"] == "replay"
     gripper.play_start(TAUGHT, force="replay")

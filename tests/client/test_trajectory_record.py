@@ -29,7 +29,7 @@ def test_record_asks_for_its_samples_and_fetches_them_in_pieces(
     assert there.asked("record_start") == [start]
     assert there.asked("record_stop") == [{}]
     pieces = there.asked("get")
-    assert pieces == [{"recording": 1, "offset": at} for at in (0, PIECE_BYTES)]
+    assert pieces == [{"name": "tmp/recording-1", "offset": at} for at in (0, PIECE_BYTES)]
 
 
 def test_record_with_gripper_is_the_same(daemon: FakeDaemon, there: FakeTrajectories) -> None:

@@ -125,7 +125,12 @@ trajectories = st.one_of(
     _call("trajectory.put", st.just(pieces(_whole)[0]), _must(name=st.just("a"))),
     _call("trajectory.play", _must(name=st.just("a")), _play, _passes, _config, _flags),
     _call("trajectory.play", _must(name=st.just("a")), _play, _passes),
-    _call("trajectory.play", _must(upload=st.integers(1, 2)), _play, _passes),
+    _call(
+        "trajectory.play",
+        _must(name=st.sampled_from(["tmp/upload-1", "tmp/upload-2"])),
+        _play,
+        _passes,
+    ),
     _call("trajectory.control", _must(action=st.sampled_from(["pause", "resume"]))),
     _call("trajectory.control", _must(action=st.just("speed"), speed=st.floats(0.1, 4.0))),
     _call("trajectory.status"),

@@ -23,7 +23,8 @@ import litegrip_client
 from litegrip_client.core import discovery, sockets
 from litegrip_client.ctl.commands.machine import CHECKS
 from litegrip_client.ctl.doctor import gather
-from litegrip_client.ctl.doctor.findings import Finding, User, examine
+from litegrip_client.ctl.doctor.facts import User
+from litegrip_client.ctl.findings import Finding, findings_of
 from litegrip_client.socketcan import link as can_link
 from litegrip_client.values.atomic_file import Shortage
 from litegripd.app.build import motor_figures
@@ -191,7 +192,7 @@ class Bench:
         facts = gather.gather(channel or "can0", None, channel_chosen=channel is not None)
         if scans:
             facts = replace(facts, scan=gather.scan(facts))
-        return dict(examine(facts, CHECKS))
+        return dict(findings_of(CHECKS, facts))
 
     def carry_out(self, command: str) -> None:
         """Run what the doctor has printed in a shell; raises if that fails.

@@ -3,7 +3,7 @@
 import contextlib
 from pathlib import Path
 
-from litegrip_client.ctl.doctor.findings import Finding
+from litegrip_client.ctl.findings import Finding
 from litegrip_client.values.voices import in_shell
 from tests.symptoms.bench import Bench, bench
 from tests.symptoms.scenes import Scene

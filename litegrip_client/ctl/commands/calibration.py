@@ -31,9 +31,9 @@ from litegrip_client.ctl.run import (
     say,
 )
 from litegrip_client.values import strict_json
+from litegrip_client.values.checks import given_numbers
 from litegrip_client.values.errors import CancelledError, CommandError, LiteGripError
 from litegrip_client.values.fields import SPAN_INSET_MM
-from litegrip_client.values.text import cause, text_of
 from litegrip_client.values.voices import in_shell
 
 TYPE_CHECKING = False
@@ -91,7 +91,9 @@ def _lead(run: Run) -> dict[str, Any]:
         if answer.startswith("c"):
             raise _NotWantedError
         try:
-            return _step(run, "finish", save=answer.startswith("y"), **_stroke(stroke_mm))
+            return _step(
+                run, "finish", save=answer.startswith("y"), **given_numbers(stroke_mm=stroke_mm)
+            )
         except CommandError as error:
             if error.reason != "out_of_limits":
                 raise
@@ -126,13 +128,9 @@ def _ask_stroke(run: Run) -> float | None:
         raise _NotWantedError from None
 
 
-def _stroke(stroke_mm: float | None) -> dict[str, float]:
-    return {} if stroke_mm is None else {"stroke_mm": stroke_mm}
-
-
 def _step(run: Run, step: str, **params: object) -> dict[str, Any]:
-    call = run.connection.prepare_guarded("calibration.manual", {"step": step, **params})
-    return run.connection.run(call, ACTION_TIMEOUT_S)
+    wanted = {"step": step, **params}
+    return run.connection.command("calibration.manual", wanted, ACTION_TIMEOUT_S)
 
 
 def _report(run: Run, how: str) -> None:
@@ -201,7 +199,7 @@ def zero(run: Run) -> int:
         except _NotWantedError:
             run.output.error(CommandError("nothing was done", reason="not_wanted"), "")
             return NOT_OK
-    params: dict[str, Any] = {"save": not options.no_save, **_stroke(stroke_mm)}
+    params: dict[str, Any] = {"save": not options.no_save, **given_numbers(stroke_mm=stroke_mm)}
     if options.mount is not None:
         params["mount"] = options.mount
     return finish(run, "calibration.zero", params, lambda data: _measured_text("zero", data))
@@ -411,13 +409,9 @@ def _loaded_text(data: Data, *, source: str | None) -> str:
 def _read_file(path: str) -> dict[str, Any]:
     """Read a calibration file; raises `CommandError` when it is no JSON object."""
     try:
-        text = text_of(Path(path).read_bytes())
+        content = strict_json.of_file(Path(path).read_bytes(), "not valid JSON")
     except (OSError, ValueError) as error:
         raise _unreadable(path, getattr(error, "strerror", None) or str(error)) from error
-    try:
-        content = strict_json.decode(text)
-    except (ValueError, RecursionError) as error:
-        raise _unreadable(path, f"not valid JSON: {error}{cause(text)}") from error
     if not isinstance(content, dict):
         raise _unreadable(path, "not a JSON object")
     return content
@@ -434,8 +428,9 @@ def _unreadable(path: str, why: str) -> CommandError:
 def rescale(run: Run) -> int:
     """Have the daemon correct the millimetres of the calibration in use, and store it."""
     before = run.connection.call("calibration.get")
-    call = run.connection.prepare_guarded("calibration.rescale", _stroke(run.options.stroke_mm))
-    data = run.connection.run(call)
+    data = run.connection.command(
+        "calibration.rescale", given_numbers(stroke_mm=run.options.stroke_mm)
+    )
     try:
         saved = _store(run)
     except LiteGripError as error:

@@ -175,7 +175,7 @@ def _start(run: Run, mode: str) -> int:
         params["require_ready"] = False
     if options.detach:
         params["detach"] = True
-    data = run.connection.run(run.connection.prepare_guarded("teleop.start", params))
+    data = run.connection.command("teleop.start", params)
     if options.detach:
         return _leave(run, data)
     try:

@@ -8,20 +8,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from litegrip_client.ctl.doctor.findings import (
-    SIMULATED,
-    Daemon,
-    Facts,
-    Finding,
-    error,
-    ok,
-    warning,
-)
+from litegrip_client.ctl.doctor.facts import SIMULATED, Daemon, Facts
+from litegrip_client.ctl.findings import Finding, error, ok, warning
 
 STANDSTILL_US = 100_000
 """From so late a tick on some motors report "communication lost", others later."""
 _LIMITS = "[Service]\\nLimitRTPRIO=99\\nLimitMEMLOCK=infinity\\n"
 _DROP_IN = "/etc/systemd/system/litegripd@.service.d"
+SHORT_S = 30 * 86_400.0
+"""A certificate that is good for less is about to be over."""
 
 
 def configuration(facts: Facts) -> Finding | None:
@@ -209,6 +204,33 @@ def teleop(facts: Facts) -> Finding | None:
         "the same command on the leader's machine says if it leads, and at which port; both ends"
         " need the same port, and a firewall must let it through",
     )
+
+
+def protection(facts: Facts) -> Finding | None:
+    """Check how the way to another machine's gripper is protected, as its portal says."""
+    told = None if facts.daemon is None else facts.daemon.health.get("remote")
+    if not isinstance(told, Mapping):
+        return None
+    if told.get("insecure"):
+        return warning(
+            "insecure = true in the portal's fleet.toml: nothing is encrypted, and everybody on the"
+            " network may do everything",
+            advice="make certificates with etc/zenoh-certificates, see docs/fleet.md",
+        )
+    expires_s = told.get("certificate_expires_s")
+    if not isinstance(expires_s, int | float):
+        return ok("encrypted")
+    days = (expires_s - facts.now_s) / 86_400.0
+    if days < 0.0:
+        return error("the portal's certificate is over", advice=_RENEW)
+    text = f"encrypted; the portal's certificate is good for {days:.0f} days"
+    return ok(text) if expires_s - facts.now_s >= SHORT_S else warning(text, advice=_RENEW)
+
+
+_RENEW = (
+    "where the authority's ca.key is: etc/zenoh-certificates DIRECTORY user:NAME; copy it here,"
+    " then restart the portal"
+)
 
 
 def _not_answering(facts: Facts) -> Finding:

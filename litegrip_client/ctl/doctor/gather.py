@@ -11,7 +11,7 @@ import shlex
 import stat
 import subprocess
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,19 +27,18 @@ from litegrip_client.core.discovery import (
     running_channels,
     socket_paths,
 )
-from litegrip_client.ctl.doctor import fleet_checks
-from litegrip_client.ctl.doctor.findings import (
+from litegrip_client.ctl.doctor.facts import (
     SIMULATED,
     Configuration,
     Daemon,
     Device,
     Facts,
-    Fleet,
     Scan,
     Socket,
     System,
     User,
 )
+from litegrip_client.ctl.findings import Named, read, warning
 from litegrip_client.socketcan.link import (
     ARPHRD_CAN,
     IpError,
@@ -81,34 +80,18 @@ def configuration_file(channel: str) -> Configuration | None:
         return None
     if not os.access(path, os.R_OK):
         return Configuration(path, unchecked="this user may not read it")
-    program = program_of("litegripd")
-    if program is None:
-        return Configuration(path, unchecked="the program litegripd is not found here")
     identity = _daemons_identity()
     as_user = USER if identity else None
-    command = [program, channel, "--config", path, "--check"]
-    try:
-        done = subprocess.run(
-            command,
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            timeout=CHECK_WITHIN_S,
-            check=False,
-            **identity,
-        )
-    except (OSError, subprocess.TimeoutExpired) as error:
-        return Configuration(
-            path, unchecked=f"litegripd cannot be run{f' as {USER}' if identity else ''}: {error}"
-        )
-    said = done.stderr.decode(errors="replace").strip()
-    if done.returncode == _WRONG and not said.startswith("usage:"):  # of an older litegripd
-        why = said.rpartition("\n")[2].removeprefix("litegripd: ")
-        return Configuration(path, error=why, as_user=as_user)
+    done = _run("litegripd", [channel, "--config", path, "--check"], CHECK_WITHIN_S, identity)
+    if isinstance(done, str):
+        return Configuration(path, unchecked=done)
+    last = _last_line(done)
+    if done.returncode == _WRONG and not done.stderr.startswith(b"usage:"):  # of an older litegripd
+        return Configuration(path, error=last.removeprefix("litegripd: "), as_user=as_user)
     try:
         return Configuration(path, content=json.loads(done.stdout), as_user=as_user)
     except ValueError:
-        last = said.rpartition("\n")[2] or "no word"
-        why = f"litegripd --check ended with {done.returncode}: {last}"
+        why = f"litegripd --check ended with {done.returncode}: {last or 'no word'}"
         return Configuration(path, unchecked=why)
 
 
@@ -130,26 +113,50 @@ def _daemons_identity() -> dict[str, Any]:
 FLEET_CHECK_WITHIN_S = 60.0
 
 
-def fleet_check(file: str) -> Fleet:
-    """Have this machine's parts of a fleet checked by their own program."""
-    program = program_of(FLEET_PROGRAM)
+def fleet_check(file: str) -> Sequence[Named]:
+    """Have this machine's parts of a fleet checked by their own program.
+
+    Its checks are called `fleet-` and their names.
+    """
+    done = _run(FLEET_PROGRAM, ["--config", file, "check", "--json"], FLEET_CHECK_WITHIN_S, {})
+    if isinstance(done, str):
+        problem = done
+    else:
+        try:
+            found = read(json.loads(done.stdout))
+        except ValueError:
+            last = _last_line(done) or "no word"
+            problem = f"{FLEET_PROGRAM} check ended with {done.returncode}: {last}"
+        else:
+            if found is not None:
+                return [(f"fleet-{name}", finding) for name, finding in found]
+            problem = f"{FLEET_PROGRAM} check has printed something else than findings"
+    text = f"{file} was not checked: {problem}"
+    return [("fleet", warning(text, advice="run there: litegripd-fleet check"))]
+
+
+def _run(
+    name: str, options: Sequence[str], within_s: float, identity: Mapping[str, Any]
+) -> subprocess.CompletedProcess[bytes] | str:
+    """Run one of our programs; return why it cannot be, where that is so."""
+    program = program_of(name)
     if program is None:
-        return Fleet(file, problem=f"the program {FLEET_PROGRAM} is not found here")
+        return f"the program {name} is not found here"
     try:
-        done = subprocess.run(
-            [program, "--config", file, "check", "--json"],
+        return subprocess.run(
+            [program, *options],
             stdin=subprocess.DEVNULL,
             capture_output=True,
-            timeout=FLEET_CHECK_WITHIN_S,
+            timeout=within_s,
             check=False,
+            **identity,
         )
     except (OSError, subprocess.TimeoutExpired) as error:
-        return Fleet(file, problem=str(error))
-    try:
-        return fleet_checks.read(file, json.loads(done.stdout))
-    except ValueError:
-        last = done.stderr.decode(errors="replace").strip().rpartition("\n")[2] or "no word"
-        return Fleet(file, problem=f"{FLEET_PROGRAM} check ended with {done.returncode}: {last}")
+        return f"{name} cannot be run{f' as {USER}' if identity else ''}: {error}"
+
+
+def _last_line(done: subprocess.CompletedProcess[bytes]) -> str:
+    return done.stderr.decode(errors="replace").strip().rpartition("\n")[2]
 
 
 def other_channels(usual: str) -> tuple[str, ...]:
@@ -408,7 +415,7 @@ def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
         now_s=time.time(),
         is_remote=is_remote,
         disks=() if is_remote else tuple(shortages(_WRITTEN)),
-        fleet=fleet_check(str(fleet_file)) if is_in_fleet else None,
+        fleet=fleet_check(str(fleet_file)) if is_in_fleet else (),
     )
 
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from litegrip_client.ctl.doctor.findings import Daemon, Facts, Finding, error, ok, warning
+from litegrip_client.ctl.doctor.facts import Daemon, Facts
+from litegrip_client.ctl.findings import Finding, error, ok, warning
 from litegrip_client.values.fields import SPAN_INSET_MM, STROKE_MM
 from litegrip_client.values.results import USABLE_BUS
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from litegrip_client.ctl.doctor.findings import SIMULATED, Facts, Finding, error, ok, warning
+from litegrip_client.ctl.doctor.facts import SIMULATED, Facts
+from litegrip_client.ctl.findings import Finding, error, ok, warning
 from litegrip_client.socketcan.link import BITRATE, HINDERING, Link, rate_text, switch_off
 from litegrip_client.values.results import USABLE_BUS
 

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from litegrip_client.ctl.doctor.findings import Configuration, Socket, User
+from litegrip_client.ctl.doctor.facts import Configuration, Socket, User
 from litegrip_client.values.atomic_file import Shortage
 from tests.client.doctor.case import Case
 from tests.client.doctor.known import SOCKETS, facts, with_daemon

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from litegrip_client.ctl.doctor.findings import Configuration, Scan
+from litegrip_client.ctl.doctor.facts import Configuration, Scan
 from tests.client.doctor.case import Case
 from tests.client.doctor.known import FILE, daemon, facts, with_daemon
 

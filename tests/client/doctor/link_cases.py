@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Any
 
-from litegrip_client.ctl.doctor.findings import Device, Facts
+from litegrip_client.ctl.doctor.facts import Device, Facts
 from litegrip_client.socketcan.link import HARMFUL, HINDERING
 from litegrip_client.socketcan.managers import Setting
 from tests.client.doctor.case import Case

@@ -9,16 +9,9 @@ import pytest
 
 import litegrip_client
 from litegrip_client.ctl.doctor import gather
-from litegrip_client.ctl.doctor.findings import (
-    Configuration,
-    System,
-    User,
-    as_text,
-    error,
-    ok,
-    warning,
-)
+from litegrip_client.ctl.doctor.facts import Configuration, System, User
 from litegrip_client.ctl.doctor.link_checks import _IF_LOST
+from litegrip_client.ctl.findings import as_text, error, ok, warning
 from litegrip_client.ctl.main import main
 from tests.client.doctor.known import HEALTH, HELLO, INFO, STATE, changed, link
 from tests.client.fake_daemon import FakeDaemon, Handler
@@ -84,6 +77,15 @@ def test_what_is_not_well_is_told_and_ends_with_1(well: FakeDaemon, ctl: Ctl) ->
     assert "ERROR    motor         silent, last feedback 0.004 s ago\n         (switch" in out
     assert "lost at a restart\n         litegripctl -c can0 calibration save\n" in out
     assert out.endswith("\n1 error, 1 warning\n")
+
+
+def test_a_check_that_cannot_read_an_answer_hides_no_other(well: FakeDaemon, ctl: Ctl) -> None:
+    well.handlers["state.get"] = lambda request: {**STATE, "age_s": "soon"}
+    code, out, err = ctl("doctor")
+    assert (code, err) == (1, "")
+    assert "ERROR    motor         this check failed: ValueError: " in out
+    assert "\nOK       health " in out
+    assert out.endswith("\n1 error, no warnings\n")
 
 
 def test_a_scan_is_asked_for_and_never_by_itself(well: FakeDaemon, ctl: Ctl) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from litegrip_client.ctl.doctor import daemon_checks, gather
-from litegrip_client.ctl.doctor.findings import Configuration, Device, Socket, System
+from litegrip_client.ctl.doctor.facts import Configuration, Device, Socket, System
 from litegrip_client.socketcan import link as can_link
 from litegrip_client.socketcan.link import Link
 from tests.client.doctor.known import LINKS, link

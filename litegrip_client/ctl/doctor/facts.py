@@ -1,6 +1,4 @@
-"""What a check is: the facts that the doctor looks at, what is found in them, and how it is shown.
-
-The fleet's `check` finds and shows the same way.
+"""The facts that the doctor's checks look at.
 
 Values only, no requests. What the daemon answered is kept as it came, so that an older or newer
 daemon is examined, too.
@@ -8,15 +6,14 @@ daemon is examined, too.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, TypeAlias
+from typing import Any
 
-from litegrip_client.ctl.figures import plain
+from litegrip_client.ctl.findings import Named
 from litegrip_client.socketcan.link import Link
 from litegrip_client.socketcan.managers import Setting
 from litegrip_client.values.atomic_file import Shortage
-from litegrip_client.values.voices import in_shell
 
 SIMULATED = ("litegrip_sim", "virtual")
 """Interfaces of python-can without an adapter."""
@@ -109,15 +106,6 @@ class Configuration:
 
 
 @dataclass(frozen=True, slots=True)
-class Fleet:
-    """What `litegripd-fleet check` has found in `file`, or `problem`, why it found nothing."""
-
-    file: str
-    findings: tuple[tuple[str, Finding], ...] = ()
-    problem: str | None = None
-
-
-@dataclass(frozen=True, slots=True)
 class Scan:
     """What has answered when the daemon asked the ids `asked`, or `problem`, why it did not ask.
 
@@ -167,8 +155,8 @@ class Facts:
     """True if the gripper is another machine's: its link and its unit are not here."""
     disks: tuple[Shortage, ...] = ()
     """The file systems of this machine without room for what the daemons write."""
-    fleet: Fleet | None = None
-    """This machine's parts of a fleet, where it has any."""
+    fleet: Sequence[Named] = ()
+    """What the program of this machine's parts of a fleet has found, where it has any."""
     scan: Scan | None = None
     """Which motors are on the bus, where that was asked for."""
 
@@ -187,104 +175,3 @@ class Facts:
     def is_enabled(self) -> bool:
         """True if the motor is enabled, as far as is known."""
         return self.daemon is not None and self.daemon.state.get("enabled") is True
-
-
-Level: TypeAlias = Literal["ok", "warning", "error"]
-
-
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """What one check found.
-
-    `command` can be pasted into a shell; `advice` is for what no command does.
-    """
-
-    level: Level
-    text: str
-    command: str | None = None
-    advice: str | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Check:
-    """One thing to look at; `examine` gives None where there is nothing to look at."""
-
-    name: str
-    examine: Callable[[Facts], Finding | None]
-
-
-def ok(text: str) -> Finding:
-    """Return a finding: this is as it should be."""
-    return Finding("ok", text)
-
-
-def warning(text: str, command: str | None = None, advice: str | None = None) -> Finding:
-    """Return a finding: this works, but not well, or not always."""
-    return Finding("warning", text, command, advice)
-
-
-def error(text: str, command: str | None = None, advice: str | None = None) -> Finding:
-    """Return a finding: with this the gripper cannot be used."""
-    return Finding("error", text, command, advice)
-
-
-def examine(facts: Facts, checks: Iterable[Check]) -> list[tuple[str, Finding]]:
-    """Run every check on the facts; return the findings with the names of their checks."""
-    found = ((check.name, check.examine(facts)) for check in checks)
-    return [(name, finding) for name, finding in found if finding is not None]
-
-
-def as_data(channel: str | None, findings: Iterable[tuple[str, Finding]]) -> Mapping[str, Any]:
-    """Return findings as JSON can hold them; `ok` unless there is an error.
-
-    `channel` is None where it is not known.
-    """
-    rows = [
-        {
-            "check": name,
-            "level": finding.level,
-            "text": finding.text,
-            "command": finding.command,
-            "advice": finding.advice,
-        }
-        for name, finding in findings
-    ]
-    return {
-        "ok": all(row["level"] != "error" for row in rows),
-        "channel": channel,
-        "findings": rows,
-    }
-
-
-_LEVEL_WIDTH = 9
-_NAME_WIDTH = 14
-
-
-def as_text(findings: Sequence[tuple[str, Finding]]) -> str:
-    """Return all findings, and how many are not all right."""
-    width = max([_NAME_WIDTH, *(len(name) + 1 for name, _finding in findings)])
-    lines = [line for name, finding in findings for line in _lines(name, finding, width)]
-    counts = [
-        _counted(sum(finding.level == level for _, finding in findings), level)
-        for level in ("error", "warning")
-    ]
-    return "\n".join([*lines, "", ", ".join(counts)])
-
-
-def _lines(name: str, finding: Finding, width: int) -> list[str]:
-    head = f"{finding.level.upper():<{_LEVEL_WIDTH}}"
-    lines = [f"{head}{name:<{width}}{_shown(finding.text)}"]
-    if finding.command is not None:
-        lines.append(f"{'':<{_LEVEL_WIDTH}}{plain(finding.command)}")
-    if finding.advice is not None:
-        lines.append(f"{'':<{_LEVEL_WIDTH}}({_shown(finding.advice)})")
-    return lines
-
-
-def _shown(text: str) -> str:
-    """Return a text for a shell: a daemon's text names methods, this one commands."""
-    return plain(in_shell(text))
-
-
-def _counted(count: int, level: str) -> str:
-    return f"{count} {level}" if count == 1 else f"{count or 'no'} {level}s"
