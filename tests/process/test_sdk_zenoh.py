@@ -30,7 +30,8 @@ def until(condition: Callable[[], object], meanwhile: Callable[[], object]) -> N
 
 
 def test_frames_and_ready_bytes_cross_whoever_comes_first() -> None:
-    port, taken = free_port(), []
+    port = free_port()
+    taken: list[bytes] = []
     frame = litegrip.encode_frame(0.5, 40.0, 0.0, 1.0)
     connector = Connector("127.0.0.1", port, KEY, taken.append, READY)
     with Listener(port, KEY, READY) as listener:
