@@ -286,3 +286,18 @@ def test_a_stream_does_not_change_to_limits_in_which_no_jaw_can_be() -> None:
         assert client.refusal("stream.set", **params, calibration=away) == "out_of_limits"
     world.run(0.5)
     assert world.gripper.opening_mm == pytest.approx(50.0, abs=NEAR_MM)
+
+
+def test_a_queued_motion_goes_by_its_own_when_its_turn_comes() -> None:
+    world, client = gripper()
+    moved = client.send("motion.move", opening_mm=40.0, calibration=given())
+    half = given(work_stroke_mm=70.0)
+    queued = client.send("motion.open", if_busy="queue", calibration=half)
+    world.run_until(lambda: client.has_answer(queued))
+    assert client.answers[moved]["result"]["ok"]
+    assert client.answers[queued]["result"]["outcome"] == "reached"
+    assert world.gripper.opening_mm == pytest.approx(70.0, abs=NEAR_MM)
+    client.send("motion.move", opening_mm=40.0, calibration=given())
+    refused = client.send("motion.open", if_busy="queue")
+    world.run_until(lambda: client.has_answer(refused))
+    assert client.answers[refused]["error"]["data"]["reason"] == "not_calibrated"
