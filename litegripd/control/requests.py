@@ -313,9 +313,7 @@ class MotionRequests:
     ) -> Job | Refusal:
         """Take a set-point that is valid until `valid_until_s`; the first one begins the motion."""
         controller, own = self._controller, self._own_stream(owner)
-        geometry = (
-            self._ready(terms) if own is None else terms.geometry or controller.calibrated.problem
-        )
+        geometry = self._travel(own, terms)
         if isinstance(geometry, Refusal):
             return geometry
         speed = terms.config.speed_mm_s if speed_mm_s is None else speed_mm_s
@@ -341,7 +339,7 @@ class MotionRequests:
             free = self._powered() if own is None else None
             refusal = free if isinstance(free, Refusal) else None
         else:
-            ready = self._ready(terms) if own is None else geometry or controller.calibrated.problem
+            ready = self._travel(own, terms)
             refusal = (
                 ready
                 if isinstance(ready, Refusal)
@@ -357,6 +355,17 @@ class MotionRequests:
         running, action = self._controller.jobs.running, self._controller.action
         is_own = running is not None and running.owner.client == owner.client
         return (running, action) if running and is_own and isinstance(action, Stream) else None
+
+    def _travel(self, own: tuple[Job, Stream] | None, terms: Terms) -> Geometry | Refusal:
+        """Return the travel of a set-point; another one in a stream must fit the jaws, too."""
+        controller, geometry = self._controller, terms.geometry
+        if own is None:
+            return self._ready(terms)
+        if geometry is None:
+            return controller.calibrated.problem
+        is_known = geometry == controller.in_force.geometry
+        refusal = None if is_known else position_refusal(controller.motor, geometry)
+        return refusal or geometry
 
     def _go_on(
         self, own: tuple[Job, Stream] | None, point: SetPoint | Push, owner: Owner, terms: Terms

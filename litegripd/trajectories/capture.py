@@ -132,7 +132,7 @@ class Capture:
     client: int
     began_s: float
     detached: bool = False
-    basis: Geometry | None = None
+    basis: Geometry | None = field(init=False)
     job: Job | None = None
     samples: int = 0
     missed: int = 0
@@ -144,6 +144,10 @@ class Capture:
     _first_s: float | None = None
     _sampled_s: float = 0.0
     _measured_s: float = -math.inf
+
+    def __post_init__(self) -> None:
+        """Take it that the geometry is that of the calibration in use."""
+        self.basis = self.geometry
 
     @property
     def duration_s(self) -> float:

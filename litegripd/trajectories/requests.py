@@ -136,8 +136,8 @@ class Trajectories:
             owner.client,
             controller.now_s,
             detached,
-            basis=controller.geometry,
         )
+        capture.basis = controller.geometry
         if slack:
             action = Teach(capture)
             capture.job = controller.begin("record", action, owner, detached, terms=terms)

@@ -276,3 +276,28 @@ def test_a_stream_whose_calibration_changes_goes_by_the_latest() -> None:
     assert world.gripper.opening_mm == pytest.approx(40.0 / 0.9, abs=NEAR_MM)
     assert [job.kind for job in world.controller.jobs].count("stream") == 1
     assert client.refusal("stream.set", opening_mm=40.0) == "not_calibrated"
+
+
+def test_a_stream_does_not_change_to_limits_in_which_no_jaw_can_be() -> None:
+    world, client = gripper(calibrated=True)
+    stream(world, client, 0.5, opening_mm=50.0)
+    away = given(zero_position_rad=6.0, max_position_rad=4.4)
+    for params in ({"opening_mm": 50.0}, {"push_nm": 1.0}):
+        assert client.refusal("stream.set", **params, calibration=away) == "out_of_limits"
+    world.run(0.5)
+    assert world.gripper.opening_mm == pytest.approx(50.0, abs=NEAR_MM)
+
+
+def test_a_queued_motion_goes_by_its_own_when_its_turn_comes() -> None:
+    world, client = gripper()
+    moved = client.send("motion.move", opening_mm=40.0, calibration=given())
+    half = given(work_stroke_mm=70.0)
+    queued = client.send("motion.open", if_busy="queue", calibration=half)
+    world.run_until(lambda: client.has_answer(queued))
+    assert client.answers[moved]["result"]["ok"]
+    assert client.answers[queued]["result"]["outcome"] == "reached"
+    assert world.gripper.opening_mm == pytest.approx(70.0, abs=NEAR_MM)
+    client.send("motion.move", opening_mm=40.0, calibration=given())
+    refused = client.send("motion.open", if_busy="queue")
+    world.run_until(lambda: client.has_answer(refused))
+    assert client.answers[refused]["error"]["data"]["reason"] == "not_calibrated"

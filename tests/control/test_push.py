@@ -309,3 +309,13 @@ def test_what_is_sent_is_decoded_as_it_was_meant() -> None:
         last = codec.decode_command(world.sent[-1].frame.data, world.ranges)
         assert last.torque_nm == pytest.approx(1.0, abs=LEAST_NM)
         assert last.kp_nm_rad == 0.0
+
+
+def test_a_client_that_dies_leaves_no_push_behind() -> None:
+    world, client = gripper(opening_mm=45.0)
+    world.gripper.put_object(width_mm=40.0)
+    stream(world, client, 1.5, push_nm=4.0)
+    client.leave()
+    world.run(1.0)
+    assert world.controller.jobs.running is None
+    assert abs(world.gripper.motor_torque_nm) <= STOP_NM + 0.05
