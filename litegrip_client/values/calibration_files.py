@@ -83,9 +83,9 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
     except ValueError as error:
         raise _unreadable(path, str(error)) from error
     try:
-        content = strict_json.decode(text)
-    except (ValueError, RecursionError) as error:
-        raise _unreadable(path, f"it is not JSON: {error}{cause(text)}") from error
+        content = strict_json.decode_file(text)
+    except ValueError as error:
+        raise _unreadable(path, f"{error}{cause(text)}") from error
     if not isinstance(content, dict):
         raise _unreadable(path, "it holds no JSON object")
     return content

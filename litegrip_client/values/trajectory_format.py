@@ -251,9 +251,9 @@ def parse_grips(content: bytes) -> Any:
     except ValueError as error:
         raise TrajectoryFormatError(str(error)) from None
     try:
-        return strict_json.decode(text)
-    except (ValueError, RecursionError) as error:
-        raise TrajectoryFormatError(f"it is no JSON: {error}{cause(text)}") from None
+        return strict_json.decode_file(text)
+    except ValueError as error:
+        raise TrajectoryFormatError(f"{error}{cause(text)}") from None
 
 
 def _grip_of(number: int, plain: object) -> TaughtGrip:

@@ -415,9 +415,9 @@ def _read_file(path: str) -> dict[str, Any]:
     except (OSError, ValueError) as error:
         raise _unreadable(path, getattr(error, "strerror", None) or str(error)) from error
     try:
-        content = strict_json.decode(text)
-    except (ValueError, RecursionError) as error:
-        raise _unreadable(path, f"not valid JSON: {error}{cause(text)}") from error
+        content = strict_json.decode_file(text)
+    except ValueError as error:
+        raise _unreadable(path, f"{error}{cause(text)}") from error
     if not isinstance(content, dict):
         raise _unreadable(path, "not a JSON object")
     return content
