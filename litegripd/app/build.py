@@ -26,6 +26,7 @@ from litegripd.handover.state import OnRestart, RestartMethods, no_restart
 from litegripd.io.can.bus import DIRECT_INTERFACES, SIMULATOR, BusSettings, DirectBus, FrameBus
 from litegripd.io.can.pumped import PumpedBus
 from litegripd.io.helper.child import SharedMemory
+from litegripd.io.helper.files import TEMPLATES, load_operation
 from litegripd.io.helper.helper import Helper
 from litegripd.io.helper.spawner import Spawner
 from litegripd.io.log import LogHandler
@@ -444,6 +445,39 @@ def load_at_start(controller: Controller, on_calibration: Callable[[], None]) ->
         )
     )
     controller.tasks.append(HelperTask("calibration.load", wanted, use_calibration))
+
+
+def named_calibration(config: Config) -> Mapping[str, object] | None:
+    """Read and judge, as a daemon does at its start, the file that is named for it.
+
+    `problem` is why it would have no calibration, None if it would. None in all where no file is
+    named: what is searched for then depends on whose daemon it is.
+    """
+    gripper_id = config.gripper_id
+    file = gripper_id.mount or os.environ.get("LITEGRIP_CALIB")
+    if not file or gripper_id.mount in TEMPLATES:
+        return None
+    controller = Controller(MotionConfig(), 1.0 / config.control.rate_hz, gripper_id)
+    try:
+        wanted = {"channel": config.channel, "mount": gripper_id.mount, "configured": True}
+        result = TaskResult(load_operation(wanted))
+    except (ValueError, OSError, RuntimeError) as error:
+        result = TaskResult(error=str(error))
+    _use_calibration(controller, result)
+    in_use = controller.calibrated
+    problem = None if in_use.geometry is not None else in_use.problem.message
+    if problem is not None and in_use.calibration is not None:
+        problem = f"{file} says that it is none, with calibrated = false: {problem}"
+        _log.error("%s", problem)
+    doubts = controller.calibration_doubts() + controller.work_stroke_doubts()
+    for doubt in doubts:
+        _log.warning("the calibration %s: %s", file, doubt)
+    return {
+        "file": file,
+        "named_by": "[gripper] mount" if gripper_id.mount else "LITEGRIP_CALIB",
+        "problem": problem,
+        "warnings": doubts,
+    }
 
 
 def _use_calibration(controller: Controller, result: TaskResult) -> None:

@@ -28,6 +28,7 @@ from litegripd.model.gripper import (
     STROKE_MM,
     STROKE_RANGE_MM,
     SUPERSEDED_STROKE_MM,
+    GripperId,
     why_not_driven,
 )
 from litegripd.model.plain import plain_of
@@ -417,6 +418,19 @@ class Config:
     trajectories: TrajectoryConfig = field(default_factory=TrajectoryConfig)
     teleop: TeleopConfig = field(default_factory=TeleopConfig)
     source: Path | None = None
+
+    @property
+    def gripper_id(self) -> GripperId:
+        """The gripper, as the daemon's rooms below know it."""
+        gripper = self.gripper
+        return GripperId(
+            self.channel,
+            self.bus.channel,
+            self.motor.can_id,
+            STROKE_MM if gripper.is_superseded else gripper.stroke_mm,
+            gripper.mount,
+            MOTOR_TYPES[self.motor.type],
+        )
 
     def as_info(self) -> Configuration:
         """Return the part that clients may read, for `info.get` and `litegripd --check`."""

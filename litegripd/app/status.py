@@ -398,4 +398,5 @@ def _calibration(controller: Controller) -> CalibrationFacts:
         "channel": None if calibration is None else calibration.channel,
         "saved_s": None if calibration is None else calibration.saved_s,
         "foreign": controller.foreign_doubt,
+        "work_stroke": next(iter(controller.work_stroke_doubts()), None),
     }

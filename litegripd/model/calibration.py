@@ -333,6 +333,17 @@ def scale_warning(calibration: Calibration, stroke_mm: float) -> str | None:
     )
 
 
+def work_stroke_warning(calibration: Calibration) -> str | None:
+    """Return a warning that `open` is to go beyond the travel, or None."""
+    work_mm, travel_mm = calibration.work_stroke_mm, calibration.geometry.travel_mm
+    if work_mm < travel_mm:
+        return None
+    return (
+        f"work_stroke_mm is {work_mm:g}, beyond the {travel_mm:.1f} mm of travel, so that open goes"
+        " to the stop: write a smaller one into the calibration's file, or 0 for the stop"
+    )
+
+
 def foreign_warning(
     calibration: Calibration, *, channel: str, can_id: int, master_id: int | None, motor_type: str
 ) -> str | None:

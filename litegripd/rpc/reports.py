@@ -122,7 +122,8 @@ class Hello(TypedDict):
 class CalibrationFacts(TypedDict):
     """Where the calibration came from; `saved_s` is the file's date, in Unix time.
 
-    `foreign` says why it is probably another gripper's, None if it bears no such mark.
+    `foreign` says why it is probably another gripper's, None if it bears no such mark;
+    `work_stroke` that its work stroke is beyond the travel.
     """
 
     file: str | None
@@ -130,6 +131,7 @@ class CalibrationFacts(TypedDict):
     channel: str | None
     saved_s: float | None
     foreign: str | None
+    work_stroke: str | None
 
 
 class BusFacts(TypedDict):

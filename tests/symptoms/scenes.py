@@ -344,6 +344,11 @@ def wrong_file(bench: Bench) -> None:
     bench.put("etc/litegripd/can0.toml", "[buss]\n")
 
 
+def wrong_mount(bench: Bench) -> None:
+    file = bench.put("mine.json", '{"zero_position_rad": 0, "max_position_rad": -90}')
+    bench.put("etc/litegripd/can0.toml", f'[gripper]\nmount = "{file}"\n')
+
+
 def stood_still(bench: Bench) -> None:
     bench.control |= {"lateness": {"worst_us": 312_000}, "lost_ticks": 62}
 
@@ -451,6 +456,9 @@ SCENES = [
     Scene("a daemon that was edited does not start", "configuration", wrong_file,
           lambda bench: (bench.folder / "etc/litegripd/can0.toml").unlink(), runs=False,
           remains="none"),
+    Scene("a daemon that was edited starts, and refuses motions", "configuration", wrong_mount,
+          lambda bench: (bench.folder / "etc/litegripd/can0.toml").unlink(), runs=False,
+          remains="none"),
     Scene("a new version is installed, the old one answers", "version", told(hello_version="1.2.2"),
           SYSTEMD),
     Scene("`permission denied`, for everybody", "sockets", closed, SYSTEMD),
@@ -486,6 +494,8 @@ SCENES = [
     Scene("motions are refused", "calibration", uncalibrated, load_template_and_measure,
           remains="ok"),
     Scene("all millimetres are too large", "calibration", calibrated(rad_to_mm=75.0)),
+    Scene("`open` goes to the stop though the calibration has a work stroke", "calibration",
+          calibrated(work_stroke_mm=95.0), calibrated(), remains="warning"),
     Scene("millimetres do not agree with a caliper", "stroke", other_stroke),
     Scene("motions are refused after a power cycle", "position", set_zero, turned_back),
     Scene("the jaws stop short of the stops, or close the wrong way, after a file was loaded",

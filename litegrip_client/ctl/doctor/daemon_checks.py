@@ -42,6 +42,19 @@ def configuration(facts: Facts) -> Finding | None:
             f"{found.file} was not checked, {bus}: {found.unchecked}",
             advice=f"where the daemon is installed, as who may read it: {again}",
         )
+    named = found.content.get("calibration") or {}
+    if named.get("problem"):
+        return error(
+            f"{found.file}: {named['problem']} ({named.get('named_by')} names it)",
+            advice="a daemon starts with it, and refuses motions: correct it, and check it again:"
+            f" {again}",
+        )
+    if named.get("warnings"):
+        doubts = "; ".join(map(str, named["warnings"]))
+        return warning(
+            f"{named.get('file')}, which {named.get('named_by')} names: {doubts}",
+            advice=f"correct it, and check it again: {again}",
+        )
     return ok(f"{found.file}: interface {facts.interface}, channel {facts.bus_channel}")
 
 

@@ -101,15 +101,18 @@ def configuration_file(channel: str) -> Configuration | None:
             path, unchecked=f"litegripd cannot be run{f' as {USER}' if identity else ''}: {error}"
         )
     said = done.stderr.decode(errors="replace").strip()
+    try:
+        content = json.loads(done.stdout)
+    except ValueError:
+        content = None
+    if content is not None:
+        return Configuration(path, content=content, as_user=as_user)
     if done.returncode == _WRONG and not said.startswith("usage:"):  # of an older litegripd
         why = said.rpartition("\n")[2].removeprefix("litegripd: ")
         return Configuration(path, error=why, as_user=as_user)
-    try:
-        return Configuration(path, content=json.loads(done.stdout), as_user=as_user)
-    except ValueError:
-        last = said.rpartition("\n")[2] or "no word"
-        why = f"litegripd --check ended with {done.returncode}: {last}"
-        return Configuration(path, unchecked=why)
+    last = said.rpartition("\n")[2] or "no word"
+    why = f"litegripd --check ended with {done.returncode}: {last}"
+    return Configuration(path, unchecked=why)
 
 
 def _daemons_identity() -> dict[str, Any]:

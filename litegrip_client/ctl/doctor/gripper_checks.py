@@ -281,6 +281,11 @@ def calibration(facts: Facts) -> Finding | None:
             f" {gripper.get('stroke_mm', STROKE_MM):g} mm, then:"
             f" {facts.ctl} calibration rescale --stroke-mm MM",
         )
+    if source.get("work_stroke"):
+        return warning(
+            f"{text}{where}: {source['work_stroke']}",
+            advice=f"then have the file read again: {facts.ctl} calibration load",
+        )
     if source.get("nominal"):
         return warning(
             f"{text}, nominal: it was not measured on this gripper",

@@ -20,6 +20,14 @@ ALICE = User("alice", 1000, "litegrip")
 OUTSIDE = replace(ALICE, is_member=False, has_group=False)
 NO_GROUP = replace(OUTSIDE, group_exists=False)
 FILE = "/etc/litegripd/can0.toml"
+
+
+def named(**calibration: object) -> Configuration:
+    """Return a configuration that names a calibration file, of which this was said."""
+    judged = {"file": "/m.json", "named_by": "[gripper] mount", "problem": None, "warnings": []}
+    return Configuration(FILE, content={"bus": {}, "calibration": {**judged, **calibration}})
+
+
 WRONG = Configuration(FILE, error=f"{FILE}: not valid TOML: at line 3")
 UNKNOWN = facts(daemon=None, failure="no daemon can be reached", sockets=(), socket="/tmp/s")
 ROOT = User("root", 0, "litegrip", is_member=False, has_group=False)
@@ -152,6 +160,22 @@ DAEMON_CASES = [
         "ok",
         f"{FILE}: interface socketcan, channel can0",
     ),
+    Case(
+        "configuration",
+        facts(daemon=None, configuration=named(problem="no calibration: /m.json: kp is 1e400")),
+        "error",
+        f"{FILE}: no calibration: /m.json: kp is 1e400 ([gripper] mount names it)",
+        advises="a daemon starts with it, and refuses motions: correct it, and check it again:"
+        " litegripd can0 --check",
+    ),
+    Case(
+        "configuration",
+        facts(daemon=None, configuration=named(warnings=["it is another gripper's", "too long"])),
+        "warning",
+        "/m.json, which [gripper] mount names: it is another gripper's; too long",
+        advises="correct it, and check it again: litegripd can0 --check",
+    ),
+    Case("configuration", facts(daemon=None, configuration=named()), "ok"),
     Case(
         "configuration",
         facts(daemon=None, configuration=WRONG, interface=None),

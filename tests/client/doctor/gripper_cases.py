@@ -331,6 +331,13 @@ GRIPPER_CASES = [
         "stroke_mm = 120 under [gripper] in /x.toml",
         advises="set it to what a caliper measures",
     ),
+    Case(
+        "calibration",
+        with_daemon(info_calibration__work_stroke="work_stroke_mm is 95, beyond"),
+        "warning",
+        "work_stroke_mm is 95, beyond",
+        advises="then have the file read again: litegripctl -c can0 calibration load",
+    ),
     Case("position", facts(), "ok", "-0.500 rad, calibrated travel -1.500 to 0.100 rad"),
     Case("position", facts(daemon=None), None),
     Case("position", with_daemon(state_stale=True, state_position_rad=9.0), None),

@@ -160,6 +160,15 @@ def test_a_configuration_that_is_wrong(directory: Path, programs: Path) -> None:
     assert found == Configuration(path, error="x.toml: [bus] baud is unknown")
 
 
+def test_a_configuration_is_known_though_the_calibration_that_it_names_is_wrong(
+    directory: Path, programs: Path
+) -> None:
+    content = {**CONTENT, "calibration": {"file": "/m.json", "problem": "no calibration: x"}}
+    litegripd_says(programs, f"echo '{json.dumps(content)}'; echo 'litegripd: x' >&2; exit 2")
+    found = gather.configuration_file("can0")
+    assert found == Configuration(str(directory / "can0.toml"), content=content)
+
+
 @pytest.mark.parametrize(
     ("script", "why"),
     [
