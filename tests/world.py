@@ -93,6 +93,7 @@ class FixedFacts:
                 "channel": None,
                 "saved_s": None,
                 "foreign": None,
+                "work_stroke": None,
             },
             "motion": MotionFields(MotionConfig().as_fields(PERIOD_S)),
             "configuration": {

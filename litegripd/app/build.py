@@ -18,6 +18,7 @@ from pathlib import Path
 from secrets import token_urlsafe
 
 from litegrip_client.socketcan.link import BITRATE, rate_text
+from litegrip_client.values.repeats import RepeatsHandler
 from litegripd.app.config import Config
 from litegripd.app.machine import Machine
 from litegripd.control.controller import Controller
@@ -29,7 +30,6 @@ from litegripd.io.helper.child import SharedMemory
 from litegripd.io.helper.files import TEMPLATES, load_operation
 from litegripd.io.helper.helper import Helper
 from litegripd.io.helper.spawner import Spawner
-from litegripd.io.log import LogHandler
 from litegripd.io.loop import Reactor
 from litegripd.io.realtime import RealtimeRights
 from litegripd.io.server import Server
@@ -296,7 +296,7 @@ class Parts:
         link: LinkWatch,
         disks: DiskWatch,
         rights: RealtimeRights,
-        log: LogHandler,
+        log: RepeatsHandler,
         bitrate: int,
     ) -> None:
         self.reactor = reactor

@@ -202,7 +202,7 @@ class Daemon:
         try:
             self._reactor.run(first_tick_s)
         finally:
-            self._log_handler.finish()
+            self._log_handler.close()
             self._close()
             logging.getLogger().handlers = self._previous_handlers
         if self._retirement is not None:
@@ -273,7 +273,7 @@ class Daemon:
         self._send_tasks()
         for event in self._service.take_events():
             log_event(event)
-        self._log_handler.poll(now_s)
+        self._log_handler.poll()
         self._supervision.tick(now_s, failed=failed)
 
     def _open_when_ready(self, waited_s: float) -> None:
