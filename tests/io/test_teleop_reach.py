@@ -3,7 +3,7 @@
 import socket
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 
 import pytest
 
@@ -130,6 +130,34 @@ def test_each_way_of_not_being_reached_is_told_apart(
     wait(lambda: why(watching.reach) != "")
     watching.close()
     assert why(watching.reach).startswith(says)
+
+
+def test_a_machine_that_drops_what_comes_does_not_answer_until_it_lets_it_through(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As behind a firewall: a full queue drops what asks for a connection, and refuses nobody."""
+    monkeypatch.setattr(ends, "_CONNECT_WITHIN_S", 0.2)
+    with ExitStack() as stack:
+        server = stack.enter_context(socket.create_server(("127.0.0.1", 0), backlog=0))
+        where, waiting = server.getsockname(), list[socket.socket]()
+        while True:
+            waiting.append(stack.enter_context(socket.socket()))
+            waiting[-1].settimeout(0.2)
+            if waiting[-1].connect_ex(where) != 0:
+                break
+        watching = Reaching("127.0.0.1", where[1], lambda: False)
+        stack.callback(watching.close)
+        wait(lambda: "does not answer: it is off, elsewhere, or behind" in why(watching.reach))
+        assert watching.reach.state == "connecting"
+        server.listen(100)
+        server.setblocking(False)
+
+        def is_let_through() -> bool:
+            with suppress(BlockingIOError):
+                stack.enter_context(server.accept()[0])
+            return watching.reach == Reach("connecting")
+
+        wait(is_let_through)
 
 
 def test_what_lasts_is_told_with_its_age() -> None:
