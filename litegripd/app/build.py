@@ -27,7 +27,7 @@ from litegripd.handover.state import OnRestart, RestartMethods, no_restart
 from litegripd.io.can.bus import DIRECT_INTERFACES, SIMULATOR, BusSettings, DirectBus, FrameBus
 from litegripd.io.can.pumped import PumpedBus
 from litegripd.io.helper.child import SharedMemory
-from litegripd.io.helper.files import TEMPLATES, load_operation
+from litegripd.io.helper.files import load_operation
 from litegripd.io.helper.helper import Helper
 from litegripd.io.helper.spawner import Spawner
 from litegripd.io.loop import Reactor
@@ -453,9 +453,8 @@ def named_calibration(config: Config) -> Mapping[str, object] | None:
     `problem` is why it would have no calibration, None if it would. None in all where no file is
     named: what is searched for then depends on whose daemon it is.
     """
-    gripper_id = config.gripper_id
-    file = gripper_id.mount or os.environ.get("LITEGRIP_CALIB")
-    if not file or gripper_id.mount in TEMPLATES:
+    gripper_id, file = config.gripper_id, config.gripper.named_file
+    if file is None:
         return None
     controller = Controller(MotionConfig(), 1.0 / config.control.rate_hz, gripper_id)
     try:

@@ -362,6 +362,12 @@ class GripperConfig:
     stroke_mm: float = STROKE_MM
 
     @property
+    def named_file(self) -> str | None:
+        """The calibration file that is named here or by LITEGRIP_CALIB, None for what is found."""
+        mount = self.mount or os.environ.get("LITEGRIP_CALIB")
+        return None if mount is None or mount in TEMPLATES else str(Path(mount).expanduser())
+
+    @property
     def is_superseded(self) -> bool:
         """True if the stroke is the placeholder that earlier versions wrote into the file."""
         return self.stroke_mm == SUPERSEDED_STROKE_MM
@@ -439,7 +445,10 @@ class Config:
             "file": None if self.source is None else str(self.source),
             "bus": {"interface": bus.interface, "channel": bus.channel, "bitrate": bus.bitrate},
             "control": dataclasses.asdict(self.control),
-            "gripper": {"stroke_mm": self.gripper.stroke_mm},
+            "gripper": {
+                "stroke_mm": self.gripper.stroke_mm,
+                "calibration": self.gripper.named_file,
+            },
             "rpc": {"group": self.rpc.group},
             "trajectories": {
                 "most_per_user": self.trajectories.most_per_user,

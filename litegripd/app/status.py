@@ -391,7 +391,7 @@ def _process_complaints(parts: Parts) -> list[str]:
 
 def _calibration(controller: Controller) -> CalibrationFacts:
     """Return the origin of the calibration; `saved_s` is the file's date, in Unix time."""
-    calibration = controller.calibrated.calibration
+    calibration, problem = controller.calibrated.calibration, controller.calibrated.problem
     return {
         "file": controller.calibrated.file,
         "nominal": calibration is not None and calibration.nominal,
@@ -399,4 +399,5 @@ def _calibration(controller: Controller) -> CalibrationFacts:
         "saved_s": None if calibration is None else calibration.saved_s,
         "foreign": controller.foreign_doubt,
         "work_stroke": next(iter(controller.work_stroke_doubts()), None),
+        "problem": problem.message if problem.reason == "calibration_unreadable" else None,
     }

@@ -123,7 +123,8 @@ class CalibrationFacts(TypedDict):
     """Where the calibration came from; `saved_s` is the file's date, in Unix time.
 
     `foreign` says why it is probably another gripper's, None if it bears no such mark;
-    `work_stroke` that its work stroke is beyond the travel.
+    `work_stroke` that its work stroke is beyond the travel; `problem` why a file that is there is
+    not used.
     """
 
     file: str | None
@@ -132,6 +133,7 @@ class CalibrationFacts(TypedDict):
     saved_s: float | None
     foreign: str | None
     work_stroke: str | None
+    problem: str | None
 
 
 class BusFacts(TypedDict):
@@ -156,9 +158,10 @@ class TrajectoryLimits(TypedDict):
 
 
 class StrokeFacts(TypedDict):
-    """The stroke, as configured."""
+    """The stroke, as configured, and the calibration file that is named, None for none."""
 
     stroke_mm: float
+    calibration: str | None
 
 
 class Configuration(TypedDict):

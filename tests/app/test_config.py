@@ -271,3 +271,23 @@ def test_what_could_not_work_is_refused(tmp_path: Path, text: str, told: str) ->
         load("can0", path)
     assert str(path) in str(caught.value)
     assert told in str(caught.value)
+
+
+def test_the_calibration_file_that_is_named_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whoever measures beside it has the old one back at the next start."""
+    named = tmp_path / "mine.json"
+    named.touch()
+
+    def told(content: str) -> object:
+        return load("can0", written(tmp_path, content)).as_info()["gripper"]["calibration"]
+
+    monkeypatch.delenv("LITEGRIP_CALIB", raising=False)
+    assert told("") is None
+    assert told('[gripper]\nmount = "normal"\n') is None
+    assert told(f'[gripper]\nmount = "{named}"\n') == str(named)
+    monkeypatch.setenv("LITEGRIP_CALIB", "/calibrations/other.json")
+    assert told("") == "/calibrations/other.json"
+    assert told('[gripper]\nmount = "normal"\n') is None
+    assert told(f'[gripper]\nmount = "{named}"\n') == str(named)

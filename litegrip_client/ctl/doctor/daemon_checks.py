@@ -185,6 +185,9 @@ def disk(facts: Facts) -> Finding | None:
     if any(lacking.is_full for lacking in facts.disks):
         advice = "nothing can be kept meanwhile, and no daemon can be started while /tmp is full"
         return error(text, "df -h /var/lib/litegripd /run /tmp /var/log", advice)
+    if any(lacking.is_read_only for lacking in facts.disks):
+        advice = "an error of the disk makes it so: repair it, and restart; else mount it writable"
+        return warning(text, "sudo dmesg | tail", advice)
     return warning(text, "sudo du -xh --max-depth=2 /var | sort -h | tail", "what is largest")
 
 

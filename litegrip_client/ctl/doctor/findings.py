@@ -55,6 +55,10 @@ class Device:
     """True if a rule of udev keeps ModemManager off it."""
     probers: tuple[str, ...] = ()
     """The programs of this machine that open serial ports which they do not know."""
+    lasting_path: str | None = None
+    """The name by its serial number, where the configured one is another."""
+    other_ports: int = 0
+    """How many other USB adapters have serial ports here."""
 
 
 @dataclass(frozen=True, slots=True)

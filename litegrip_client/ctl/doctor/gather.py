@@ -318,6 +318,9 @@ def _device(bus_channel: str, root: Path) -> Device | None:
     accessible = os.access(path, os.R_OK | os.W_OK)
     is_device = stat.S_ISCHR(status.st_mode)
     number = f"c{os.major(status.st_rdev)}:{os.minor(status.st_rdev)}"
+    named = {entry: entry.resolve() for entry in sorted((root / _BY_ID).glob("*"))}
+    own = Path(path).resolve()
+    lasting = next((str(entry) for entry, port in named.items() if port == own), None)
     return Device(
         path,
         True,
@@ -326,9 +329,12 @@ def _device(bus_channel: str, root: Path) -> Device | None:
         group,
         is_left_alone=is_device and _IGNORED in _udev_properties(root, number),
         probers=tuple(name for name, files in _PROBERS.items() if _is_any(root, files)),
+        lasting_path=None if path in map(str, named) else lasting,
+        other_ports=len(set(named.values()) - {own}),
     )
 
 
+_BY_ID = "dev/serial/by-id"
 _IGNORED = "E:ID_MM_DEVICE_IGNORE=1"
 _PROBERS = {
     "ModemManager": ("usr/sbin/ModemManager", "sbin/ModemManager"),

@@ -24,7 +24,12 @@ FILE = "/etc/litegripd/can0.toml"
 
 def named(**calibration: object) -> Configuration:
     """Return a configuration that names a calibration file, of which this was said."""
-    judged = {"file": "/m.json", "named_by": "[gripper] mount", "problem": None, "warnings": []}
+    judged: dict[str, object] = {
+        "file": "/m.json",
+        "named_by": "[gripper] mount",
+        "problem": None,
+        "warnings": [],
+    }
     return Configuration(FILE, content={"bus": {}, "calibration": {**judged, **calibration}})
 
 
@@ -410,5 +415,13 @@ DAEMON_CASES = [
         "Little space left on /var/lib/litegripd: 900000 bytes free, free some",
         "sudo du -xh --max-depth=2 /var | sort -h | tail",
         "what is largest",
+    ),
+    Case(
+        "disk",
+        facts(disks=(Shortage("/var/lib/litegripd can only be read", False, is_read_only=True),)),
+        "warning",
+        "/var/lib/litegripd can only be read",
+        "sudo dmesg | tail",
+        "an error of the disk makes it so",
     ),
 ]

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from litegrip_client.ctl.doctor.findings import Configuration, Scan
 from tests.client.doctor.case import Case
-from tests.client.doctor.known import FILE, daemon, facts, with_daemon
+from tests.client.doctor.known import FILE, NOW_S, daemon, facts, with_daemon
 
 ZERO = "litegripctl -c can0 enable && litegripctl -c can0 zero"
 
@@ -34,6 +34,25 @@ GRIPPER_CASES = [
         "error",
         "the daemon cannot use it (adapter_gone)",
         advises="found above",
+    ),
+    Case("bus", with_daemon(health_bus__load=0.79), "ok", "load 79%"),
+    Case(
+        "bus",
+        with_daemon(health_bus__load=0.97),
+        "warning",
+        "load 97%, 0 lost frames: somebody fills it, and commands come late",
+        "candump can0",
+        "a bus of its own",
+    ),
+    Case("bus", with_daemon(health_bus__reopened=2, health_uptime_s=60.0), "ok"),
+    Case("bus", with_daemon(health_bus__reopened=9, health_uptime_s=36_001.0), "ok"),
+    Case(
+        "bus",
+        with_daemon(health_bus__reopened=500, health_uptime_s=86_400.0),
+        "warning",
+        "0 lost frames; it was lost and opened again 500 times in 24.0 h",
+        "sudo dmesg | tail",
+        "a loose plug, cable or hub",
     ),
     Case(
         "motor",
@@ -264,6 +283,30 @@ GRIPPER_CASES = [
         "of unknown date, /var/lib/litegripd",
     ),
     Case("calibration", with_daemon(info_calibration__saved_s=1.8e9), "ok", "of today"),
+    Case(
+        "calibration",
+        with_daemon(info_calibration__saved_s=NOW_S + 400 * 86_400.0),
+        "ok",
+        "dated 400 days ahead of this machine's clock",
+    ),
+    Case(
+        "calibration",
+        with_daemon(
+            hello_gripper={"calibrated": False},
+            info_calibration__problem="no calibration: /c.json: Permission denied",
+        ),
+        "error",
+        "none, and motions are refused: no calibration: /c.json: Permission denied",
+        advises="repair that file and have it read again: litegripctl -c can0 calibration load",
+    ),
+    Case("calibration", with_daemon(info_configuration__gripper={"calibration": FILE}), "ok"),
+    Case(
+        "calibration",
+        with_daemon(info_configuration__gripper={"calibration": "/home/me/mine.json"}),
+        "warning",
+        f"{FILE}: at its next start the daemon takes /home/me/mine.json, which [gripper] mount",
+        advises='to keep this one, set mount = "normal" in [gripper]',
+    ),
     Case(
         "calibration",
         with_daemon(hello_gripper__work_stroke_mm=None),

@@ -400,3 +400,17 @@ def test_a_folder_that_is_closed_to_this_user(
     monkeypatch.setattr(Path, "stat", closed)
     found = gather.sockets([str(tmp_path / "can0.sock")])
     assert [one.is_accessible for one in found] == [False, False]
+
+
+def test_a_ports_lasting_name_and_the_other_ports_are_found(tmp_path: Path) -> None:
+    (tmp_path / "dev/serial/by-id").mkdir(parents=True)
+    for name, port in (("ttyACM0", "/dev/null"), ("ttyACM1", "/dev/zero")):
+        (tmp_path / "dev" / name).symlink_to(port)
+        (tmp_path / f"dev/serial/by-id/usb-{name}").symlink_to(f"../../{name}")
+    own, lasting = str(tmp_path / "dev/ttyACM0"), f"{tmp_path}/dev/serial/by-id/usb-ttyACM0"
+    found = gather.system("slcan", own, root=tmp_path).device
+    assert found is not None
+    assert (found.lasting_path, found.other_ports) == (lasting, 1)
+    found = gather.system("slcan", f"{lasting}@115200", root=tmp_path).device
+    assert found is not None
+    assert (found.lasting_path, found.other_ports) == (None, 1)
