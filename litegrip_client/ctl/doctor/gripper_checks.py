@@ -298,7 +298,7 @@ def calibration(facts: Facts) -> Finding | None:
     if source.get("work_stroke"):
         return warning(
             f"{text}{where}: {source['work_stroke']}",
-            advice=f"then have the file read again: {facts.ctl} calibration load",
+            advice=f"then have the file read again: {facts.ctl} calibration load --chain",
         )
     if source.get("nominal"):
         return warning(
@@ -322,8 +322,8 @@ def _uncalibrated(facts: Facts, source: Mapping[str, Any]) -> Finding:
     if source.get("problem"):
         return error(
             f"none, and motions are refused: {source['problem']}",
-            advice=f"repair that file and have it read again: {facts.ctl} calibration load; or"
-            f" measure again: {facts.ctl} enable && {facts.ctl} zero --mount normal (or reverse)",
+            advice="repair that file and have it read again:"
+            f" {facts.ctl} calibration load --chain; or measure again: {facts.ctl} enable && {facts.ctl} zero --mount normal (or reverse)",
         )
     return warning(
         "none: motions are refused",

@@ -297,7 +297,7 @@ GRIPPER_CASES = [
         ),
         "error",
         "none, and motions are refused: no calibration: /c.json: Permission denied",
-        advises="repair that file and have it read again: litegripctl -c can0 calibration load",
+        advises="have it read again: litegripctl -c can0 calibration load --chain; or measure",
     ),
     Case("calibration", with_daemon(info_configuration__gripper={"calibration": FILE}), "ok"),
     Case(
@@ -379,7 +379,7 @@ GRIPPER_CASES = [
         with_daemon(info_calibration__work_stroke="work_stroke_mm is 95, beyond"),
         "warning",
         "work_stroke_mm is 95, beyond",
-        advises="then have the file read again: litegripctl -c can0 calibration load",
+        advises="then have the file read again: litegripctl -c can0 calibration load --chain",
     ),
     Case("position", facts(), "ok", "-0.500 rad, calibrated travel -1.500 to 0.100 rad"),
     Case("position", facts(daemon=None), None),
