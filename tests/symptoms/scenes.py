@@ -276,6 +276,11 @@ def enabled(bench: Bench) -> None:
     bench.world.start().client().result("motor.enable")
 
 
+def stopped(bench: Bench) -> None:
+    calibrated()(bench)
+    bench.world.client().result("stop", why="a hand was near")
+
+
 def faulted(bench: Bench) -> None:
     enabled(bench)
     bench.world.gripper.latch_fault(Status.OVERLOAD)
@@ -531,6 +536,7 @@ SCENES = [
           told(health_bus=BUS | {"load": 0.97}), told(health_bus=BUS)),
     Scene("the motor does not answer", "motor", no_power, power),
     Scene("the motor has faulted", "motor", faulted),
+    Scene("motions are refused, and all else is well", "stop", stopped, remains="none"),
     Scene("the daemon is not content", "health", faulted, lambda bench:
           bench.carry_out("litegripctl enable")),
     Scene("the motor does not answer, and its 24 V are on: it has another id", "scan", motor_at(9),

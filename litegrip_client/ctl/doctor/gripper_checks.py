@@ -121,6 +121,19 @@ def motor(facts: Facts) -> Finding | None:
     return ok(f"{phase}, {age}")
 
 
+def stop(facts: Facts) -> Finding | None:
+    """Check that no stop is latched, with which motions are refused; None where that is so."""
+    latched = None if facts.daemon is None else facts.daemon.state.get("stop")
+    if not latched:
+        return None
+    why = f": {latched['why']}" if latched.get("why") else ""
+    return warning(
+        f"a stop of {latched.get('by')} is latched, and motions are refused{why}",
+        f"{facts.ctl} clear",
+        "when it is safe",
+    )
+
+
 def _is_in_use(daemon: Daemon) -> bool:
     """Return False if nobody misses the motor; an older daemon does not say so."""
     return bool(daemon.health.get("motor", {}).get("in_use", True))
@@ -322,8 +335,9 @@ def _uncalibrated(facts: Facts, source: Mapping[str, Any]) -> Finding:
     if source.get("problem"):
         return error(
             f"none, and motions are refused: {source['problem']}",
-            advice="repair that file and have it read again:"
-            f" {facts.ctl} calibration load --chain; or measure again: {facts.ctl} enable && {facts.ctl} zero --mount normal (or reverse)",
+            advice=f"repair that file and have it read again: {facts.ctl} calibration load --chain;"
+            f" or measure again: {facts.ctl} enable"
+            f" && {facts.ctl} zero --mount normal (or reverse)",
         )
     return warning(
         "none: motions are refused",

@@ -339,6 +339,10 @@ def _missing(facts: Facts) -> Finding:
     text = f"there is no network interface {name}{listed}"
     if name.startswith("vcan"):
         return error(text, f"sudo ip link add dev {name} type vcan && sudo ip link set {name} up")
+    if name.startswith("/"):
+        return error(
+            text, advice='at a serial port it needs [bus] interface = "slcan": etc/slcan.toml'
+        )
     plug = "plug the adapter in and load its driver (sudo modprobe gs_usb, say)"
     if others:
         return error(

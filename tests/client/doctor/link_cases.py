@@ -122,6 +122,13 @@ LINK_CASES = [
     ),
     Case(
         "link",
+        facts(None, bus_channel="/dev/ttyACM0"),
+        "error",
+        "there is no network interface /dev/ttyACM0",
+        advises='at a serial port it needs [bus] interface = "slcan": etc/slcan.toml',
+    ),
+    Case(
+        "link",
         facts(None, bus_channel="vcan0"),
         "error",
         "there is no network interface vcan0",
