@@ -392,6 +392,15 @@ def wrong_mount(bench: Bench) -> None:
     bench.put("etc/litegripd/can0.toml", f'[gripper]\nmount = "{file}"\n')
 
 
+def edited(bench: Bench) -> None:
+    bench.put("etc/litegripd/can0.toml", "[control]\nrate_hz = 400\n")
+    bench.tell(health_uptime_s=3600.0)
+
+
+def misnamed(bench: Bench) -> None:
+    bench.put("etc/litegripd/can0.toml.txt", "[control]\nrate_hz = 400\n")
+
+
 def stood_still(bench: Bench) -> None:
     bench.control |= {"lateness": {"worst_us": 312_000}, "lost_ticks": 62}
 
@@ -514,6 +523,10 @@ SCENES = [
     Scene("a daemon that was edited starts, and refuses motions", "configuration", wrong_mount,
           lambda bench: (bench.folder / "etc/litegripd/can0.toml").unlink(), runs=False,
           remains="none"),
+    Scene("what was written into the configuration has no effect", "configuration", edited,
+          told(health_uptime_s=-1.0), remains="none"),
+    Scene("the same, with a file that was made on another system", "configuration", misnamed,
+          lambda bench: (bench.folder / "etc/litegripd/can0.toml.txt").unlink(), remains="none"),
     Scene("a new version is installed, the old one answers", "version", told(hello_version="1.2.2"),
           SYSTEMD),
     Scene("`permission denied`, for everybody", "sockets", closed, SYSTEMD),

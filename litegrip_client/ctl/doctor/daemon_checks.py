@@ -25,10 +25,10 @@ _DROP_IN = "/etc/systemd/system/litegripd@.service.d"
 
 
 def configuration(facts: Facts) -> Finding | None:
-    """Check the configuration with which a daemon that does not run would be started."""
+    """Check the file with which a daemon would be started, and that one that runs has read it."""
     found = facts.configuration
     if found is None:
-        return None
+        return _unread(facts)
     as_user = f"sudo -u {found.as_user} " if found.as_user else ""
     again = f"{as_user}litegripd {facts.channel} --check"
     if found.error is not None:
@@ -56,6 +56,29 @@ def configuration(facts: Facts) -> Finding | None:
             advice=f"correct it, and check it again: {again}",
         )
     return ok(f"{found.file}: interface {facts.interface}, channel {facts.bus_channel}")
+
+
+def _unread(facts: Facts) -> Finding | None:
+    """Return that what was written has no effect on the daemon that runs, or would be started."""
+    if facts.misnamed is not None:
+        right = f"/etc/litegripd/{facts.channel}.toml"
+        return warning(
+            f"{facts.misnamed} is no file that a daemon reads, which would be {right}",
+            f"sudo mv {facts.misnamed} {right}" if facts.misnamed != right else None,
+            "then restart the daemon; a folder is to be moved away",
+        )
+    uptime_s = None if facts.daemon is None else facts.daemon.health.get("uptime_s")
+    if facts.edited is None or uptime_s is None:
+        return None
+    path, written_s = facts.edited
+    if written_s <= facts.now_s - uptime_s:
+        return None
+    again = _systemctl("restart", facts) or "end it, and start it again"
+    return warning(
+        f"{path} was written after the daemon was started, which goes on with the one before",
+        f"{facts.ctl} restart --hold",
+        f"where that is refused, since other tables have changed: {again}, with empty jaws",
+    )
 
 
 def daemon(facts: Facts) -> Finding | None:

@@ -164,6 +164,10 @@ class Facts:
     """Who listens but does not answer, 0 where that is not known; None where nobody listens."""
     configuration: Configuration | None = None
     """The channel's file, where there is one and no daemon reports what it uses."""
+    edited: tuple[str, float] | None = None
+    """The file that the running daemon would read now, and the Unix time when it was written."""
+    misnamed: str | None = None
+    """What lies beside the place of a configuration, where there is none, and is probably one."""
     interface: str | None = "socketcan"
     bus_channel: str = "can0"
     now_s: float = 0.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import grp
 import json
 import os
@@ -73,10 +74,35 @@ _WRONG = 2
 """The exit code of litegripd for a configuration that is wrong, and for its usage."""
 
 
+def _configuration_path(channel: str) -> str | None:
+    """Return the file that a daemon of `channel` reads, None where there is none."""
+    candidates = (DIRECTORY / f"{channel}.toml", DIRECTORY / "litegripd.toml")
+    return next((str(path) for path in candidates if os.path.isfile(path)), None)  # noqa: PTH113
+
+
+def _edited(path: str | None) -> tuple[str, float] | None:
+    try:
+        return None if path is None else (path, Path(path).stat().st_mtime)
+    except OSError:
+        return None
+
+
+_ENDINGS = (".toml", ".toml.txt", ".txt", ".conf", ".cfg", ".ini")
+
+
+def _misnamed(channel: str) -> str | None:
+    """Return what was probably meant as the channel's file; editors add an ending, and hide it."""
+    meant = [f"{channel}{ending}".lower() for ending in _ENDINGS]
+    with contextlib.suppress(OSError):
+        for path in sorted(DIRECTORY.iterdir()):
+            if path.name.lower() in meant:
+                return str(path)
+    return None
+
+
 def configuration_file(channel: str) -> Configuration | None:
     """Have the file of `channel` checked, or the common one; None where there is neither."""
-    candidates = (DIRECTORY / f"{channel}.toml", DIRECTORY / "litegripd.toml")
-    path = next((str(path) for path in candidates if os.path.isfile(path)), None)  # noqa: PTH113
+    path = _configuration_path(channel)
     if path is None:
         return None
     if not os.access(path, os.R_OK):
@@ -412,6 +438,10 @@ def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
         hung_pid=hung_pid,
         blocked=blocked,
         configuration=file,
+        edited=None
+        if daemon is None or is_remote
+        else _edited(configuration.get("file") or _configuration_path(channel)),
+        misnamed=None if is_remote or _configuration_path(channel) else _misnamed(channel),
         interface=interface,
         bus_channel=bus_channel,
         now_s=time.time(),

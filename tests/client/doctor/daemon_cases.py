@@ -5,7 +5,7 @@ from dataclasses import replace
 from litegrip_client.ctl.doctor.findings import Configuration, Socket, User
 from litegrip_client.values.atomic_file import Shortage
 from tests.client.doctor.case import Case
-from tests.client.doctor.known import SOCKETS, facts, with_daemon
+from tests.client.doctor.known import NOW_S, SOCKETS, facts, with_daemon
 
 JOIN = "sudo usermod --append --groups litegrip alice"
 MAKE = "sudo groupadd --system litegrip"
@@ -159,6 +159,24 @@ DAEMON_CASES = [
         advises="start it where 'ulimit -r' is 50 or more",
     ),
     Case("configuration", facts(), None),
+    Case("configuration", facts(edited=(FILE, NOW_S - 20.0)), None),
+    Case("configuration", facts(daemon=None, edited=(FILE, NOW_S)), None),
+    Case(
+        "configuration",
+        facts(edited=(FILE, NOW_S - 5.0)),
+        "warning",
+        f"{FILE} was written after the daemon was started, which goes on with the one before",
+        "litegripctl -c can0 restart --hold",
+        "where that is refused, since other tables have changed: sudo systemctl restart",
+    ),
+    Case(
+        "configuration",
+        facts(misnamed="/etc/litegripd/can0.toml.txt"),
+        "warning",
+        f"/etc/litegripd/can0.toml.txt is no file that a daemon reads, which would be {FILE}",
+        f"sudo mv /etc/litegripd/can0.toml.txt {FILE}",
+        "then restart the daemon",
+    ),
     Case(
         "configuration",
         facts(daemon=None, configuration=Configuration(FILE, content={"bus": {}})),

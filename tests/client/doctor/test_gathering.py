@@ -414,3 +414,16 @@ def test_a_ports_lasting_name_and_the_other_ports_are_found(tmp_path: Path) -> N
     found = gather.system("slcan", f"{lasting}@115200", root=tmp_path).device
     assert found is not None
     assert (found.lasting_path, found.other_ports) == (None, 1)
+
+
+@pytest.mark.parametrize("name", ["can0.toml.txt", "CAN0.toml", "can0.conf", "can0.toml/"])
+def test_a_file_with_another_name_than_a_daemon_reads_is_found(
+    tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(gather, "DIRECTORY", tmp_path / "etc")
+    assert gather._misnamed("can0") is None
+    path = tmp_path / "etc" / name
+    path.parent.mkdir()
+    path.mkdir() if name.endswith("/") else path.touch()
+    assert gather._misnamed("can0") == str(path)
+    assert gather._misnamed("can1") is None
