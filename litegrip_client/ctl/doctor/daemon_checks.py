@@ -75,7 +75,7 @@ def _unread(facts: Facts) -> Finding | None:
         return None
     again = _systemctl("restart", facts) or "end it, and start it again"
     return warning(
-        f"{path} was written after the daemon was started, which goes on with the one before",
+        f"{path} was written after the daemon was started, which continues with the one before",
         f"{facts.ctl} restart --hold",
         f"where that is refused, since other tables have changed: {again}, with empty jaws",
     )

@@ -165,7 +165,7 @@ DAEMON_CASES = [
         "configuration",
         facts(edited=(FILE, NOW_S - 5.0)),
         "warning",
-        f"{FILE} was written after the daemon was started, which goes on with the one before",
+        f"{FILE} was written after the daemon was started, which continues with the one before",
         "litegripctl -c can0 restart --hold",
         "where that is refused, since other tables have changed: sudo systemctl restart",
     ),
