@@ -5,7 +5,7 @@ from typing import Any, get_args
 
 import pytest
 
-from litegripd.model.motor import UP, BusCondition
+from litegripd.model.motor import UP, BusCondition, CanFrame
 from litegripd.model.state import Event, EventKind
 from litegripd.rpc.jsonrpc import encode
 from litegripd.rpc.subscriptions import EVENT_KINDS, KEPT_EVENTS, KEPT_OF_KIND, MAX_PER_SESSION
@@ -232,13 +232,21 @@ def test_the_latest_events_are_bounded_in_number_whatever_their_kinds() -> None:
     }
 
 
+def is_lost(_frame: CanFrame) -> bool:
+    return True
+
+
+def is_passed(_frame: CanFrame) -> bool:
+    return False
+
+
 def flap(world: World) -> list[Event]:
     """Unplug the adapter for a second, and plug it in again; return what was reported."""
     world.service.take_events()
     found: list[Event] = []
     for condition in (BusCondition("adapter_gone", "there is no can0"), UP):
         world.condition = condition
-        world.lose_to_motor = lambda _frame, up=condition is UP: not up
+        world.lose_to_motor = is_lost if condition is not UP else is_passed
         for _ in range(10):
             world.run(0.1)
             found += world.service.take_events()
