@@ -76,7 +76,7 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
             raw = file.read(MAX_FILE_BYTES + 1)
         if len(raw) > MAX_FILE_BYTES:
             raise _unreadable(path, f"it is larger than {MAX_FILE_BYTES} bytes")
-        content = strict_json.of_file(raw, "it is not JSON")
+        content = strict_json.of_file(raw)
     except (OSError, ValueError) as error:
         raise _unreadable(path, getattr(error, "strerror", None) or str(error)) from error
     if not isinstance(content, dict):

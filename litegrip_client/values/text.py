@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import codecs
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
+
+from litegrip_client.values.strict_json import file_number
 
 _UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
@@ -61,6 +63,24 @@ def text_of(content: bytes) -> str:
             f"byte 0x{content[error.start]:02X} in line {line} is not UTF-8, perhaps an umlaut or"
             " accent in another encoding: save the file as UTF-8"
         ) from error
+
+
+def toml_of(content: bytes, loads: Callable[..., dict[str, Any]]) -> dict[str, Any]:
+    """Return what `tomllib.loads` makes of a file; raises `ValueError` for who wrote it."""
+    text = text_of(content)
+    try:
+        value = loads(text, parse_float=file_number)
+    except (ValueError, RecursionError) as error:  # not only by the parser's own class
+        long = re.search(r"\d{309,}", text)
+        if long is not None and "digits" in str(error):  # CPython's text is for programmers
+            line = text.count("\n", 0, long.start()) + 1
+            raise ValueError(
+                f"line {line} has a number of {len(long[0])} digits: no key takes it"
+            ) from error
+        raise ValueError(f"not valid TOML: {error}{cause(text)}") from error
+    if (sign := hidden(value)) is not None:
+        raise ValueError(sign)
+    return value
 
 
 def cause(text: str) -> str:

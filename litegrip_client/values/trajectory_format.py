@@ -22,6 +22,7 @@ ENDING = ".lgt"
 LGT_VERSION = 1
 HEADER = struct.Struct("<8sHI5dI8s")
 SAMPLE = struct.Struct("<5d")
+SAMPLE_FIELDS = ("t_s", "openness", "position_rad", "velocity_rad_s", "torque_nm")
 MAX_SAMPLES = 360_000
 """30 minutes at 200 Hz, 14.4 MB."""
 
@@ -84,6 +85,16 @@ def check_count(samples: int) -> None:
     """Raise `TrajectoryFormatError` for more samples than there may be."""
     if not 0 <= samples <= MAX_SAMPLES:
         raise TrajectoryFormatError(f"{samples} samples, at most {MAX_SAMPLES} are allowed")
+
+
+def check_finite(number: int, sample: Sequence[float]) -> None:
+    """Raise `TrajectoryFormatError` that names a value of a sample which is not finite."""
+    if all(map(math.isfinite, sample)):
+        return
+    named = zip(SAMPLE_FIELDS, sample, strict=True)
+    name, value = next(one for one in named if not math.isfinite(one[1]))
+    text = f"sample {number}: {name} is {value}, it must be a finite number"
+    raise TrajectoryFormatError(text)
 
 
 def check_length(length: int, samples: int) -> None:
@@ -246,7 +257,7 @@ def parse_grips(content: bytes) -> Any:
     if len(content) > MAX_GRIP_BYTES:
         raise TrajectoryFormatError(f"{len(content)} bytes, at most {MAX_GRIP_BYTES} are allowed")
     try:
-        return strict_json.of_file(content, "it is no JSON")
+        return strict_json.of_file(content)
     except ValueError as error:
         raise TrajectoryFormatError(str(error)) from None
 

@@ -23,6 +23,7 @@ from litegrip_client.core.sockets import SOCKET_VARIABLE, STOP_LEVELS
 from litegrip_client.core.stop import WHY_CHARACTERS, stop_params
 from litegrip_client.ctl.findings import as_data, as_text, is_well
 from litegrip_client.line.exchange import request_line
+from litegrip_client.values.repeats import RepeatsHandler, poll_handlers
 from litegrip_client.values.version import client_version
 from litegrip_fleet.admin import by_portal
 from litegrip_fleet.admin.access import rules
@@ -34,7 +35,6 @@ from litegrip_fleet.far.dead_man import DeadMansSwitch
 from litegrip_fleet.far.gateway import Gateway
 from litegrip_fleet.near.portal import Portal
 from litegrip_fleet.wire.keys import BadNameError, check_name
-from litegrip_fleet.wire.log import RepeatsHandler, poll_handlers
 from litegrip_fleet.wire.network import (
     CONNECT_WITHIN_S,
     Network,

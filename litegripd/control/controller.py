@@ -59,6 +59,7 @@ from litegripd.model.calibration import (
     scale_doubt,
     scale_warning,
     unfitting,
+    work_stroke_warning,
 )
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import Geometry, GripperId
@@ -311,6 +312,14 @@ class Controller:
             return []
         found = (scale_warning(calibration, self.gripper_id.stroke_mm), self.foreign_doubt)
         return [doubt for doubt in found if doubt is not None]
+
+    def work_stroke_doubts(self) -> list[str]:
+        """Return that the calibration in use has `open` go beyond the travel; else nothing."""
+        calibration = self.calibrated.calibration
+        if calibration is None or not calibration.calibrated:
+            return []
+        beyond = work_stroke_warning(calibration)
+        return [] if beyond is None else [beyond]
 
     @property
     def foreign_doubt(self) -> str | None:

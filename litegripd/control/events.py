@@ -14,7 +14,7 @@ from litegripd.control.authority import Grant, Loss, LossCause
 from litegripd.control.detectors import Pressing
 from litegripd.control.heat import HeatChange, HeatGuard
 from litegripd.control.made_torque import MadeTorque
-from litegripd.model.calibration import USUAL_RAD_TO_MM, Calibration
+from litegripd.model.calibration import USUAL_RAD_TO_MM, Calibration, work_stroke_warning
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import Geometry
 from litegripd.model.motor import (
@@ -369,11 +369,9 @@ def calibrated(calibration: Calibration, file: str | None, doubts: Sequence[str]
         f"calibration {file or 'given by a client'}: mount {geometry.mount}, closing by {turning}"
         f" radians, {geometry.travel_mm:.1f} mm of travel{usable}"
     )
-    if calibration.work_stroke_mm >= geometry.travel_mm:
-        text += (
-            f"; its work_stroke_mm {calibration.work_stroke_mm:g} is beyond the travel: open goes"
-            " to the stop"
-        )
+    beyond = work_stroke_warning(calibration)
+    if beyond is not None:
+        text += f"; its {beyond}"
     data: dict[str, object] = {"mount": geometry.mount, "file": file}
     if doubts:
         text, data = "; ".join([text, *doubts]), {**data, "warning": True}

@@ -3,7 +3,6 @@
 Files are interchangeable with the SDK's, so unknown keys are kept.
 """
 
-import math
 import reprlib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
@@ -12,8 +11,11 @@ from typing import Any, Literal, TypeAlias, TypedDict
 from litegrip_client.values import strict_json
 from litegripd.model.gripper import (
     FORCE_PER_TORQUE_N_NM,
+    LARGEST_LIMIT_RAD,
     MOTOR_TYPES,
+    NM_TO_N_RANGE,
     NUMBERED_TYPES,
+    RAD_TO_MM_RANGE,
     SPAN_INSET_MM,
     SUPERSEDED_STROKE_MM,
     Geometry,
@@ -44,6 +46,15 @@ _GAIN_RANGES = {"kp": (1.0, KP_MAX_NM_RAD), "kd": (0.0, KD_MAX_NM_S_RAD)}
 """The upper ends are what a command frame can carry. Without stiffness nothing would be held. Any
 damping will do, none too: a hold has its own (`SwingGuard.bound`), and what follows set-points has
 what its stiffness needs (`Gains.following`)."""
+
+_ALLOWED = {
+    **dict.fromkeys(_KNOWN_NUMBERS[:2], f"-{LARGEST_LIMIT_RAD:g} to {LARGEST_LIMIT_RAD:g}"),
+    "rad_to_mm": "{:g} to {:.9g}".format(*RAD_TO_MM_RANGE),
+    "nm_to_n": "{:g} to {:g}".format(*NM_TO_N_RANGE),
+    "work_stroke_mm": "the opening to which open goes, in mm, or 0 for the open stop",
+    **{key: f"{low:g} to {high:g}" for key, (low, high) in _GAIN_RANGES.items()},
+}
+"""What the numbers that count must be, for the message about one that is not finite."""
 
 _MAX_NESTING = 16
 """The depth to which objects and arrays of a file may be nested. The SDK's files have one level.
@@ -322,6 +333,17 @@ def scale_warning(calibration: Calibration, stroke_mm: float) -> str | None:
     )
 
 
+def work_stroke_warning(calibration: Calibration) -> str | None:
+    """Return a warning that `open` is to go beyond the travel, or None."""
+    work_mm, travel_mm = calibration.work_stroke_mm, calibration.geometry.travel_mm
+    if work_mm < travel_mm:
+        return None
+    return (
+        f"work_stroke_mm is {work_mm:g}, beyond the {travel_mm:.1f} mm of travel, so that open goes"
+        " to the stop: write a smaller one into the calibration's file, or 0 for the stop"
+    )
+
+
 def foreign_warning(
     calibration: Calibration, *, channel: str, can_id: int, master_id: int | None, motor_type: str
 ) -> str | None:
@@ -407,9 +429,9 @@ _CARRIED = (
 def parse_calibration(text: str) -> Calibration:
     """Return the calibration in a file's text; raises `CalibrationError` with the reason."""
     try:
-        content = strict_json.decode(text)
-    except (ValueError, RecursionError) as error:
-        raise CalibrationError(f"not valid JSON: {error}") from None
+        content = strict_json.decode_file(text, _ALLOWED)
+    except ValueError as error:
+        raise CalibrationError(str(error)) from None
     return read_content(content)
 
 
@@ -419,13 +441,16 @@ def read_content(content: object) -> Calibration:
         raise CalibrationError("not a JSON object")
     if _is_nested_deeper(content, _MAX_NESTING):
         raise CalibrationError(f"objects and arrays nested more than {_MAX_NESTING} deep")
+    try:
+        strict_json.check_numbers(content, _ALLOWED)
+    except ValueError as error:
+        raise CalibrationError(str(error)) from None
     closed_rad, open_rad, rad_to_mm = (_number(content, key) for key in _KNOWN_NUMBERS)
     nm_to_n = _optional(content, "nm_to_n", FORCE_PER_TORQUE_N_NM)
     work_stroke_mm = _optional(content, "work_stroke_mm", 0.0)
     if work_stroke_mm < 0.0:
         raise CalibrationError(
-            f"work_stroke_mm is {work_stroke_mm:g}, it must be the opening to which open goes,"
-            " in mm, or 0 for the open stop"
+            f"work_stroke_mm is {work_stroke_mm:g}, it must be {_ALLOWED['work_stroke_mm']}"
         )
     try:
         geometry = Geometry(closed_rad, open_rad, rad_to_mm, nm_to_n)
@@ -479,13 +504,7 @@ def _number(content: Mapping[str, Any], key: str) -> float:
     value = content[key]
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise CalibrationError(f"{key} is {reprlib.repr(value)}, not a number")
-    try:
-        number = float(value)
-    except OverflowError:
-        number = math.inf
-    if not math.isfinite(number):
-        raise CalibrationError(f"{key} is not a finite number")
-    return number
+    return float(value)
 
 
 def _optional(content: Mapping[str, Any], key: str, default: float) -> float:

@@ -122,7 +122,9 @@ class Hello(TypedDict):
 class CalibrationFacts(TypedDict):
     """Where the calibration came from; `saved_s` is the file's date, in Unix time.
 
-    `foreign` says why it is probably another gripper's, None if it bears no such mark.
+    `foreign` says why it is probably another gripper's, None if it bears no such mark;
+    `work_stroke` that its work stroke is beyond the travel; `problem` why a file that is there is
+    not used.
     """
 
     file: str | None
@@ -130,6 +132,8 @@ class CalibrationFacts(TypedDict):
     channel: str | None
     saved_s: float | None
     foreign: str | None
+    work_stroke: str | None
+    problem: str | None
 
 
 class BusFacts(TypedDict):
@@ -154,9 +158,10 @@ class TrajectoryLimits(TypedDict):
 
 
 class StrokeFacts(TypedDict):
-    """The stroke, as configured."""
+    """The stroke, as configured, and the calibration file that is named, None for none."""
 
     stroke_mm: float
+    calibration: str | None
 
 
 class Configuration(TypedDict):

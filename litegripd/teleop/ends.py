@@ -145,7 +145,7 @@ class UdpLeader:
         since_s = time.monotonic() - _SILENT_AFTER_S
         for address, (first_s, last_s) in tuple(self._refused_s.items()):
             if last_s >= since_s:
-                why = f"{_where(address)} refuses what is sent: nobody listens at that port"
+                why = f"{name_of(address)} refuses what is sent: nobody listens at that port"
                 return Reach("sending", why, first_s)
         return Reach("sending")
 
@@ -193,6 +193,7 @@ class UdpLeader:
 class UdpFollower:
     """Listens at the port on all addresses, or that of `bind`, or only to `host` if it is given.
 
+    All addresses are those of IPv4 and IPv6: a leader may know this machine by either.
     Raises `OSError` if the port is taken, the host is unknown or the address is none of here.
     """
 
@@ -208,20 +209,9 @@ class UdpFollower:
         self._since_s = time.monotonic()  # of the last frame, or since it listens
         self._is_heard = False
         self._stranger: tuple[str, float] | None = None
-        family, address = socket.AF_INET, ""
-        if options.bind is not None:
-            own = _resolved(options.bind, options.port)[0]
-            family, address = own[0], str(own[4][0])
         if options.host is not None:
-            found = _resolved(options.host, None)
-            family = found[0][0] if options.bind is None else family
-            self._hosts = {str(entry[4][0]) for entry in found if entry[0] == family}
-        self._socket = socket.socket(family, socket.SOCK_DGRAM)
-        try:
-            self._socket.bind((address, options.port))
-        except OSError:
-            self._socket.close()
-            raise
+            self._hosts = {str(entry[4][0]) for entry in _resolved(options.host, None)}
+        self._socket = _bound(options.bind, options.port)
         self._listener = UdpListener(self._socket, self._hear)
 
     @property
@@ -262,8 +252,9 @@ class UdpFollower:
         self._listener.close()
 
     def _hear(self, payload: bytes, sender: Address) -> None:
-        if self._hosts is not None and sender[0] not in self._hosts:
-            self._stranger = (str(sender[0]), time.monotonic())
+        host = _plain(sender[0])
+        if self._hosts is not None and host not in self._hosts:
+            self._stranger = (host, time.monotonic())
             self._refuse()
             return
         self._since_s, self._is_heard = time.monotonic(), True
@@ -288,14 +279,34 @@ def _resolved(host: str, port: int | None) -> list[Any]:
         raise UnresolvedError(f"the name {host} does not resolve: {text}") from error
 
 
-def _where(address: Address) -> str:
-    host, port = address[0], address[1]
-    return f"[{host}]:{port}" if ":" in str(host) else f"{host}:{port}"
+def _bound(host: str | None, port: int) -> socket.socket:
+    """Return a socket at a port of one address, or of all that this machine has."""
+    family, address = socket.AF_INET, ""
+    if host is not None:
+        found = _resolved(host, port)[0]
+        family, address = found[0], str(found[4][0])
+    elif socket.has_dualstack_ipv6():
+        family = socket.AF_INET6
+    own = socket.socket(family, socket.SOCK_DGRAM)
+    try:
+        if host is None and family == socket.AF_INET6:
+            own.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 0)
+        own.bind((address, port))
+    except OSError:
+        own.close()
+        raise
+    return own
 
 
-def name_of(sender: Address) -> str:
-    """Return a sender's name, which distinguishes it from others."""
-    return f"{sender[0]}:{sender[1]}"
+def _plain(host: object) -> str:
+    """Return an address of IPv4 as such, which a socket for both shows as one of IPv6."""
+    return str(host).removeprefix("::ffff:")
+
+
+def name_of(address: Address) -> str:
+    """Return an address as people write it, with its port."""
+    host, port = _plain(address[0]), address[1]
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
 def _sent(own: socket.socket, payload: bytes, address: Address) -> OSError | None:
@@ -433,7 +444,8 @@ class ZenohLeaders:
                 self._session = None
             config = _config(file)
             self._is_protected = _is_protected(config, leads=True)
-            _listen(config, [f"{_protocol(config)}/0.0.0.0:{options.port}"])
+            every = "[::]" if socket.has_dualstack_ipv6() else "0.0.0.0"  # noqa: S104 - as asked
+            _listen(config, [f"{_protocol(config)}/{every}:{options.port}"])
             self._session = zenoh.open(config)
             self._made_for = (options.port, file)
         return ZenohLeader(self._session, options, deliver, is_protected=self._is_protected)

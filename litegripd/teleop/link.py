@@ -373,7 +373,10 @@ class TeleopAction(PlainAction, ABC):
 
     def complaint(self) -> str | None:
         """Return what the daemon's health should report, including the link, or None."""
-        return None
+        reach = self.link.status.reach
+        if reach is None or reach.why is None:
+            return None
+        return f"teleoperation: {self._other} is not reached: {reach.why}"
 
     def report(self, text: str, *, warning: bool = False, **data: object) -> None:
         """Report an event."""
@@ -402,8 +405,12 @@ class TeleopAction(PlainAction, ABC):
                 self._unreached.clear()
         elif reach.why not in self._unreached:
             self._unreached.add(reach.why)
-            whom = "a follower" if self.options.mode == "master" else "the leader"
-            self.report(f"{whom} is not reached: {reach.why}", warning=True, link=status.state)
+            text = f"{self._other} is not reached: {reach.why}"
+            self.report(text, warning=True, link=status.state)
+
+    @property
+    def _other(self) -> str:
+        return "a follower" if self.options.mode == "master" else "the leader"
 
     def base_status(self) -> TeleopStatus:
         """Return the part of the status that is the same for both ends."""

@@ -10,7 +10,15 @@ from dataclasses import dataclass
 from typing import Any
 
 from litegrip_client.values.errors import TrajectoryFormatError
-from litegrip_client.values.trajectory_format import HEADER, SAMPLE, Header, TaughtGrip, read_header
+from litegrip_client.values.trajectory_format import (
+    HEADER,
+    SAMPLE,
+    SAMPLE_FIELDS,
+    Header,
+    TaughtGrip,
+    check_finite,
+    read_header,
+)
 from litegripd.model.errors import Refusal
 from litegripd.model.state import HelperTask, TaskResult
 
@@ -21,7 +29,7 @@ MAX_NAME_BYTES = 200
 TEMPORARY = "tmp/"
 """So begin the names of those that end with their connection; no other name has a slash."""
 
-CSV_HEAD = "t_s,openness,position_rad,velocity_rad_s,torque_nm\n"
+CSV_HEAD = ",".join(SAMPLE_FIELDS) + "\n"
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +58,7 @@ def summarize(samples: memoryview) -> Summary:
     first_s = last_s = last = fastest = 0.0
     for number, values in enumerate(SAMPLE.iter_unpack(samples)):
         t_s, openness = values[:2]
-        if not all(map(math.isfinite, values)):
-            raise TrajectoryFormatError(f"sample {number} has a value that is not finite")
+        check_finite(number, values)
         if not 0.0 <= openness <= 1.0:
             raise TrajectoryFormatError(
                 f"sample {number}: openness is {openness}, it must be 0 to 1"

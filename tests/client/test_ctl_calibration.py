@@ -390,7 +390,7 @@ def test_loading_nothing_stores_nothing(daemon: FakeDaemon, ctl: Ctl) -> None:
         (None, "No such file or directory"),
         (b"\xff{}", "is not UTF-8"),
         (b"{", "not valid JSON"),
-        (b'{"kp": NaN}', "NaN is not JSON"),
+        (b'{"kp": NaN}', "kp is NaN, it must be a finite number"),
         (b"[" * 100_000, "not valid JSON"),
         (b"[1]", "not a JSON object"),
     ],

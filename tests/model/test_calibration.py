@@ -80,13 +80,19 @@ def test_unknown_keys_are_kept_and_a_template_brings_direction_only() -> None:
         (changed(rad_to_mm="74.8"), "rad_to_mm"),
         (changed(rad_to_mm=True), "rad_to_mm"),
         (changed(rad_to_mm=0), "rad_to_mm"),
-        (changed(rad_to_mm=float("nan")), "NaN is not JSON"),
-        (changed(zero_position_rad=float("inf")), "Infinity is not JSON"),
+        (changed(rad_to_mm=float("nan")), "rad_to_mm is NaN, it must be 0.001 to 1000000"),
+        (
+            changed(zero_position_rad=float("inf")),
+            "zero_position_rad is Infinity, it must be -100 to 100",
+        ),
         (
             changed(zero_position_rad=7).replace("7", "1e999", 1),
-            "zero_position_rad is not a finite",
+            "zero_position_rad is 1e999, it must be -100 to 100",
         ),
-        (changed(zero_position_rad=10**400), "zero_position_rad"),
+        (changed(zero_position_rad=10**400), "zero_position_rad is 1000.*000, it must be -100"),
+        (changed(kp=7).replace("7", "-1e400", 1), "kp is -1e400, it must be 1 to 500"),
+        (changed(can_id=7).replace("7", "1e400", 1), "can_id is 1e400, it must be a finite number"),
+        (changed(note={"a": [1, float("nan")]}), r"note\.a\.1 is NaN, it must be a finite number"),
         (changed(zero_position_rad=NOMINAL[0].open_rad), "equal"),
         (changed(kp=501), "kp"),
         (changed(kp=-1), "kp"),
@@ -96,7 +102,7 @@ def test_unknown_keys_are_kept_and_a_template_brings_direction_only() -> None:
         (changed(channel=3), "channel"),
         (changed(work_stroke_mm=-0.1), "work_stroke_mm is -0.1, it must be the opening"),
         (changed(work_stroke_mm="80"), "work_stroke_mm"),
-        (changed(work_stroke_mm=float("nan")), "NaN is not JSON"),
+        (changed(work_stroke_mm=float("nan")), "work_stroke_mm is NaN, it must be the opening"),
         (changed(nm_to_n=4.9), "nm_to_n is 4.9, it must be 5 to 30"),
         (changed(nm_to_n=30.1), "nm_to_n is 30.1, it must be 5 to 30"),
         (changed(nm_to_n="10"), "nm_to_n"),
@@ -160,8 +166,8 @@ def test_a_file_of_a_motor_that_cannot_be_driven_is_refused(motor_type: str, why
     ("text", "why"),
     [
         ('{"rad_to_mm": 74.8, "rad_to_mm": 54.4}', "the same key twice: 'rad_to_mm'"),
-        ('{"rad_to_mm": ' + "9" * 5000 + "}", "more digits"),
-        ('{"rad_to_mm": NaN}', "NaN is not JSON"),
+        ('{"rad_to_mm": ' + "9" * 5000 + "}", "rad_to_mm is 999.*999, it must be"),
+        ('{"rad_to_mm": NaN}', "rad_to_mm is NaN, it must be"),
     ],
 )
 def test_a_file_that_readers_would_read_differently_is_refused(text: str, why: str) -> None:

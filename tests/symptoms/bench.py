@@ -100,6 +100,7 @@ class Bench:
         self.bus = BusSettings("socketcan", "can0", 1_000_000)
         self.control: dict[str, Any] = {"fifo_priority": 50, "memory_locked": True}
         self.stroke_mm = 85.0
+        self.mount: str | None = None
         self.user = User("alice", 1000, "litegrip")
         self.told: dict[str, Any] = {}
         self.disks: list[Shortage] = []
@@ -228,7 +229,8 @@ class Bench:
 
     def _facts(self) -> DaemonFacts:
         config = Config("can0", self.bus)
-        config = replace(config, gripper=replace(config.gripper, stroke_mm=self.stroke_mm))
+        gripper = replace(config.gripper, stroke_mm=self.stroke_mm, mount=self.mount)
+        config = replace(config, gripper=gripper)
         return judged(self.world, config=config, figures=self._figures)
 
     def _figures(self, uptime_s: float, _machine: object) -> Mapping[str, Any]:

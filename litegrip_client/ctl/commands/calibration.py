@@ -409,7 +409,7 @@ def _loaded_text(data: Data, *, source: str | None) -> str:
 def _read_file(path: str) -> dict[str, Any]:
     """Read a calibration file; raises `CommandError` when it is no JSON object."""
     try:
-        content = strict_json.of_file(Path(path).read_bytes(), "not valid JSON")
+        content = strict_json.of_file(Path(path).read_bytes())
     except (OSError, ValueError) as error:
         raise _unreadable(path, getattr(error, "strerror", None) or str(error)) from error
     if not isinstance(content, dict):

@@ -45,6 +45,7 @@ CHECKS: tuple[Check[Facts], ...] = (
     Check("disk", daemon_checks.disk),
     Check("bus", gripper_checks.bus),
     Check("motor", gripper_checks.motor),
+    Check("stop", gripper_checks.stop),
     Check("scan", gripper_checks.scan),
     Check("other-master", gripper_checks.other_master),
     Check("control-mode", gripper_checks.control_mode),

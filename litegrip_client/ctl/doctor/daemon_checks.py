@@ -20,10 +20,10 @@ SHORT_S = 30 * 86_400.0
 
 
 def configuration(facts: Facts) -> Finding | None:
-    """Check the configuration with which a daemon that does not run would be started."""
+    """Check the file with which a daemon would be started, and that one that runs has read it."""
     found = facts.configuration
     if found is None:
-        return None
+        return _unread(facts)
     as_user = f"sudo -u {found.as_user} " if found.as_user else ""
     again = f"{as_user}litegripd {facts.channel} --check"
     if found.error is not None:
@@ -37,7 +37,43 @@ def configuration(facts: Facts) -> Finding | None:
             f"{found.file} was not checked, {bus}: {found.unchecked}",
             advice=f"where the daemon is installed, as who may read it: {again}",
         )
+    named = found.content.get("calibration") or {}
+    if named.get("problem"):
+        return error(
+            f"{found.file}: {named['problem']} ({named.get('named_by')} names it)",
+            advice="a daemon starts with it, and refuses motions: correct it, and check it again:"
+            f" {again}",
+        )
+    if named.get("warnings"):
+        doubts = "; ".join(map(str, named["warnings"]))
+        return warning(
+            f"{named.get('file')}, which {named.get('named_by')} names: {doubts}",
+            advice=f"correct it, and check it again: {again}",
+        )
     return ok(f"{found.file}: interface {facts.interface}, channel {facts.bus_channel}")
+
+
+def _unread(facts: Facts) -> Finding | None:
+    """Return that what was written has no effect on the daemon that runs, or would be started."""
+    if facts.misnamed is not None:
+        right = f"/etc/litegripd/{facts.channel}.toml"
+        return warning(
+            f"{facts.misnamed} is no file that a daemon reads, which would be {right}",
+            f"sudo mv {facts.misnamed} {right}" if facts.misnamed != right else None,
+            "then restart the daemon; a folder is to be moved away",
+        )
+    uptime_s = None if facts.daemon is None else facts.daemon.health.get("uptime_s")
+    if facts.edited is None or uptime_s is None:
+        return None
+    path, written_s = facts.edited
+    if written_s <= facts.now_s - uptime_s:
+        return None
+    again = _systemctl("restart", facts) or "end it, and start it again"
+    return warning(
+        f"{path} was written after the daemon was started, which continues with the one before",
+        f"{facts.ctl} restart --hold",
+        f"where that is refused, since other tables have changed: {again}, with empty jaws",
+    )
 
 
 def daemon(facts: Facts) -> Finding | None:
@@ -167,6 +203,9 @@ def disk(facts: Facts) -> Finding | None:
     if any(lacking.is_full for lacking in facts.disks):
         advice = "nothing can be kept meanwhile, and no daemon can be started while /tmp is full"
         return error(text, "df -h /var/lib/litegripd /run /tmp /var/log", advice)
+    if any(lacking.is_read_only for lacking in facts.disks):
+        advice = "an error of the disk makes it so: repair it, and restart; else mount it writable"
+        return warning(text, "sudo dmesg | tail", advice)
     return warning(text, "sudo du -xh --max-depth=2 /var | sort -h | tail", "what is largest")
 
 

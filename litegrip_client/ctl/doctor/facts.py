@@ -52,6 +52,10 @@ class Device:
     """True if a rule of udev keeps ModemManager off it."""
     probers: tuple[str, ...] = ()
     """The programs of this machine that open serial ports which they do not know."""
+    lasting_path: str | None = None
+    """The name by its serial number, where the configured one is another."""
+    other_ports: int = 0
+    """How many other USB adapters have serial ports here."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,6 +152,10 @@ class Facts:
     """Who listens but does not answer, 0 where that is not known; None where nobody listens."""
     configuration: Configuration | None = None
     """The channel's file, where there is one and no daemon reports what it uses."""
+    edited: tuple[str, float] | None = None
+    """The file that the running daemon would read now, and the Unix time when it was written."""
+    misnamed: str | None = None
+    """What lies beside the place of a configuration, where there is none, and is probably one."""
     interface: str | None = "socketcan"
     bus_channel: str = "can0"
     now_s: float = 0.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import grp
 import json
 import os
@@ -72,10 +73,35 @@ _WRONG = 2
 """The exit code of litegripd for a configuration that is wrong, and for its usage."""
 
 
+def _configuration_path(channel: str) -> str | None:
+    """Return the file that a daemon of `channel` reads, None where there is none."""
+    candidates = (DIRECTORY / f"{channel}.toml", DIRECTORY / "litegripd.toml")
+    return next((str(path) for path in candidates if os.path.isfile(path)), None)  # noqa: PTH113
+
+
+def _edited(path: str | None) -> tuple[str, float] | None:
+    try:
+        return None if path is None else (path, Path(path).stat().st_mtime)
+    except OSError:
+        return None
+
+
+_ENDINGS = (".toml", ".toml.txt", ".txt", ".conf", ".cfg", ".ini")
+
+
+def _misnamed(channel: str) -> str | None:
+    """Return what was probably meant as the channel's file; editors add an ending, and hide it."""
+    meant = [f"{channel}{ending}".lower() for ending in _ENDINGS]
+    with contextlib.suppress(OSError):
+        for path in sorted(DIRECTORY.iterdir()):
+            if path.name.lower() in meant:
+                return str(path)
+    return None
+
+
 def configuration_file(channel: str) -> Configuration | None:
     """Have the file of `channel` checked, or the common one; None where there is neither."""
-    candidates = (DIRECTORY / f"{channel}.toml", DIRECTORY / "litegripd.toml")
-    path = next((str(path) for path in candidates if os.path.isfile(path)), None)  # noqa: PTH113
+    path = _configuration_path(channel)
     if path is None:
         return None
     if not os.access(path, os.R_OK):
@@ -86,11 +112,11 @@ def configuration_file(channel: str) -> Configuration | None:
     if isinstance(done, str):
         return Configuration(path, unchecked=done)
     last = _last_line(done)
-    if done.returncode == _WRONG and not done.stderr.startswith(b"usage:"):  # of an older litegripd
-        return Configuration(path, error=last.removeprefix("litegripd: "), as_user=as_user)
     try:
         return Configuration(path, content=json.loads(done.stdout), as_user=as_user)
     except ValueError:
+        if done.returncode == _WRONG and not done.stderr.startswith(b"usage:"):  # of an older one
+            return Configuration(path, error=last.removeprefix("litegripd: "), as_user=as_user)
         why = f"litegripd --check ended with {done.returncode}: {last or 'no word'}"
         return Configuration(path, unchecked=why)
 
@@ -322,6 +348,9 @@ def _device(bus_channel: str, root: Path) -> Device | None:
     accessible = os.access(path, os.R_OK | os.W_OK)
     is_device = stat.S_ISCHR(status.st_mode)
     number = f"c{os.major(status.st_rdev)}:{os.minor(status.st_rdev)}"
+    named = {entry: entry.resolve() for entry in sorted((root / _BY_ID).glob("*"))}
+    own = Path(path).resolve()
+    lasting = next((str(entry) for entry, port in named.items() if port == own), None)
     return Device(
         path,
         True,
@@ -330,9 +359,12 @@ def _device(bus_channel: str, root: Path) -> Device | None:
         group,
         is_left_alone=is_device and _IGNORED in _udev_properties(root, number),
         probers=tuple(name for name, files in _PROBERS.items() if _is_any(root, files)),
+        lasting_path=None if path in map(str, named) else lasting,
+        other_ports=len(set(named.values()) - {own}),
     )
 
 
+_BY_ID = "dev/serial/by-id"
 _IGNORED = "E:ID_MM_DEVICE_IGNORE=1"
 _PROBERS = {
     "ModemManager": ("usr/sbin/ModemManager", "sbin/ModemManager"),
@@ -410,6 +442,10 @@ def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
         hung_pid=hung_pid,
         blocked=blocked,
         configuration=file,
+        edited=None
+        if daemon is None or is_remote
+        else _edited(configuration.get("file") or _configuration_path(channel)),
+        misnamed=None if is_remote or _configuration_path(channel) else _misnamed(channel),
         interface=interface,
         bus_channel=bus_channel,
         now_s=time.time(),

@@ -234,7 +234,8 @@ class ReadingMethods:
     @Method(
         "events.subscribe",
         "Report what happens from now on, as event notifications; none is ever left out.",
-        "The number of the subscription, the present state, and the last 32 events of these kinds.",
+        "The number of the subscription, the present state, and the last events: 32 of these kinds,"
+        " and of each of them the last 4, however many others came since.",
         EventsSubscribed,
         (
             Param(

@@ -48,8 +48,8 @@ class CalibrationView(TypedDict):
     """The calibration in use; `content` is that of its file, empty where there is none.
 
     `warnings` say why it is probably wrong, and what corrects that: its scale, marks of another
-    gripper, a position at which no jaw can be. `scale_warning` is the one on its millimetres, None
-    without one. `problem` is why none is in use.
+    gripper, a work stroke beyond the travel, a position at which no jaw can be. `scale_warning` is
+    the one on its millimetres, None without one. `problem` is why none is in use.
     """
 
     calibrated: bool
@@ -209,7 +209,8 @@ class SettingsMethods:
 
     def _warnings(self) -> list[str]:
         """Return what is doubtful about the calibration in use, for who loads it."""
-        controller, found = self._controller, self._controller.calibration_doubts()
+        controller = self._controller
+        found = controller.calibration_doubts() + controller.work_stroke_doubts()
         geometry, motor = controller.geometry, controller.motor
         if geometry is not None and motor.feedback is not None:
             misplaced = position_refusal(motor, geometry)
