@@ -224,7 +224,8 @@ def test_stiffer_gains_push_no_harder(gains: dict[str, Any]) -> None:
 def test_no_stiffness_is_no_defect() -> None:
     leading = FollowerCommand(NOMINAL[0], MotionConfig(), Gains(0.0, 2.0), None, PERIOD_S)
     feedback = Feedback(Status.ENABLED, -0.7, 0.0, 0.0, 30, 30, 0.0)
-    command = leading.command(-0.2, 0.0, feedback)
+    first, *_, command = [leading.command(-0.2, 0.0, feedback) for _ in range(4)]
+    assert first.position_rad == pytest.approx(-0.7 + FASTEST_RAD_S * PERIOD_S)  # no jump
     assert command.kp_nm_rad == 0.0
     lead_rad = MotionConfig().travel_nm / REACHING_KP_NM_RAD
     assert command.position_rad == pytest.approx(-0.7 + lead_rad)
