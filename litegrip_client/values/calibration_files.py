@@ -10,10 +10,11 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from litegrip_client.values import atomic_file, strict_json
+from litegrip_client.values import atomic_file
 from litegrip_client.values.atomic_file import why_not_written
 from litegrip_client.values.calibration import CALIBRATION_KEYS
 from litegrip_client.values.errors import CommandError, ParameterError
+from litegrip_client.values.text import json_of
 from litegrip_client.values.warn import warn
 
 CALIB_VARIABLE = "LITEGRIP_CALIB"
@@ -76,7 +77,7 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
             raw = file.read(MAX_FILE_BYTES + 1)
         if len(raw) > MAX_FILE_BYTES:
             raise _unreadable(path, f"it is larger than {MAX_FILE_BYTES} bytes")
-        content = strict_json.of_file(raw)
+        content = json_of(raw)
     except (OSError, ValueError) as error:
         raise _unreadable(path, getattr(error, "strerror", None) or str(error)) from error
     if not isinstance(content, dict):

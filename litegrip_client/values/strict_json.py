@@ -6,8 +6,6 @@ from collections.abc import Iterator, Mapping
 from json import scanner
 from typing import Any, NoReturn, cast
 
-from litegrip_client.values.text import cause, text_of
-
 
 def _no_constant(name: str) -> NoReturn:
     raise ValueError(f"{name} is not JSON")
@@ -115,12 +113,3 @@ def _numbers(value: Any, where: str) -> Iterator[tuple[str, float]]:
     elif isinstance(value, dict | list):
         for key, item in value.items() if isinstance(value, dict) else enumerate(value):
             yield from _numbers(item, f"{where}.{key}" if where else str(key))
-
-
-def of_file(content: bytes, allowed: Mapping[str, str] | None = None) -> Any:
-    """Return the value in a file that a person may have edited; raises as `decode_file`."""
-    text = text_of(content)
-    try:
-        return decode_file(text, allowed)
-    except ValueError as error:
-        raise ValueError(f"{error}{cause(text)}") from error

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import codecs
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
-from litegrip_client.values.strict_json import file_number
+from litegrip_client.values.strict_json import decode_file, file_number
 
 _UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
@@ -122,3 +122,15 @@ def _texts(value: Any, name: str) -> Iterator[tuple[str, str]]:
     elif isinstance(value, list):
         for item in value:
             yield from _texts(item, name)
+
+
+def json_of(content: bytes, allowed: Mapping[str, str] | None = None) -> Any:
+    """Return the value in a JSON file that a person may have edited.
+
+    Raises `ValueError` as `strict_json.decode_file`, with what nobody sees in the text.
+    """
+    text = text_of(content)
+    try:
+        return decode_file(text, allowed)
+    except ValueError as error:
+        raise ValueError(f"{error}{cause(text)}") from error

@@ -14,8 +14,8 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any, BinaryIO, Literal, TypeAlias
 
-from litegrip_client.values import strict_json
 from litegrip_client.values.errors import TrajectoryFormatError
+from litegrip_client.values.text import json_of
 
 MAGIC = b"LGRTRJ01"
 ENDING = ".lgt"
@@ -257,7 +257,7 @@ def parse_grips(content: bytes) -> Any:
     if len(content) > MAX_GRIP_BYTES:
         raise TrajectoryFormatError(f"{len(content)} bytes, at most {MAX_GRIP_BYTES} are allowed")
     try:
-        return strict_json.of_file(content)
+        return json_of(content)
     except ValueError as error:
         raise TrajectoryFormatError(str(error)) from None
 

@@ -30,10 +30,10 @@ from litegrip_client.ctl.run import (
     one_line,
     say,
 )
-from litegrip_client.values import strict_json
 from litegrip_client.values.checks import given_numbers
 from litegrip_client.values.errors import CancelledError, CommandError, LiteGripError
 from litegrip_client.values.fields import SPAN_INSET_MM
+from litegrip_client.values.text import json_of
 from litegrip_client.values.voices import in_shell
 
 TYPE_CHECKING = False
@@ -409,7 +409,7 @@ def _loaded_text(data: Data, *, source: str | None) -> str:
 def _read_file(path: str) -> dict[str, Any]:
     """Read a calibration file; raises `CommandError` when it is no JSON object."""
     try:
-        content = strict_json.of_file(Path(path).read_bytes())
+        content = json_of(Path(path).read_bytes())
     except (OSError, ValueError) as error:
         raise _unreadable(path, getattr(error, "strerror", None) or str(error)) from error
     if not isinstance(content, dict):
