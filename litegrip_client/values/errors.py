@@ -11,7 +11,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
-    from litegrip_client.values.voices import Voice
+    from litegrip_client.values.terms import Voice
 
 OWN_REASONS: Mapping[str, tuple[str, int, str]] = {
     "no_daemon": ("ConnectError", 3, "No daemon can be reached by the sockets of the channel."),
@@ -85,6 +85,11 @@ class LiteGripError(Exception):
     `data` is everything else that came with the error.
     """
 
+    named: frozenset[str] = frozenset()
+    """The daemon's methods that the message names."""
+    remedy: frozenset[str] = frozenset()
+    """Those that the hint names."""
+
     def __init__(
         self,
         message: str = "",
@@ -126,12 +131,13 @@ class LiteGripError(Exception):
         return owner if isinstance(owner, dict) else None
 
     def __str__(self) -> str:
-        from litegrip_client.values.voices import is_said  # noqa: PLC0415 - only errors need it
-
         hint = self.hint
-        return (
-            self.message if not hint or is_said(self.message, hint) else f"{self.message}\n{hint}"
-        )
+        is_said = not hint or hint in self.message or self.names(self.remedy)
+        return self.message if is_said else f"{self.message}\n{hint}"
+
+    def names(self, methods: frozenset[str]) -> bool:
+        """Return True if the message names all these methods of the daemon, and there are some."""
+        return bool(methods) and methods <= self.named
 
 
 class ProtocolError(LiteGripError):
@@ -280,26 +286,30 @@ def from_error_object(
     """
     if not isinstance(error, dict):
         return ProtocolError(f"the daemon sent an error that is no object: {error!r:.80}")
+    from litegrip_client.values.terms import methods_in, told  # noqa: PLC0415 - only errors need it
+    from litegrip_client.values.voices import in_python  # noqa: PLC0415 - only errors need it
+
     data = error.get("data")
     data = dict(data) if isinstance(data, dict) else {}
-    if voice is None:
-        from litegrip_client.values.voices import in_python  # noqa: PLC0415 - only errors need it
-
-        voice = in_python
-    parameter = data.get("parameter") or data.get("field")
-    if isinstance(data.get("hint"), str):
-        data["hint"] = voice(data["hint"], method, parameter)
+    texts = {**data, "message": error.get("message", "the daemon gave no message")}
+    voice = voice or in_python
+    terms = data.pop("terms", None)
+    for name in terms if isinstance(terms, dict) else ():
+        if isinstance(data.get(name), str):
+            data[name] = told(texts, name, voice, method)
     reason, code = data.get("reason"), error.get("code")
     row = REASONS.get(reason) if isinstance(reason, str) else None
     if row is None and isinstance(code, int):
         row = REASONS.get(CODES.get(code, ""))
     kind = _CLASSES.get(row[0], LiteGripError) if row is not None else LiteGripError
-    return kind(
-        voice(str(error.get("message", "the daemon gave no message")), method, parameter),
+    made = kind(
+        told(texts, "message", voice, method),
         reason=reason if isinstance(reason, str) else None,
         code=code if isinstance(code, int) else None,
         data=data,
     )
+    made.named, made.remedy = (methods_in(texts, name) for name in ("message", "hint"))
+    return made
 
 
 def exit_code(error: LiteGripError) -> int:

@@ -23,6 +23,7 @@ from litegripd.model.motion_config import (
     damping_conflict,
     fast_conflict,
 )
+from litegripd.model.sentence import parameter_name, sentence
 from litegripd.model.state import Event, Job, Owner
 from litegripd.model.teleop import (
     DEFAULT_DQ_MAX_RAD_S,
@@ -190,8 +191,12 @@ class Teleoperation:
             return None
         return Refusal(
             "out_of_limits",
-            f"rate_hz is {rate_hz:g}, the daemon's control rate is {most_hz:g}: there is no newer"
-            " measurement to publish in between",
+            sentence(
+                "{.rate_hz} is {rate_hz:g}, the daemon's control rate is {most_hz:g}: there is no"
+                " newer measurement to publish in between",
+                rate_hz=rate_hz,
+                most_hz=most_hz,
+            ),
             {"field": "rate_hz", "requested": rate_hz, "limit": most_hz},
         )
 
@@ -201,7 +206,7 @@ class Teleoperation:
 
 def _not_ready(why: Refusal) -> Refusal:
     """Raise a refusal that applies to any motion."""
-    text = f"teleoperation cannot begin: {why.message}"
+    text = sentence("teleoperation cannot begin: {why}", why=why.message)
     return Refusal("teleop_not_ready", text, {**why.data, "cause": why.reason})
 
 
@@ -439,7 +444,9 @@ def _link_options(params: Mapping[str, Any]) -> LinkOptions:
     if problem is None:
         return options
     parameter, text = problem
-    message = f"teleop.start: {parameter} {text}"
+    message = sentence(
+        "{teleop.start}: {parameter} {text}", parameter=parameter_name(parameter), text=text
+    )
     raise Refused(Refusal("invalid_params", message, {"parameter": parameter}))
 
 
@@ -498,13 +505,16 @@ def _of_reflection(params: Mapping[str, Any], *, fake: bool) -> _Problem:
     """Check the parameters of only one end."""
     if params["mode"] == "master":
         if "reflect" in params:
-            return "reflect", "is for a slave; a master takes reflect_n, its largest force"
+            return "reflect", sentence(
+                "is for a slave; a master takes {.reflect_n}, its largest force"
+            )
         if "reflect_gain" in params and not params.get("reflect_n"):
-            return "reflect_gain", "says nothing without reflect_n, the largest force"
+            text = sentence("says nothing without {.reflect_n}, the largest force")
+            return "reflect_gain", text
         return None
     for name in ("reflect_n", "reflect_gain"):
         if name in params:
-            return name, "is for a master; a slave takes reflect, to report its force"
+            return name, sentence("is for a master; a slave takes {.reflect}, to report its force")
     if fake and params.get("reflect", False):
         return "reflect", "needs a leader with a hand, which a fake one has not"
     return None
@@ -516,7 +526,7 @@ def _of_ends(options: LinkOptions, *, fake: bool) -> _Problem:
     if leads and fake:
         return "fake_leader", "is for a slave: a master is a leader itself"
     if not leads and not fake and options.kind == "none":
-        return "link", "none brings a slave no frames; for a try: fake_leader"
+        return "link", sentence("none brings a slave no frames; for a try: {.fake_leader}")
     if options.kind == "zenoh" and not leads and not has_host:
         return "host", "is missing: a slave connects to its leader and to nobody else"
     if options.kind == "zenoh" and leads and has_host:

@@ -11,6 +11,7 @@ from litegrip_client.values.trajectory_format import MAX_BYTES, MAX_GRIP_BYTES, 
 from litegripd.control.controller import Controller
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import Mount
+from litegripd.model.sentence import method_name, sentence
 from litegripd.model.state import HelperTask, TaskResult
 from litegripd.rpc.method import (
     Answer,
@@ -101,14 +102,15 @@ class Uploads:
     def _limit(self, client: int, total: int) -> Refusal | None:
         mine = sum(one.client == client for one in self._uploads.values())
         if mine >= MOST_PER_CONNECTION:
-            text = (
-                f"this connection has {MOST_PER_CONNECTION} uploads already: delete one"
-                " (trajectory.delete with its number), or give it a name"
+            text = sentence(
+                "this connection has {most} uploads already: delete one ({trajectory.delete} with"
+                " its number), or give it a name",
+                most=MOST_PER_CONNECTION,
             )
             return Refusal("too_many_requests", text, {"limit": MOST_PER_CONNECTION})
         if sum(one.total for one in self._uploads.values()) + total > MOST_BYTES:
-            text = f"all uploads together would have more than {MOST_BYTES} bytes: try again later"
-            return Refusal("too_many_requests", text, {"limit": MOST_BYTES})
+            why = f"all uploads together would have more than {MOST_BYTES} bytes: try again later"
+            return Refusal("too_many_requests", why, {"limit": MOST_BYTES})
         return None
 
     def _begin(self, client: int, sha256: str, total: int) -> Upload:
@@ -340,7 +342,10 @@ class TrajectoryFileMethods:
         params, name = call.params, call.params.get("name")
         sha256 = params["sha256"].lower()
         if len(sha256) != _SHA256_DIGITS or not set(sha256) <= set("0123456789abcdef"):
-            text = f"trajectory.put: sha256 must have {_SHA256_DIGITS} hexadecimal digits"
+            text = sentence(
+                "{trajectory.put}: {.sha256} must have {digits} hexadecimal digits",
+                digits=_SHA256_DIGITS,
+            )
             return Refusal("invalid_params", text, {"parameter": "sha256"})
         offset, total = params["offset"], params["total"]
         client = call.session.identity
@@ -405,9 +410,15 @@ class TrajectoryFileMethods:
         params = call.params
         given = [name for name in ("name", "upload", "recording") if name in params]
         if len(given) != 1:
-            text = f"{method} takes exactly one of name, upload and recording"
+            text = sentence(
+                "{method} takes exactly one of {.name}, {.upload} and {.recording}",
+                method=method_name(method),
+            )
             if method == "trajectory.delete":
-                text = f"{method} takes exactly one of name and upload"
+                text = sentence(
+                    "{method} takes exactly one of {.name} and {.upload}",
+                    method=method_name(method),
+                )
             raise Refused(Refusal("invalid_params", text, {"parameter": (given or ["name"])[0]}))
         if "name" in params:
             check_name(params["name"])
@@ -416,8 +427,8 @@ class TrajectoryFileMethods:
             return {"kept": recording_key(params["recording"])}
         upload = self._uploads.get(call.session.identity, params["upload"])
         if upload is None:
-            text = f"this connection has no upload {params['upload']}, or it is not whole"
-            raise Refused(Refusal("unknown_trajectory", text, {"requested": params["upload"]}))
+            why = f"this connection has no upload {params['upload']}, or it is not whole"
+            raise Refused(Refusal("unknown_trajectory", why, {"requested": params["upload"]}))
         return {"kept": upload.key}
 
     def _do(

@@ -16,7 +16,6 @@ from litegrip_client.ctl.figures import plain
 from litegrip_client.socketcan.link import Link
 from litegrip_client.socketcan.managers import Setting
 from litegrip_client.values.atomic_file import Shortage
-from litegrip_client.values.voices import in_shell
 
 SIMULATED = ("litegrip_sim", "virtual")
 """Interfaces of python-can without an adapter."""
@@ -273,17 +272,12 @@ def as_text(findings: Sequence[tuple[str, Finding]]) -> str:
 
 def _lines(name: str, finding: Finding, width: int) -> list[str]:
     head = f"{finding.level.upper():<{_LEVEL_WIDTH}}"
-    lines = [f"{head}{name:<{width}}{_shown(finding.text)}"]
+    lines = [f"{head}{name:<{width}}{plain(finding.text)}"]
     if finding.command is not None:
         lines.append(f"{'':<{_LEVEL_WIDTH}}{plain(finding.command)}")
     if finding.advice is not None:
-        lines.append(f"{'':<{_LEVEL_WIDTH}}({_shown(finding.advice)})")
+        lines.append(f"{'':<{_LEVEL_WIDTH}}({plain(finding.advice)})")
     return lines
-
-
-def _shown(text: str) -> str:
-    """Return a text for a shell: a daemon's text names methods, this one commands."""
-    return plain(in_shell(text))
 
 
 def _counted(count: int, level: str) -> str:
