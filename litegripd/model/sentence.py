@@ -45,16 +45,16 @@ def sentence(template: str, /, **values: object) -> Sentence:
     sentence itself, its terms stay.
     """
     parts: list[str] = []
-    for literal, name, form, conversion in _gaps(template):
+    for literal, named, name, form, conversion in _gaps(template):
         parts.append(literal)
-        if name is None:
+        if named is not None:
+            parts.append(named)
+        elif name is None:
             continue
-        if "." in name:
-            parts.append(_named(name))
-        elif isinstance(value := values[name], Sentence) and not (form or conversion):
+        elif isinstance(value := values[name], str) and not (form or conversion):
             parts.append(value)
         else:
-            parts.append(format(repr(value) if conversion == "r" else value, form or ""))
+            parts.append(format(repr(value) if conversion else value, form))
     return joined("", parts)
 
 
@@ -63,9 +63,7 @@ def joined(between: str, texts: Iterable[str]) -> Sentence:
     row, terms, at = list(texts), list[Term](), 0
     for text in row:
         if isinstance(text, Sentence):
-            terms += [
-                term._replace(start=at + term.start, end=at + term.end) for term in text.terms
-            ]
+            terms += [Term(at + start, at + end, *name) for start, end, *name in text.terms]
         at += len(text) + len(between)
     return Sentence(between.join(row), terms)
 
@@ -81,11 +79,14 @@ def parameter_name(name: str) -> Sentence:
 
 
 @cache
-def _gaps(template: str) -> tuple[tuple[str, str | None, str | None, str | None], ...]:
-    return tuple(Formatter().parse(template))
+def _gaps(template: str) -> tuple[tuple[str, Sentence | None, str | None, str, str | None], ...]:
+    """Return the texts of a template, and behind each a term or what is to be filled in."""
+    return tuple(
+        (literal, _named(name) if name and "." in name else None, name, form or "", conversion)
+        for literal, name, form, conversion in Formatter().parse(template)
+    )
 
 
-@cache
 def _named(name: str) -> Sentence:
     if name.startswith("."):
         return parameter_name(name[1:])

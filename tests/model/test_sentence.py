@@ -163,8 +163,9 @@ def plain_texts(tree: ast.Module) -> Iterator[str]:
         elif isinstance(node, ast.Expr):  # documentation
             left_out.add(id(node.value))
     for node in ast.walk(tree):
-        if id(node) not in left_out and isinstance(node, ast.Constant):
-            yield str(node.value)
+        is_told = isinstance(node, ast.Constant) and isinstance(node.value, str)
+        if is_told and id(node) not in left_out:
+            yield node.value  # type: ignore[attr-defined]
 
 
 NAMED = re.compile(rf"(?<![\w./])({'|'.join(map(re.escape, sorted(DOTTED)))})(?!\w|\.\w)")
