@@ -75,11 +75,11 @@ def warn_of_doubts(view: Mapping[str, Any]) -> None:
 
 def warnings_in(view: Mapping[str, Any], voice: Voice) -> list[str]:
     """Return why a calibration is probably wrong; an older daemon knows the scale alone."""
-    from litegrip_client.values.terms import told_all  # noqa: PLC0415 - seldom needed
+    from litegrip_client.values.terms import told, told_all  # noqa: PLC0415 - seldom needed
 
     if "warnings" in view:
         return told_all(view, "warnings", voice)
-    return [str(view["scale_warning"])] if view.get("scale_warning") else []
+    return [told(view, "scale_warning", voice)] if view.get("scale_warning") else []
 
 
 async def _load_found(session: DaemonSession, command: Command) -> bool:
