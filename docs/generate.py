@@ -150,9 +150,11 @@ def errors_page() -> str:
             "of the reason, `litegripctl` ends with its exit code. *Retryable* says whether the",
             "same request may succeed later unchanged.",
             "",
-            "On the wire a message names methods and parameters. In their place the exceptions of",
+            "On the wire a message names methods and parameters, and `data.terms` says where",
+            "([protocol.md](protocol.md#names-in-texts)). In their place the exceptions of",
             "`litegrip_client` name its calls, and `litegripctl`, also with `--json`, its commands",
-            "and options (`litegrip_client/values/voices.py` is the table).",
+            "and options (`litegrip_client/values/voices.py` is the table). What users have said",
+            "stays as it is, and so do messages of an older daemon without `terms`.",
             "",
             "| reason | code | exception | exit code | retryable | meaning |",
             "| --- | --- | --- | --- | --- | --- |",
@@ -278,6 +280,20 @@ user who may not write there.
 - A client that lets too much wait to be read is closed, with the reason `backlog_full`: behind the
   whole lines that were sent to it.
 - A connection that the daemon closes gets a last line first, an error whose `id` is null.
+
+## Names in texts
+
+The texts for a person (`message` and `hint` of an error, `message` of an event or a result,
+`reasons` and `notes` of `health`, `warnings` of a calibration) name methods and parameters as this
+page does. Where they do, the object that holds the text has `terms`, in an error its `data`. By the
+text's name it has a row, for a list of texts one row each, of names in their order:
+
+- `start` and `end`: the name is the text's characters (code points) from `start` to before `end`.
+- `method`: the method that is named; with `parameter`, a call of it with that parameter.
+- `method` null: `parameter` is one of the method that was asked.
+
+A client for people puts its own names there. Nothing else in a text is a name, whatever it looks
+like: users have said it. A text without a row names nothing that is known, as of an older daemon.
 
 ## Methods
 """

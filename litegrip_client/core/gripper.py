@@ -188,15 +188,15 @@ class Gripper(GripperActions):
 
         `reasons` say why the verdict is not "ok"; `notes` what is normal and worth knowing.
         """
+        from litegrip_client.values.terms import told_all  # noqa: PLC0415 - see above
         from litegrip_client.values.voices import in_python  # noqa: PLC0415 - see above
 
         figures = await self._session.wire.call("health")
-        told: dict[str, Any] = {
-            name: [in_python(str(text)) for text in figures.get(name, ())]
-            for name in ("reasons", "notes")
-            if name in figures
-        }
-        return {**figures, **told}
+        for name in ("reasons", "notes"):
+            if name in figures:
+                figures[name] = told_all(figures, name, in_python)
+        figures.pop("terms", None)
+        return figures
 
     async def info(self) -> dict[str, Any]:
         """Return what does not change: versions, the motor's registers, ranges, calibration."""

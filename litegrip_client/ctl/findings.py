@@ -8,7 +8,6 @@ from dataclasses import asdict, dataclass
 from typing import Any, Generic, Literal, TypeAlias, TypeVar, get_args
 
 from litegrip_client.ctl.figures import plain
-from litegrip_client.values.voices import in_shell
 
 WITHIN_S = 60.0
 """How long a check may take: what it asks has limits of its own, which are shorter."""
@@ -137,17 +136,12 @@ def as_text(found: Sequence[Named]) -> str:
 
 def _lines(name: str, finding: Finding, width: int) -> list[str]:
     head = f"{finding.level.upper():<{_LEVEL_WIDTH}}"
-    lines = [f"{head}{name:<{width}}{_shown(finding.text)}"]
+    lines = [f"{head}{name:<{width}}{plain(finding.text)}"]
     if finding.command is not None:
         lines.append(f"{'':<{_LEVEL_WIDTH}}{plain(finding.command)}")
     if finding.advice is not None:
-        lines.append(f"{'':<{_LEVEL_WIDTH}}({_shown(finding.advice)})")
+        lines.append(f"{'':<{_LEVEL_WIDTH}}({plain(finding.advice)})")
     return lines
-
-
-def _shown(text: str) -> str:
-    """Return a text for a shell: a daemon's text names methods, this one commands."""
-    return plain(in_shell(text))
 
 
 def _counted(count: int, level: str) -> str:

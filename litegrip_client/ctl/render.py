@@ -84,6 +84,18 @@ _HINTS = {
     "trajectory_busy": "see: litegripctl jobs; what only watches ends with its client: clients",
 }
 
+_REMEDIES = {
+    "stopped": {"stop.clear"},
+    "not_enabled": {"motor.enable"},
+    "busy": {"job.wait"},
+    "teleop_busy": {"teleop.stop"},
+    "lease_held": {"lease.acquire", "lease.take"},
+    "unknown_job": {"job.list"},
+    "unknown_trajectory": {"trajectory.list"},
+    "trajectory_busy": {"job.wait"},
+}
+"""The methods whose commands a hint names: a message that names them needs no hint."""
+
 
 _OTHERWISE = {"not_calibrated": CHOOSE_MOUNT, "unreachable": "see: litegripctl doctor"}
 """Used if the error has no hint of its own; only that hint can offer a template."""
@@ -108,6 +120,11 @@ def hint_for(error: LiteGripError, options: Namespace) -> str:
     if error.retryable:
         return "" if "try again" in error.message else "try again"
     return f"see: {options.help_of} --help"
+
+
+def names_remedy(error: LiteGripError) -> bool:
+    """Return True if the message of an error names what its hint is about."""
+    return error.names(frozenset(_REMEDIES.get(error.reason or "", error.remedy)))
 
 
 def _log_of(options: Namespace) -> str:

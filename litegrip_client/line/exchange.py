@@ -49,7 +49,7 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
         def begin(self, result: Message) -> None:
             """Take the answer to the subscription; again does nothing."""
 
-    from litegrip_client.values.voices import Voice
+    from litegrip_client.values.terms import Voice
 
 MAX_LINE_BYTES = 16_384
 """A longer line makes the daemon close the connection."""

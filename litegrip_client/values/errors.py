@@ -11,7 +11,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
-    from litegrip_client.values.voices import Voice
+    from litegrip_client.values.terms import Voice
 
 OWN_REASONS: Mapping[str, tuple[str, int, str]] = {
     "no_daemon": ("ConnectError", 3, "No daemon can be reached by the sockets of the channel."),
@@ -86,6 +86,11 @@ class LiteGripError(Exception):
     `data` is everything else that came with the error.
     """
 
+    named: frozenset[str] = frozenset()
+    """The daemon's methods that the message names."""
+    remedy: frozenset[str] = frozenset()
+    """Those that the hint names."""
+
     def __init__(
         self,
         message: str = "",
@@ -127,12 +132,13 @@ class LiteGripError(Exception):
         return owner if isinstance(owner, dict) else None
 
     def __str__(self) -> str:
-        from litegrip_client.values.voices import is_said  # noqa: PLC0415 - only errors need it
-
         hint = self.hint
-        return (
-            self.message if not hint or is_said(self.message, hint) else f"{self.message}\n{hint}"
-        )
+        is_said = not hint or hint in self.message or self.names(self.remedy)
+        return self.message if is_said else f"{self.message}\n{hint}"
+
+    def names(self, methods: frozenset[str]) -> bool:
+        """Return True if the message names all these methods of the daemon, and there are some."""
+        return bool(methods) and methods <= self.named
 
 
 class ProtocolError(LiteGripError):
@@ -285,31 +291,34 @@ def from_error_object(
     """
     if not isinstance(error, dict):
         return ProtocolError(f"the daemon sent an error that is no object: {error!r:.80}")
+    from litegrip_client.values.terms import methods_in, told  # noqa: PLC0415 - only errors need it
+    from litegrip_client.values.voices import in_python  # noqa: PLC0415 - only errors need it
+
     data = error.get("data")
     data = dict(data) if isinstance(data, dict) else {}
-    if voice is None:
-        from litegrip_client.values.voices import in_python  # noqa: PLC0415 - only errors need it
-
-        voice = in_python
-    parameter = data.get("parameter") or data.get("field")
-    if isinstance(data.get("hint"), str):
-        data["hint"] = voice(data["hint"], method, parameter)
+    texts = {**data, "message": error.get("message", "the daemon gave no message")}
+    voice = voice or in_python
+    terms = data.pop("terms", None)
+    for name in terms if isinstance(terms, dict) else ():
+        if isinstance(data.get(name), str):
+            data[name] = told(texts, name, voice, method)
     reason, code = data.get("reason"), error.get("code")
-    message = str(error.get("message", "the daemon gave no message"))
     if method is not None and reason in ("unknown_method", "invalid_params"):
-        lacking = _lacking(method, str(reason), message)
+        lacking = _lacking(method, str(reason), str(texts["message"]), voice)
         if lacking is not None:
-            return _older_daemon(voice(lacking, None, None), daemon_version, code, data)
+            return _older_daemon(lacking, daemon_version, code, data)
     row = REASONS.get(reason) if isinstance(reason, str) else None
     if row is None and isinstance(code, int):
         row = REASONS.get(CODES.get(code, ""))
     kind = _CLASSES.get(row[0], LiteGripError) if row is not None else LiteGripError
-    return kind(
-        voice(message, method, parameter),
+    made = kind(
+        told(texts, "message", voice, method),
         reason=reason if isinstance(reason, str) else None,
         code=code if isinstance(code, int) else None,
         data=data,
     )
+    made.named, made.remedy = (methods_in(texts, name) for name in ("message", "hint"))
+    return made
 
 
 _NO_PARAMETER = r"\S+ has no parameter '(\w+)'"
@@ -318,7 +327,7 @@ _NO_FIELD = r"(config): there is no field '(\w+)'"
 """How every daemon refuses what it does not know."""
 
 
-def _lacking(method: str, reason: str, message: str) -> str | None:
+def _lacking(method: str, reason: str, message: str, voice: Voice) -> str | None:
     """Return what this client's version has and the daemon lacks; None if it is a slip."""
     import re  # noqa: PLC0415 - only errors need it, as the next
 
@@ -328,15 +337,20 @@ def _lacking(method: str, reason: str, message: str) -> str | None:
     if parameters is None:
         return None
     if reason == "unknown_method":
-        return method
+        return voice(method, None, None) or method
     stopped = re.search(r"; stopped \(\w+\) all the same$", message)
     then = "" if stopped is None else stopped[0]
-    if (found := re.match(_NO_PARAMETER, message)) is not None:
-        return f"{method} with {found[1]}{then}" if found[1] in parameters else None
-    found = re.match(_NO_VALUE, message) or re.match(_NO_FIELD, message)
-    if found is None or found[2] not in parameters.get(found[1], ()):
+    found = re.match(_NO_PARAMETER, message)
+    value = None
+    if found is None:
+        found = re.match(_NO_VALUE, message) or re.match(_NO_FIELD, message)
+        value = None if found is None else found[2]
+    if found is None or found[1] not in parameters:
         return None
-    return f"{method} with {found[1]}, {found[2]}{then}"
+    if value is not None and value not in parameters[found[1]]:
+        return None
+    what = voice(method, found[1], None) or f"{method} with {found[1]}"
+    return what + ("" if value is None else f", {value}") + then
 
 
 def _older_daemon(

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import cast
 
 from litegrip_client.values.repeats import REPEATS, RepeatsHandler
 from litegripd.app.build import Parts
@@ -23,6 +24,7 @@ from litegripd.io.log import FIELDS, JournalSink, goes_to_journal
 from litegripd.io.server import MAX_CONNECTIONS, MAX_CONNECTIONS_PER_UID
 from litegripd.model.gripper import STROKE_MM, MotorType
 from litegripd.model.motor import UNANSWERED, MotorIdentity, MotorPhase
+from litegripd.model.sentence import with_terms
 from litegripd.model.state import Event, EventKind, is_warning
 from litegripd.motor.identity import STILL_READ, warnings
 from litegripd.motor.phases import RESTING
@@ -392,7 +394,7 @@ def _process_complaints(parts: Parts) -> list[str]:
 def _calibration(controller: Controller) -> CalibrationFacts:
     """Return the origin of the calibration; `saved_s` is the file's date, in Unix time."""
     calibration, problem = controller.calibrated.calibration, controller.calibrated.problem
-    return {
+    facts: CalibrationFacts = {
         "file": controller.calibrated.file,
         "nominal": calibration is not None and calibration.nominal,
         "channel": None if calibration is None else calibration.channel,
@@ -401,3 +403,4 @@ def _calibration(controller: Controller) -> CalibrationFacts:
         "work_stroke": next(iter(controller.work_stroke_doubts()), None),
         "problem": problem.message if problem.reason == "calibration_unreadable" else None,
     }
+    return cast("CalibrationFacts", with_terms(facts))

@@ -78,6 +78,7 @@ from litegripd.model.motor import (
     ZeroView,
 )
 from litegripd.model.plain import Carried
+from litegripd.model.sentence import method_name, sentence
 from litegripd.model.state import (
     DisableResult,
     Event,
@@ -356,7 +357,12 @@ class Controller:
 
     def _unfitting(self, why: str, file: str | None) -> Refusal:
         kept = "; the calibration in use stays in force" if self.geometry is not None else ""
-        text = f"the calibration {file or 'that was given'} cannot be this gripper's: {why}{kept}"
+        text = sentence(
+            "the calibration {file} cannot be this gripper's: {why}{kept}",
+            file=file or "that was given",
+            why=why,
+            kept=kept,
+        )
         return Refusal("calibration_unreadable", text, {"file": file})
 
     def note_bus(self, bus: BusCondition) -> None:
@@ -388,16 +394,14 @@ class Controller:
         if refusal is None and (self.jobs.queue or self.must_disable):
             refusal = Refusal("busy", "a motion, or disabling the motor, is about to begin")
         if refusal is None and self.capture is not None and self.capture.would_be_lost:
-            text = "a recording is not kept yet: end it (trajectory.record_stop)"
-            refusal = Refusal("trajectory_busy", text, {"hint": "trajectory.record_stop"})
+            refusal = _recording("not kept yet")
         return refusal
 
     def recording_refusal(self) -> Refusal | None:
         """Return a refusal while a recording is under way: replay and teleoperation exclude it."""
         if self.capture is None or self.capture.is_over:
             return None
-        text = "a recording is under way: end it (trajectory.record_stop)"
-        return Refusal("trajectory_busy", text, {"hint": "trajectory.record_stop"})
+        return _recording("under way")
 
     # Jobs
 
@@ -1055,3 +1059,9 @@ def _finite(motor: MotorView) -> MotorView:
         return motor
     total = feedback.position_rad + feedback.velocity_rad_s + feedback.torque_nm
     return motor if math.isfinite(total) else motor._replace(feedback=None)
+
+
+def _recording(how: str) -> Refusal:
+    """Return why a recording is in the way."""
+    text = sentence("a recording is {how}: end it ({trajectory.record_stop})", how=how)
+    return Refusal("trajectory_busy", text, {"hint": method_name("trajectory.record_stop")})

@@ -46,6 +46,7 @@ from litegripd.model.motion_config import (
     slow_conflict,
 )
 from litegripd.model.motor import EnableMotor, Feedback, MotorPhase
+from litegripd.model.sentence import method_name, sentence
 from litegripd.model.state import (
     ForceResult,
     HoldResult,
@@ -105,7 +106,9 @@ class MotionRequests:
         controller = self._controller
         running = controller.jobs.running
         if running is not None and running.owner.client == owner.client:
-            controller.end(Refusal("cancelled", "ended by motor.disable of the same client"))
+            controller.end(
+                Refusal("cancelled", sentence("ended by {motor.disable} of the same client"))
+            )
         refusal = busy_refusal(controller.jobs.running)
         if refusal is not None:
             return refusal
@@ -542,7 +545,8 @@ class CalibrationRequests:
         try:
             rescaled = calibration.rescaled(stroke_mm)
         except ValueError as error:
-            return Refusal("out_of_limits", f"stroke_mm is {stroke_mm:g}: {error}")
+            text = sentence("{.stroke_mm} is {value:g}: {error}", value=stroke_mm, error=error)
+            return Refusal("out_of_limits", text)
         return self.load(rescaled, controller.calibrated.file, owner)
 
     def save(self, on_saved: OnSaved, uid: int | None = None) -> Refusal | None:
@@ -579,6 +583,6 @@ class CalibrationRequests:
 
 _NOT_BY_HAND = Refusal(
     "not_calibrated",
-    "no calibration by hand is under way: begin one (calibration.manual)",
-    {"hint": "calibration.manual"},
+    sentence("no calibration by hand is under way: begin one ({calibration.manual})"),
+    {"hint": method_name("calibration.manual")},
 )

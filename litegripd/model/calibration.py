@@ -22,6 +22,7 @@ from litegripd.model.gripper import (
     why_not_driven,
 )
 from litegripd.model.motor import KD_MAX_NM_S_RAD, KP_MAX_NM_RAD
+from litegripd.model.sentence import sentence
 
 
 class Saved(TypedDict):
@@ -288,13 +289,20 @@ def unfitting(calibration: Calibration, stroke_mm: float, position_rad: float) -
     span_mm = stroke_mm + SPAN_INSET_MM
     if fits_stroke(geometry.travel_mm, stroke_mm) or calibration.is_superseded:
         return None
-    return (
-        f"its limits are {geometry.travel_rad:.4g} rad apart, with {geometry.rad_to_mm:.4g} mm/rad"
-        f" that is {geometry.travel_mm:.4g} mm of travel, and the configured stroke is"
-        f" {stroke_mm:g} mm ({span_mm:g} between the limits): they may differ by"
-        f" {SCALE_TOLERANCE:.0%}. Measure how far the jaws open (caliper). If the file is wrong,"
-        f" correct its rad_to_mm ({span_mm / geometry.travel_rad:.4g} for these limits), or measure"
-        " again (calibration.zero with a mount). If the stroke is wrong, set stroke_mm in [gripper]"
+    return sentence(
+        "its limits are {travel_rad:.4g} rad apart, with {rad_to_mm:.4g} mm/rad that is"
+        " {travel_mm:.4g} mm of travel, and the configured stroke is {stroke_mm:g} mm ({span_mm:g}"
+        " between the limits): they may differ by {tolerance:.0%}. Measure how far the jaws open"
+        " (caliper). If the file is wrong, correct its rad_to_mm ({fitting:.4g} for these limits),"
+        " or measure again ({calibration.zero with a mount}). If the stroke is wrong, set stroke_mm"
+        " in [gripper]",
+        travel_rad=geometry.travel_rad,
+        rad_to_mm=geometry.rad_to_mm,
+        travel_mm=geometry.travel_mm,
+        stroke_mm=stroke_mm,
+        span_mm=span_mm,
+        tolerance=SCALE_TOLERANCE,
+        fitting=span_mm / geometry.travel_rad,
     )
 
 
@@ -317,19 +325,25 @@ def scale_warning(calibration: Calibration, stroke_mm: float) -> str | None:
     if doubt is None:
         return None
     if doubt == "superseded":
-        factor = geometry.travel_mm / (stroke_mm + SPAN_INSET_MM)
-        return (
-            f"the calibration takes the jaws' travel for {geometry.travel_mm:.4g} mm, as earlier"
-            f" versions did; by the configuration they open {stroke_mm:g} mm, so every length and"
-            f" speed in mm reads {factor:.2f} times too large: litegripctl calibration rescale"
-            " corrects it, without another measurement"
+        return sentence(
+            "the calibration takes the jaws' travel for {travel_mm:.4g} mm, as earlier versions"
+            " did; by the configuration they open {stroke_mm:g} mm, so every length and speed in mm"
+            " reads {factor:.2f} times too large: {calibration.rescale} corrects it, without"
+            " another measurement",
+            travel_mm=geometry.travel_mm,
+            stroke_mm=stroke_mm,
+            factor=geometry.travel_mm / (stroke_mm + SPAN_INSET_MM),
         )
     low, high = USUAL_RAD_TO_MM
-    return (
-        f"the calibration has {geometry.rad_to_mm:.4g} mm/rad, and grippers of {low:g} to"
-        f" {high:g} mm/rad were seen: its limits are probably wrong, so measure the travel again"
-        " (litegripctl zero). If a caliper says that the jaws do not open"
-        f" {stroke_mm:g} mm: litegripctl calibration rescale --stroke-mm MM"
+    return sentence(
+        "the calibration has {rad_to_mm:.4g} mm/rad, and grippers of {low:g} to {high:g} mm/rad"
+        " were seen: its limits are probably wrong, so measure the travel again"
+        " ({calibration.zero}). If a caliper says that the jaws do not open {stroke_mm:g} mm, give"
+        " what it says: {calibration.rescale with stroke_mm}",
+        rad_to_mm=geometry.rad_to_mm,
+        low=low,
+        high=high,
+        stroke_mm=stroke_mm,
     )
 
 
@@ -371,10 +385,11 @@ def foreign_warning(
         marks.append(f"motor_type {reprlib.repr(file_type)}, and this motor is a {motor_type}")
     if not marks:
         return None
-    return (
-        f"the calibration is probably another gripper's: it has {'; '.join(marks)}. Its limits, and"
-        " the direction in which it closes, may be wrong here: measure again (calibration.zero), or"
-        " load this gripper's own. If it is this gripper's, correct those keys in the file"
+    return sentence(
+        "the calibration is probably another gripper's: it has {marks}. Its limits, and the"
+        " direction in which it closes, may be wrong here: measure again ({calibration.zero}), or"
+        " load this gripper's own. If it is this gripper's, correct those keys in the file",
+        marks="; ".join(marks),
     )
 
 

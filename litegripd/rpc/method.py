@@ -45,6 +45,7 @@ from litegripd.model.motion_config import (
     damping_conflict,
     ranges_of,
 )
+from litegripd.model.sentence import method_name, parameter_name, sentence
 from litegripd.model.state import Job, Owner
 from litegripd.rpc.reports import JobNumber
 from litegripd.rpc.sessions import Role, Session
@@ -163,16 +164,30 @@ def check(method: str, declared: Mapping[str, Param], given: Mapping[str, Any]) 
     for name, value in given.items():
         param = declared.get(name)
         if param is None:
-            allowed = ", ".join(declared) or "none"
-            text = f"{method} has no parameter {_shown(name)}; it has: {allowed}"
+            text = sentence(
+                "{method} has no parameter {given}; it has: {allowed}",
+                method=method_name(method),
+                given=_shown(name),
+                allowed=", ".join(declared) or "none",  # unmarked: so many take too long
+            )
             return Refusal("invalid_params", text, {"parameter": name[:64]})
         problem = param.problem(value)
         if problem is not None:
-            text = f"{method}: {name} {problem}"
+            text = sentence(
+                "{method}: {name} {problem}",
+                method=method_name(method),
+                name=parameter_name(name),
+                problem=problem,
+            )
             return Refusal("invalid_params", text, {"parameter": name})
     for name, param in declared.items():
         if param.required and name not in given:
-            text = f"{method} needs the parameter {param.name}: {param.description}"
+            text = sentence(
+                "{method} needs the parameter {name}: {description}",
+                method=method_name(method),
+                name=parameter_name(param.name),
+                description=param.description,
+            )
             return Refusal("invalid_params", text, {"parameter": param.name})
     return None
 
@@ -367,7 +382,8 @@ class Call(NamedTuple):
             return base.changed(given, controller.period_s, controller.gripper_id.motor_type)
         except MotionConfigError as error:
             data = {"parameter": "config", "field": error.field}
-            raise Refused(Refusal("invalid_params", f"config: {error}", data)) from None
+            text = sentence("{name}: {error}", name=parameter_name("config"), error=error)
+            raise Refused(Refusal("invalid_params", text, data)) from None
 
     def _given_terms(
         self, content: Mapping[str, Any], config: MotionConfig, controller: Controller

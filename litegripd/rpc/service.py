@@ -9,6 +9,7 @@ from litegripd.control.controller import Controller
 from litegripd.control.events import Turn
 from litegripd.model.errors import Refusal
 from litegripd.model.plain import Carried
+from litegripd.model.sentence import sentence, with_terms
 from litegripd.model.state import Event, Job, JobKind, Owner
 from litegripd.rpc.jsonrpc import (
     BadRequest,
@@ -384,7 +385,9 @@ class RpcService:
     ) -> None:
         method = self._methods.get(request.method)
         if method is None:
-            text = f"there is no method {request.method[:64]!r}; rpc.discover lists them"
+            text = sentence(
+                "there is no method {asked!r}; {rpc.discover} lists them", asked=request.method[:64]
+            )
             self._refuse(session, request.identity, Refusal("unknown_method", text))
             return
         call = self._requests.admit(session, request, method, now_s, received_s)
@@ -411,7 +414,7 @@ class RpcService:
             session.unanswered += 1
             answer.then(lambda result: self._answer_deferred(session, request, result))
         elif request.identity is not None:
-            result = answer if isinstance(answer, bytes) else encode(answer)
+            result = answer if isinstance(answer, bytes) else encode(with_terms(answer))
             session.write(result_line(request.identity, result))
 
     def _answer_deferred(self, session: Session, request: Request, result: Result) -> None:
@@ -437,7 +440,9 @@ class RpcService:
         why = asked.why or "a stop request that was not understood"
         self._controller.stop(asked.level, session.owner, why, now_s)
         self.reporter.refresh()
-        text = f"{refusal.message}; stopped ({asked.level}) all the same"
+        text = sentence(
+            "{why}; stopped ({level}) all the same", why=refusal.message, level=asked.level
+        )
         return replace(refusal, message=text)
 
     def _refuse(self, session: Session, identity: RequestId, refusal: Refusal) -> None:
@@ -448,7 +453,13 @@ class RpcService:
     def _log_refusal(self, session: Session, refusal: Refusal) -> None:
         self.refused += 1
         peer = session.peer
-        text = f"refused {session.name} (pid {peer.pid}, uid {peer.uid}): {refusal.message}"
+        text = sentence(
+            "refused {name} (pid {pid}, uid {uid}): {why}",
+            name=session.name,
+            pid=peer.pid,
+            uid=peer.uid,
+            why=refusal.message,
+        )
         self._collect_events(self._now_s)  # earlier events
         data = {"reason": refusal.reason, "client": session.identity, "pid": peer.pid}
         self._note(Event("refused", text, data), self._now_s)

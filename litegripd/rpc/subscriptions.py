@@ -9,6 +9,7 @@ from typing import TypedDict, get_args
 from litegripd.control.snapshot import GripperState
 from litegripd.model.errors import Refusal
 from litegripd.model.plain import Carried
+from litegripd.model.sentence import with_terms
 from litegripd.model.state import Event, EventKind
 from litegripd.rpc.jsonrpc import encode, notification_line
 from litegripd.rpc.reports import NumberedEvent, state_view
@@ -76,9 +77,9 @@ class _Numbered:
                 "monotonic_s": self._at_s,
                 "kind": event.kind,
                 "message": event.message,
-                "data": dict(event.data),
+                "data": with_terms(event.data),
             }
-            self._encoded = encode(view)[1:-1]
+            self._encoded = encode(with_terms(view))[1:-1]
         return self._encoded
 
 

@@ -17,6 +17,7 @@ from litegripd.control.limiter import Gains
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import Geometry
 from litegripd.model.motion_config import damping_conflict, fast_conflict
+from litegripd.model.sentence import sentence
 from litegripd.model.state import Event, Job, Owner
 from litegripd.model.teleop import (
     Arrival,
@@ -209,8 +210,12 @@ class Teleoperation:
             return None
         return Refusal(
             "out_of_limits",
-            f"rate_hz is {rate_hz:g}, the daemon's control rate is {most_hz:g}: there is no newer"
-            " measurement to publish in between",
+            sentence(
+                "{.rate_hz} is {rate_hz:g}, the daemon's control rate is {most_hz:g}: there is no"
+                " newer measurement to publish in between",
+                rate_hz=rate_hz,
+                most_hz=most_hz,
+            ),
             {"field": "rate_hz", "requested": rate_hz, "limit": most_hz},
         )
 
@@ -229,7 +234,7 @@ def _gains(calibrated: Gains, settings: TeleopSettings) -> Gains:
 
 def _not_ready(why: Refusal) -> Refusal:
     """Return a refusal that applies to any motion."""
-    text = f"teleoperation cannot begin: {why.message}"
+    text = sentence("teleoperation cannot begin: {why}", why=why.message)
     return Refusal("teleop_not_ready", text, {**why.data, "cause": why.reason})
 
 

@@ -14,6 +14,7 @@ from litegripd.model.motion_config import (
     MotionConfig,
     ranges_of,
 )
+from litegripd.model.sentence import parameter_name, sentence
 from litegripd.model.teleop import (
     DEFAULT_DQ_MAX_RAD_S,
     DEFAULT_GRIP_ID,
@@ -283,7 +284,9 @@ def link_options(params: Mapping[str, Any]) -> LinkOptions:
 
 
 def _wrong(parameter: str, text: str) -> Refused:
-    message = f"teleop.start: {parameter} {text}"
+    message = sentence(
+        "{teleop.start}: {parameter} {text}", parameter=parameter_name(parameter), text=text
+    )
     return Refused(Refusal("invalid_params", message, {"parameter": parameter}))
 
 

@@ -11,6 +11,7 @@ from litegrip_client.values.trajectory_format import MAX_BYTES, MAX_GRIP_BYTES, 
 from litegripd.control.controller import Controller
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import Mount
+from litegripd.model.sentence import sentence
 from litegripd.model.state import HelperTask, TaskResult
 from litegripd.rpc.method import (
     Answer,
@@ -131,14 +132,15 @@ class Temporaries:
     def _check_room(self, client: int, total: int) -> None:
         uploads = [one for one in self._all.values() if one.kind == "upload"]
         if sum(one.client == client for one in uploads) >= MOST_PER_CONNECTION:
-            text = (
-                f"this connection has {MOST_PER_CONNECTION} uploads already: delete one"
-                " (trajectory.delete), or give it a name"
+            text = sentence(
+                "this connection has {most} uploads already: delete one ({trajectory.delete}), or"
+                " give it a name",
+                most=MOST_PER_CONNECTION,
             )
             raise Refused(Refusal("too_many_requests", text, {"limit": MOST_PER_CONNECTION}))
         if sum(one.total for one in uploads) + total > MOST_BYTES:
-            text = f"all uploads together would have more than {MOST_BYTES} bytes: try again later"
-            raise Refused(Refusal("too_many_requests", text, {"limit": MOST_BYTES}))
+            why = f"all uploads together would have more than {MOST_BYTES} bytes: try again later"
+            raise Refused(Refusal("too_many_requests", why, {"limit": MOST_BYTES}))
 
     def _begin(self, begun: Temporary) -> Temporary:
         self._all[begun.name] = begun
@@ -370,7 +372,10 @@ class TrajectoryFileMethods:
         params, name = call.params, call.params.get("name")
         sha256 = params["sha256"].lower()
         if len(sha256) != _SHA256_DIGITS or not set(sha256) <= set("0123456789abcdef"):
-            text = f"trajectory.put: sha256 must have {_SHA256_DIGITS} hexadecimal digits"
+            text = sentence(
+                "{trajectory.put}: {.sha256} must have {digits} hexadecimal digits",
+                digits=_SHA256_DIGITS,
+            )
             return Refusal("invalid_params", text, {"parameter": "sha256"})
         offset, total = params["offset"], params["total"]
         check_name(name)

@@ -8,6 +8,7 @@ from litegrip_client.values.trajectory_format import MAX_SAMPLES, Header
 from litegripd.control.controller import Controller
 from litegripd.control.limiter import DEFAULT_GAINS
 from litegripd.model.errors import Refusal
+from litegripd.model.sentence import sentence
 from litegripd.model.state import ReplayResult
 from litegripd.rpc.method import (
     CALIBRATION,
@@ -263,7 +264,7 @@ class TrajectoryMethods:
         params, terms = call.params, call.terms(self._controller)
         name = self._files.named(call)
         if "repeat" in params and params.get("loop"):
-            text = "trajectory.play takes loop or repeat, not both"
+            text = sentence("{trajectory.play} takes {.loop} or {.repeat}, not both")
             return Refusal("invalid_params", text, {"parameter": "repeat"})
         request = ReplayRequest(
             name=name,
@@ -309,7 +310,9 @@ class TrajectoryMethods:
         params, action = call.params, call.params["action"]
         replay = accepted(self._trajectories.playing(params.get("job"), call.owner))
         if ("speed" in params) != (action == "speed"):
-            text = "trajectory.control: speed goes with the action speed, and only with it"
+            text = sentence(
+                "{trajectory.control}: {.speed} goes with the action speed, and only with it"
+            )
             return Refusal("invalid_params", text, {"parameter": "speed"})
         if action == "speed":
             refusal = replay.change_speed(params["speed"])

@@ -26,6 +26,7 @@ from litegripd.control.limiter import Gains
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import Geometry
 from litegripd.model.motion_config import fast_conflict, slow_conflict
+from litegripd.model.sentence import sentence
 from litegripd.model.state import HelperTask, Job, Owner, TaskResult
 from litegripd.trajectories.capture import Capture, Teach, result_of
 from litegripd.trajectories.file_methods import Temporaries
@@ -73,9 +74,9 @@ def keep(
     send(0)
 
 
-STAYS = (
-    "the recording stays until the next one begins: end it again (trajectory.record_stop), under a"
-    " name or, to fetch it (trajectory.get), without one"
+STAYS = sentence(
+    "the recording stays until the next one begins: end it again ({trajectory.record_stop}), under"
+    " a name or, to fetch it ({trajectory.get}), without one"
 )
 
 
@@ -162,7 +163,7 @@ class Trajectories:
         if self._is_keeping:
             return self.refusal()
         if capture is None or capture.is_taken:
-            text = "no recording is under way: begin one (trajectory.record_start)"
+            text = sentence("no recording is under way: begin one ({trajectory.record_start})")
             return Refusal("recording_failed", text)
         self._note_job(capture)
         feedback = controller.motor.feedback
@@ -208,7 +209,11 @@ class Trajectories:
         most_hz = 1.0 / self._controller.period_s
         if rate_hz <= most_hz + 1e-6:
             return None
-        text = f"rate_hz is {rate_hz:g}, at most the control rate of {most_hz:g} is measured"
+        text = sentence(
+            "{.rate_hz} is {rate_hz:g}, at most the control rate of {most_hz:g} is measured",
+            rate_hz=rate_hz,
+            most_hz=most_hz,
+        )
         data = {"field": "rate_hz", "requested": rate_hz, "limit": most_hz}
         return Refusal("out_of_limits", text, data)
 
@@ -276,14 +281,16 @@ def _unusable(capture: Capture, *, allow_empty: bool, allow_partial: bool) -> Re
     """Return why a recording cannot be used, or None."""
     data = {"samples": capture.samples, "error": capture.error}
     if capture.error is not None and not allow_partial:
-        text = (
-            f"the recording was broken off after {capture.samples} samples: {capture.error};"
-            " trajectory.record_stop with allow_partial takes what there is"
+        text = sentence(
+            "the recording was broken off after {samples} samples: {error};"
+            " {trajectory.record_stop with allow_partial} takes what there is",
+            samples=capture.samples,
+            error=capture.error,
         )
         return Refusal("recording_failed", text, data)
     if capture.samples == 0 and not allow_empty:
-        text = (
-            "the recording has no samples (trajectory.record_stop with allow_empty takes it, too)"
+        text = sentence(
+            "the recording has no samples ({trajectory.record_stop with allow_empty} takes it, too)"
         )
         return Refusal("recording_failed", text, data)
     return None

@@ -15,6 +15,7 @@ from litegrip_client.values.trajectory_format import ENDING, HEADER, MAX_BYTES, 
 from litegripd.io.helper import atomic_file
 from litegripd.io.helper.atomic_file import REAL, FileSystem
 from litegripd.io.helper.files import state_directory
+from litegripd.model.sentence import sentence, with_terms
 from litegripd.trajectories.content import (
     Content,
     Grips,
@@ -90,17 +91,27 @@ class Owners:
         usage = self.usage(path.parent, uid)
         before = _size_of(path) if self.owner_of(path) == uid and os.path.lexists(path) else None
         if before is None and usage["named"] >= self._limits.most:
-            text = (
-                f"uid {uid} has {usage['named']} named trajectories, of {self._limits.most} that"
-                f" [trajectories] most_per_user allows{_REMEDY}"
+            text = sentence(
+                "uid {uid} has {named} named trajectories, of {most} that [trajectories]"
+                " most_per_user allows{remedy}",
+                uid=uid,
+                named=usage["named"],
+                most=self._limits.most,
+                remedy=_REMEDY,
             )
             raise StoreError("trajectories_full", text, _data(usage, size))
         growth = size - (before or 0)
         if growth > 0 and usage["bytes"] + growth > self._limits.most_bytes:
-            text = (
-                f"this trajectory has {size} bytes, and the {usage['named']} that uid {uid} has"
-                f" under names have {usage['bytes']}, of {self._limits.most_bytes} that"
-                f" [trajectories] most_mb_per_user allows{_REMEDY}"
+            text = sentence(
+                "this trajectory has {size} bytes, and the {named} that uid {uid} has under names"
+                " have {bytes}, of {most_bytes} that [trajectories] most_mb_per_user"
+                " allows{remedy}",
+                size=size,
+                uid=uid,
+                named=usage["named"],
+                bytes=usage["bytes"],
+                most_bytes=self._limits.most_bytes,
+                remedy=_REMEDY,
             )
             raise StoreError("trajectories_full", text, _data(usage, size))
 
@@ -178,9 +189,9 @@ def path_beside(path: Path) -> Path:
     return path.with_name(path.name.removesuffix(ENDING) + OWNER_ENDING)
 
 
-_REMEDY = (
-    " in the daemon's configuration: make room (trajectory.delete), or have an administrator raise"
-    " it and restart the daemon"
+_REMEDY = sentence(
+    " in the daemon's configuration: make room ({trajectory.delete}), or have an administrator"
+    " raise it and restart the daemon"
 )
 
 
@@ -449,6 +460,7 @@ def _refusing(
         try:
             return do(parameters)
         except StoreError as error:
-            return {"refused": {"reason": error.reason, "message": str(error), "data": error.data}}
+            told = {"reason": error.reason, "message": error.message, "data": error.data}
+            return {"refused": with_terms(told)}
 
     return answer

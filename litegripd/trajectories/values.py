@@ -20,6 +20,7 @@ from litegrip_client.values.trajectory_format import (
     read_header,
 )
 from litegripd.model.errors import Refusal
+from litegripd.model.sentence import read_sentence
 from litegripd.model.state import HelperTask, TaskResult
 
 MAX_NAME = 64
@@ -158,7 +159,8 @@ def outcome_of(result: TaskResult, failed: str) -> Mapping[str, Any] | Refusal:
         return Refusal(result.reason or failed, str(result.error))
     refused = result.value.get("refused")
     if refused is not None:
-        return Refusal(refused["reason"], refused["message"], refused["data"])
+        terms = refused.get("terms", {}).get("message")
+        return Refusal(refused["reason"], read_sentence(refused["message"], terms), refused["data"])
     return result.value
 
 

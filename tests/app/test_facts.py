@@ -7,6 +7,7 @@ from typing import Any, cast
 
 import pytest
 
+from litegrip_client.values.terms import methods_in
 from litegripd.app.build import motor_figures
 from litegripd.app.config import Config
 from litegripd.app.status import DaemonFacts
@@ -151,7 +152,8 @@ def test_a_content_of_a_client_is_in_no_file_until_it_is_saved() -> None:
     content = client.result("calibration.get")["content"]
     client.result("calibration.load", content={**content, **MEASURED, "channel": "can7"})
     told = info(world)["calibration"]
-    foreign = told.pop("foreign")
+    assert methods_in(told, "foreign") == {"calibration.zero"}
+    foreign, _terms = told.pop("foreign"), told.pop("terms")
     assert "it has channel 'can7', and this is can0" in foreign
     assert told == {
         "file": None,

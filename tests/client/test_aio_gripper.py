@@ -17,6 +17,7 @@ from litegrip_client.aio import LiteGrip
 from litegrip_client.line.feeds import EventSubscription, Subscription
 from litegrip_client.threads.actions import BlockingGripper, Lease
 from litegrip_client.threads.sdk_gripper import SdkGripper
+from litegripd.model.sentence import method_name, with_terms
 from tests.client.aio_helpers import arrived, cancel, run
 from tests.client.fake_daemon import HELLO, STATE, FakeDaemon
 
@@ -306,7 +307,7 @@ def test_a_stop_overtakes_a_motion(daemon: FakeDaemon) -> None:
         (
             lambda g: g.health(),
             "health",
-            {"verdict": "ok", "reasons": ["motor.enable"]},
+            with_terms({"verdict": "ok", "reasons": [method_name("motor.enable")]}),
             {"verdict": "ok", "reasons": ["gripper.enable()"]},
         ),
         (lambda g: g.info(), "info.get", {"version": "1"}, {"version": "1"}),

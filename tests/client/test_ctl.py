@@ -9,6 +9,7 @@ import pytest
 from litegrip_client.ctl import state_view
 from litegrip_client.ctl.state_view import state_line
 from litegrip_client.values.results import STATE_FIELDS
+from litegripd.model.sentence import sentence, terms_of, with_terms
 from tests.client.fake_daemon import HELLO, MOVE, STATE, FakeDaemon, Request
 from tests.client.helpers import Ctl
 
@@ -41,6 +42,7 @@ ENDED = {
     "error": None,
     "result": {"job": 5, "ok": False, "outcome": "blocked", "target_rad": 0.123456, "state": STATE},
 }
+REFUSED = sentence("the motor is not enabled: call {motor.enable} first")
 FAILED = {
     **ENDED,
     "job": 6,
@@ -48,8 +50,12 @@ FAILED = {
     "detached": False,
     "error": {
         "code": -32030,
-        "message": "the motor is not enabled: call motor.enable first",
-        "data": {"reason": "not_enabled", "retryable": False},
+        "message": REFUSED,
+        "data": {
+            "reason": "not_enabled",
+            "retryable": False,
+            "terms": terms_of({"message": REFUSED}),
+        },
     },
     "result": None,
 }
@@ -425,8 +431,9 @@ def test_watch_as_json_is_an_object_for_each_state(daemon: FakeDaemon, ctl: Ctl)
 
 
 def test_the_reasons_of_health_name_commands(daemon: FakeDaemon, ctl: Ctl) -> None:
-    reasons = ["look at it, then motor.clear_fault"]
-    daemon.handlers["health"] = lambda request: {"verdict": "down", "reasons": reasons}
+    reasons = [sentence("look at it, then {motor.clear_fault}")]
+    answer = with_terms({"verdict": "down", "reasons": reasons})
+    daemon.handlers["health"] = lambda request: answer
     code, shown, _ = ctl("health")
     assert (code, shown) == (2, "verdict: down\n- look at it, then litegripctl clear-fault\n")
     assert json.loads(ctl("health", "--json")[1])["reasons"] == reasons

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from litegripd.model.sentence import sentence, with_terms
 from tests.client.ctl_terminal import Terminal
 from tests.client.fake_daemon import STATE, FakeDaemon
 from tests.client.helpers import Ctl
@@ -231,7 +232,7 @@ def test_a_stroke_that_is_none_is_wrong_usage(daemon: FakeDaemon, ctl: Ctl, text
     assert daemon.methods() == []
 
 
-DOUBT = "the calibration takes the jaws' travel for 120 mm: calibration.rescale corrects it"
+DOUBT = sentence("the jaws' travel is taken for 120 mm: {calibration.rescale} corrects it")
 OLD: dict[str, Any] = {
     **CALIBRATION,
     "closed_rad": OLD_CLOSED_RAD,
@@ -248,8 +249,9 @@ WARNING = f"WARNING: {DOUBT.replace('calibration.rescale', 'litegripctl calibrat
 def test_a_doubtful_scale_is_said_loudly(daemon: FakeDaemon, ctl: Ctl, tmp_path: Path) -> None:
     path = tmp_path / "old.json"
     path.write_text(json.dumps(CONTENT), encoding="utf-8")
-    daemon.handlers["calibration.get"] = lambda request: OLD
-    daemon.handlers["calibration.load"] = lambda request: {**LOADED, "scale_warning": DOUBT}
+    daemon.handlers["calibration.get"] = lambda request: with_terms(OLD)
+    loaded = with_terms({**LOADED, "scale_warning": DOUBT})
+    daemon.handlers["calibration.load"] = lambda request: loaded
     shown = ctl("calibration")[1].splitlines()
     assert shown[0] == WARNING
     assert "work stroke none: open goes to the stop" in shown
@@ -258,7 +260,8 @@ def test_a_doubtful_scale_is_said_loudly(daemon: FakeDaemon, ctl: Ctl, tmp_path:
 
 def test_whatever_is_doubtful_is_said_to_who_loads_it(daemon: FakeDaemon, ctl: Ctl) -> None:
     doubts = [DOUBT, "it has can_id 0x07"]
-    daemon.handlers["calibration.load"] = lambda request: {**LOADED, "warnings": doubts}
+    loaded = with_terms({**LOADED, "warnings": doubts})
+    daemon.handlers["calibration.load"] = lambda request: loaded
     shown = ctl("calibration", "load", "normal")[1].splitlines()
     assert [line for line in shown if line.startswith("WARNING")] == [
         WARNING,

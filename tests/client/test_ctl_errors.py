@@ -9,6 +9,7 @@ import pytest
 
 from litegrip_client.ctl.main import main
 from litegripd.model.errors import ERROR_TABLE, ErrorKind
+from litegripd.model.sentence import sentence
 from litegripd.motor.phases import implausible_refusal
 from tests.client.fake_daemon import STATE, FakeDaemon, Request
 from tests.client.helpers import Ctl, interrupt_main_thread
@@ -144,24 +145,25 @@ def test_a_remedy_in_the_protocols_words_is_not_told_twice_either(
 
 
 @pytest.mark.parametrize(
-    ("told", "shown"),
+    ("template", "shown"),
     [
-        ("clear it with stop.clear first", "clear it with litegripctl clear first"),
+        ("clear it with {stop.clear} first", "clear it with litegripctl clear first"),
         (
-            "wait for it (job.wait), cancel it (job.cancel) or stop",
+            "wait for it ({job.wait}), cancel it ({job.cancel}) or stop",
             "wait for it (see: litegripctl jobs), cancel it (litegripctl cancel JOB) or stop",
         ),
         (
-            "wait for it (lease.acquire with wait_s), or take it over (lease.take)",
+            "wait for it ({lease.acquire with wait_s}), or take it over ({lease.take})",
             "wait for it (see: litegripctl lease), or take it over (litegripctl lease take REASON)",
         ),
-        ("no 'x'; trajectory.list tells which", "no 'x'; litegripctl trajectories tells which"),
-        ("motion.movement and /a/stop.clear.json", "motion.movement and /a/stop.clear.json"),
+        ("no 'x'; {trajectory.list} tells which", "no 'x'; litegripctl trajectories tells which"),
+        ("motion.move and /a/stop.clear.json", "motion.move and /a/stop.clear.json"),
     ],
 )
 def test_remedies_are_commands_and_not_the_protocols_methods(
-    daemon: FakeDaemon, ctl: Ctl, told: str, shown: str
+    daemon: FakeDaemon, ctl: Ctl, template: str, shown: str
 ) -> None:
+    told = sentence(template)
     daemon.handlers["state.get"] = lambda request: request.fail("x", -1, "no", hint=told)
     assert ctl("state")[2] == f"litegripctl: no\n  {shown}\n"
     daemon.handlers["state.get"] = lambda request: request.fail("x", -1, told, hint="do so")
@@ -306,7 +308,8 @@ def test_a_strange_answer_is_no_traceback(daemon: FakeDaemon, ctl: Ctl) -> None:
 
 
 def refuse(request: Request) -> None:
-    request.fail("not_enabled", -32030, "the motor is not enabled (motor.enable)")
+    text = sentence("the motor is not enabled ({motor.enable})")
+    request.fail("not_enabled", -32030, text)
 
 
 def test_a_remedy_is_for_the_gripper_that_was_named(

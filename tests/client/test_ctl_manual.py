@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from litegripd.model.sentence import sentence
 from tests.client.ctl_terminal import Terminal
 from tests.client.fake_daemon import FakeDaemon, Request
 from tests.client.helpers import Ctl
@@ -173,7 +174,8 @@ def test_a_stroke_that_is_refused_is_asked_for_again(
     def refuse(request: Request) -> Any:
         answer(request)
         daemon.handlers["calibration.manual"] = answer
-        return request.fail("out_of_limits", -32011, "stroke_mm is 120", field="stroke_mm")
+        text = sentence("{.stroke_mm} is 120")
+        return request.fail("out_of_limits", -32011, text, field="stroke_mm")
 
     daemon.handlers["calibration.manual"] = refuse
     terminal.type("y\n")

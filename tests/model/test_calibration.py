@@ -396,7 +396,7 @@ def test_the_scale_of_earlier_versions_is_taken_and_warned_of(geometry: Geometry
     warning = scale_warning(calibration, STROKE_MM) or ""
     assert "takes the jaws' travel for 120.1 mm, as earlier versions did" in warning
     assert "they open 85 mm, so every length and speed in mm reads 1.40 times too large" in warning
-    assert "litegripctl calibration rescale corrects it" in warning
+    assert "calibration.rescale corrects it" in warning
     rescaled = calibration.rescaled(STROKE_MM)
     assert (rescaled.geometry.closed_rad, rescaled.geometry.open_rad) == (
         geometry.closed_rad,
@@ -416,7 +416,7 @@ def test_a_scale_that_no_gripper_was_seen_to_have_is_unusual(rad_to_mm: float) -
     assert (warning is None) is is_usual
     if warning is not None:
         assert f"has {rad_to_mm:.4g} mm/rad, and grippers of 45 to 80 mm/rad were seen" in warning
-        assert "litegripctl calibration rescale --stroke-mm MM" in warning
+        assert "calibration.rescale with stroke_mm" in warning
 
 
 def test_the_gripper_that_ships_is_not_doubted() -> None:

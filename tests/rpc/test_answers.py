@@ -30,6 +30,7 @@ OPTIONAL = {
     "config.get": r"\.ranges\.\w+ is gone",
     "config.set": r"\.ranges\.\w+ is gone",
     "calibration.manual": r"\.job is gone",  # what is left is the answer of another step
+    "event": r"\.terms(\.message)? is gone",
 }
 """What need not be there."""
 

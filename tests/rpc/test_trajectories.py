@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from litegrip_client.values.terms import methods_in
 from litegrip_client.values.trajectory_format import MAX_BYTES, MAX_GRIP_BYTES
 from litegripd.rpc.jsonrpc import MAX_LINE_BYTES
 from litegripd.rpc.sessions import Peer
@@ -85,11 +86,13 @@ def test_a_connection_has_so_many_uploads_and_no_more() -> None:
     names = [uploaded(client, numbered(number)) for number in range(MOST_PER_CONNECTION)]
     assert len(set(names)) == MOST_PER_CONNECTION
     one_more = pieces(lgt(numbered(99)))[0]
-    answer = client.call("trajectory.put", **one_more)
-    assert answer["error"]["data"] == {
+    error = client.call("trajectory.put", **one_more)["error"]
+    assert methods_in(error["data"], "message") == {"trajectory.delete"}
+    assert error["data"] == {
         "reason": "too_many_requests",
         "retryable": True,
         "limit": MOST_PER_CONNECTION,
+        "terms": error["data"]["terms"],
     }
     world.client().result("trajectory.put", **one_more)
     client.result("trajectory.delete", name=names[0])
@@ -102,7 +105,9 @@ def test_a_name_without_room_is_refused_at_once_and_holds_no_upload() -> None:
     client = world.client()
     for _ in range(2 * MOST_PER_CONNECTION):
         error = client.call("trajectory.put", **pieces(LONG, name="pick")[0])["error"]
+        assert methods_in(error["data"], "message") == {"trajectory.delete"}
         assert error["data"] == {
+            "terms": error["data"]["terms"],
             "reason": "trajectories_full",
             "retryable": False,
             "requested": len(LONG),

@@ -33,6 +33,7 @@ from litegrip_client.ctl.run import (
 from litegrip_client.values.checks import given_numbers
 from litegrip_client.values.errors import CancelledError, CommandError, LiteGripError
 from litegrip_client.values.fields import SPAN_INSET_MM
+from litegrip_client.values.terms import told
 from litegrip_client.values.text import json_of
 from litegrip_client.values.voices import in_shell
 
@@ -209,7 +210,7 @@ def _measured_text(name: str, data: Data) -> str:
     """Return what was measured between the stops, and where it is stored."""
     text = f"{name}: {verdict(data)}"
     if data.get("message"):
-        text += f": {plain(in_shell(str(data['message'])))}"
+        text += f": {plain(told(data, 'message', in_shell))}"
     if data.get("closed_rad") is not None and data.get("open_rad") is not None:
         text += f"\n{_travel_text(data)}"
     if data.get("ok") and data.get("rad_to_mm") is not None:
@@ -319,7 +320,7 @@ def _calibration_text(data: Data) -> str:
     """Return the calibration in use in aligned lines."""
     if not data.get("calibrated"):
         if data.get("problem"):
-            return f"not calibrated: {plain(in_shell(str(data['problem'])))}\n{CHOOSE_MOUNT}"
+            return f"not calibrated: {plain(told(data, 'problem', in_shell))}\n{CHOOSE_MOUNT}"
         return f"not calibrated; {CHOOSE_MOUNT}"
     rows = [
         ("mount", data.get("mount")),
@@ -343,7 +344,7 @@ def _work_stroke(data: Data) -> str:
 
 def _doubt(data: Data) -> list[str]:
     """Return a line for each reason why the calibration is probably wrong."""
-    return [f"WARNING: {plain(in_shell(warning))}" for warning in warnings_in(data)]
+    return [f"WARNING: {plain(warning)}" for warning in warnings_in(data, in_shell)]
 
 
 def templates(run: Run) -> int:

@@ -23,7 +23,7 @@ from litegrip_client.ctl.render import (
 )
 from litegrip_client.ctl.run import ENDING, NOT_OK, OK, Commands, Run
 from litegrip_client.values.checks import given_numbers
-from litegrip_client.values.errors import CommandError, HardwareError
+from litegrip_client.values.errors import CommandError, HardwareError, from_error_object
 from litegrip_client.values.voices import in_shell
 
 TYPE_CHECKING = False
@@ -379,7 +379,8 @@ def job(run: Run) -> int:
         ("owner", plain(owner(data["owner"])) + (", detached" if data["detached"] else "")),
     ]
     if data["error"]:
-        rows.append(("why", plain(in_shell(str(data["error"]["message"])))))
+        error = from_error_object(data["error"], voice=in_shell)
+        rows.append(("why", plain(error.message)))
     rows += [
         (name, plain(f"{value:.4g}" if isinstance(value, float) else value))
         for name, value in (data["result"] or {}).items()

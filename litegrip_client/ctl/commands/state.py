@@ -26,7 +26,6 @@ from litegrip_client.ctl.run import (
 )
 from litegrip_client.ctl.state_view import state_line, state_text, stopped
 from litegrip_client.values.errors import CommandError
-from litegrip_client.values.voices import in_shell
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
@@ -289,7 +288,7 @@ def events(run: Run) -> int:
     clock = render.clock_of(run.connection)
     with run.connection.subscribe_events(run.options.kind) as events:
         for event in chain(events.recent, events if run.options.follow else ()):
-            text = plain(in_shell(event.message))
+            text = plain(event.message)
             run.output.result(asdict(event), f"{clock(event.monotonic_s)}  {text}")
     return OK
 

@@ -57,6 +57,7 @@ from litegrip_client.values.atomic_file import (
     shortages,
 )
 from litegrip_client.values.errors import LiteGripError
+from litegrip_client.values.voices import in_shell
 
 DIRECTORY = Path("/etc/litegripd")
 CHECK_WITHIN_S = 10.0
@@ -461,6 +462,7 @@ def scan(facts: Facts) -> Scan:
         return Scan(problem="no daemon answers, which would ask")
     try:
         with connect(facts.channel, facts.daemon.path, ANSWER_WITHIN_S) as connection:
+            connection.voice = in_shell
             connection.greet("litegripctl doctor")
             told = connection.call("motor.scan")
     except LiteGripError as error:
@@ -476,7 +478,7 @@ def _daemon(
     pid = 0
     try:
         with connect(channel, socket, ANSWER_WITHIN_S) as connection:
-            pid = connection.daemon_pid
+            pid, connection.voice = connection.daemon_pid, in_shell
             hello = connection.greet("litegripctl doctor")
             answers = [connection.call(method) for method in ("info.get", "health", "state.get")]
             return Daemon(connection.path, hello, *answers), None, None, None

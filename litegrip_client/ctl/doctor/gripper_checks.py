@@ -12,6 +12,8 @@ from litegrip_client.ctl.doctor.facts import Daemon, Facts
 from litegrip_client.ctl.findings import Finding, error, ok, warning
 from litegrip_client.values.fields import SPAN_INSET_MM, STROKE_MM
 from litegrip_client.values.results import USABLE_BUS
+from litegrip_client.values.terms import told
+from litegrip_client.values.voices import in_shell
 
 MIT_MODE = 1
 CAN_BR_1_MBIT_S = 4
@@ -406,7 +408,8 @@ def calibration_channel(facts: Facts) -> Finding | None:
     source = {} if facts.daemon is None else _calibration(facts.daemon)
     channel, foreign = source.get("channel"), source.get("foreign")
     if foreign:
-        return warning(str(foreign), f"{facts.ctl} enable && {facts.ctl} zero", _LOOK_AT_MOUNT)
+        text = told(source, "foreign", in_shell)
+        return warning(text, f"{facts.ctl} enable && {facts.ctl} zero", _LOOK_AT_MOUNT)
     if facts.daemon is None or channel is None:
         return None
     # A gripper of another machine is called otherwise there.

@@ -13,6 +13,7 @@ from litegripd.control.requests import MotionRequests, Pace
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import FASTEST_MM_S
 from litegripd.model.motion_config import MOVING_KP_NM_RAD, REACHING_KP_NM_RAD
+from litegripd.model.sentence import joined, method_name, parameter_name, sentence
 from litegripd.model.state import (
     STOP_LEVELS,
     ClearFaultResult,
@@ -465,7 +466,12 @@ _PACES = ("speed_mm_s", "duration_s", "at_least_s")
 def _one_at_most(method: str, names: Sequence[str], params: Mapping[str, Any]) -> None:
     given = [name for name in names if name in params]
     if len(given) > 1:
-        text = f"{method} takes {given[0]} or {given[1]}, not both"
+        text = sentence(
+            "{method} takes {one} or {other}, not both",
+            method=method_name(method),
+            one=parameter_name(given[0]),
+            other=parameter_name(given[1]),
+        )
         raise Refused(Refusal("invalid_params", text, {"parameter": given[1]}))
 
 
@@ -473,7 +479,11 @@ def _target(method: str, params: Mapping[str, Any], *others: str) -> Target:
     """Return the target: exactly one quantity must be given, and none of the others."""
     given = [name for name in QUANTITIES if name in params]
     if len(given) != 1 or any(name in params for name in others):
-        text = f"{method} takes exactly one of {', '.join((*QUANTITIES, *others))}"
+        text = sentence(
+            "{method} takes exactly one of {quantities}",
+            method=method_name(method),
+            quantities=joined(", ", map(parameter_name, (*QUANTITIES, *others))),
+        )
         raise Refused(Refusal("invalid_params", text, {"parameter": (given or QUANTITIES)[0]}))
     return Target(given[0], float(params[given[0]]))
 
@@ -487,15 +497,23 @@ def _check_push(params: Mapping[str, Any]) -> None:
         _target("stream.set", params, "push_nm")
     wrong = next((name for name in _OF_POSITIONS if name in params), None)
     if wrong is not None:
-        text = f"stream.set: {wrong} does not go with push_nm, which is the whole torque: leave it"
-        raise Refused(Refusal("invalid_params", f"{text} out", {"parameter": wrong}))
+        text = sentence(
+            "{stream.set}: {wrong} does not go with {.push_nm}, which is the whole torque: leave it"
+            " out",
+            wrong=parameter_name(wrong),
+        )
+        raise Refused(Refusal("invalid_params", text, {"parameter": wrong}))
 
 
 def _expired(age_s: float, valid_s: float) -> Refusal:
     return Refusal(
         "set_point_expired",
-        f"the set-point is {age_s:.3f} s old and counts for {valid_s:g} s: the jaws do not follow"
-        " it; send newer ones, or a larger valid_s",
+        sentence(
+            "the set-point is {age_s:.3f} s old and counts for {valid_s:g} s: the jaws do not"
+            " follow it; send newer ones, or a larger {.valid_s}",
+            age_s=age_s,
+            valid_s=valid_s,
+        ),
         {"age_s": round(age_s, 6), "limit": valid_s},
     )
 
@@ -503,8 +521,10 @@ def _expired(age_s: float, valid_s: float) -> Refusal:
 def _check_grasp(params: Mapping[str, Any]) -> None:
     """Refuse parameters of a grasp that do not go together."""
     if ("width_mm" in params) != ("tolerance_mm" in params):
-        text = "motion.grasp: width_mm and tolerance_mm go together"
+        text = sentence("{motion.grasp}: {.width_mm} and {.tolerance_mm} go together")
         raise Refused(Refusal("invalid_params", text, {"parameter": "tolerance_mm"}))
     if params.get("until") == "verdict" and "hold_s" in params:
-        text = 'motion.grasp: with until = "verdict" leave hold_s out: the hold continues anyway'
+        text = sentence(
+            '{motion.grasp}: with until = "verdict" leave {.hold_s} out: the hold continues anyway'
+        )
         raise Refused(Refusal("invalid_params", text, {"parameter": "hold_s"}))

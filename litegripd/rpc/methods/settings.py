@@ -19,6 +19,7 @@ from litegripd.model.errors import Refusal
 from litegripd.model.gripper import STROKE_RANGE_MM, Mount
 from litegripd.model.motion_config import ranges_of
 from litegripd.model.motor import RegisterReply, Status
+from litegripd.model.sentence import sentence
 from litegripd.model.state import HelperTask, Owner, SetZeroResult, TaskResult, ZeroResult
 from litegripd.motor.codec import IN_USE, MASTER_ID, REGISTERS, Register
 from litegripd.motor.phases import SILENT
@@ -241,7 +242,7 @@ class SettingsMethods:
     def _load(self, call: Call) -> Answer:
         params = call.params
         if "template" in params and "content" in params:
-            text = "calibration.load takes a template or a content, not both"
+            text = sentence("{calibration.load} takes a {.template} or a {.content}, not both")
             return Refusal("invalid_params", text, {"parameter": "content"})
         refusal = self._calibrations.refusal_to_load()
         if refusal is not None:

@@ -13,6 +13,7 @@ from litegrip_client.ctl.doctor.facts import Configuration, System, User
 from litegrip_client.ctl.doctor.link_checks import _IF_LOST
 from litegrip_client.ctl.findings import as_text, error, ok, warning
 from litegrip_client.ctl.main import main
+from litegripd.model.sentence import sentence, with_terms
 from tests.client.doctor.known import HEALTH, HELLO, INFO, STATE, changed, link
 from tests.client.fake_daemon import FakeDaemon, Handler
 from tests.client.helpers import Ctl
@@ -297,13 +298,11 @@ def test_texts_from_elsewhere_do_not_steer_the_terminal() -> None:
 
 
 def test_what_the_daemon_says_is_told_in_commands(well: FakeDaemon, ctl: Ctl) -> None:
-    verdict = {**HEALTH, "verdict": "down", "reasons": ["it jumped; then motor.clear_fault"]}
+    reasons = [sentence("it jumped; then {motor.clear_fault}")]
+    verdict = with_terms({**HEALTH, "verdict": "down", "reasons": reasons})
     well.handlers["health"] = lambda request: verdict
     out = ctl("doctor")[1]
     assert "ERROR    health        down: it jumped; then litegripctl clear-fault\n" in out
-    assert as_text([("a", warning("w", None, "stop.clear"))]).splitlines()[1] == (
-        "         (litegripctl clear)"
-    )
 
 
 def test_an_interrupt_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
