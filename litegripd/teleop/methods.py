@@ -302,7 +302,9 @@ class TeleopMethods:
         try:
             payload = bytes.fromhex(call.params["payload"])
         except ValueError:
-            text = "teleop.receive: payload must be hexadecimal digits, two for each byte"
+            text = sentence(
+                "{teleop.receive}: {.payload} must be hexadecimal digits, two for each byte"
+            )
             return Refusal("invalid_params", text, {"parameter": "payload"})
         job = self._teleoperation.take(call.session, call.params["topic"], payload, call.received_s)
         return JobNumber(job=accepted(job).number)
