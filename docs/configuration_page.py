@@ -65,8 +65,10 @@ adapter.
 
 An unknown key, a wrong type or an impossible value is refused at the start, with exit code 2 and a
 line that names the file, the key and what is allowed; `litegripd can0 --check` does only that, and
-ends with 0 where all is right. `--socket`, `--interface` and `--simulate` of the command line win
-over the file.
+ends with 0 where all is right. It also reads the calibration file that `mount` or LITEGRIP_CALIB
+names, and judges it as the daemon will: one that cannot be used is exit code 2, though the daemon
+would start with it and refuse motions. `--socket`, `--interface` and `--simulate` of the command
+line win over the file.
 """
 REREAD = """## What can be read again
 

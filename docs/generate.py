@@ -8,7 +8,7 @@ A further file is a further row of `GENERATED`: its path, and the function that 
 
 import argparse
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,14 +27,14 @@ from docs.protocol_fields import (  # noqa: E402
     state_section,
     teleop_section,
 )
-from docs.sdk_surface import surface_page  # noqa: E402
 from litegrip_client.values.errors import OWN_REASONS  # noqa: E402
 from litegripd.app.build import METHODS, SIMULATED_METHODS  # noqa: E402
 from litegripd.io.stop_socket import MAX_STOP_LINE_BYTES  # noqa: E402
 from litegripd.model.errors import ERROR_TABLE  # noqa: E402
+from litegripd.model.motion_config import MotionConfig  # noqa: E402
 from litegripd.model.state import EXCUSE, SEVERITIES, WARNING_MEMBERS, WARNINGS  # noqa: E402
 from litegripd.rpc.jsonrpc import MAX_LINE_BYTES  # noqa: E402
-from litegripd.rpc.method import Method, Param  # noqa: E402
+from litegripd.rpc.method import CONFIG, Method, Param  # noqa: E402
 from litegripd.rpc.methods.reading import STATE_FIELDS  # noqa: E402
 from litegripd.rpc.openrpc import PROTOCOL_VERSION  # noqa: E402
 
@@ -78,6 +78,38 @@ def client_error_table() -> str:
     )
 
 
+def client_method_table() -> str:
+    """Make the client's table: method to parameters, each with what it may name."""
+    config = tuple(MotionConfig().as_fields(1.0))
+    return "\n".join(
+        (
+            '"""Methods and parameters of this version: made by docs/generate.py, not by hand."""',
+            "",
+            "_CONFIG = (",
+            *(f'    "{name}",' for name in config),
+            ")",
+            "",
+            "METHODS: dict[str, dict[str, tuple[str, ...]]] = {",
+            *(line for row in METHODS for line in _method_rows(row)),
+            "}",
+            '"""Method: its parameters, and the values or fields that each of them may name."""',
+            "",
+        )
+    )
+
+
+def _method_rows(method: Method) -> Iterator[str]:
+    yield f'    "{method.name}": {{'
+    for name, param in method.declared.items():
+        if param.choices:
+            yield f'        "{name}": ('
+            yield from (f'            "{choice}",' for choice in param.choices)
+            yield "        ),"
+        else:
+            yield f'        "{name}": {"_CONFIG" if name == CONFIG.name else "()"},'
+    yield "    },"
+
+
 def page_severity() -> str:
     """Make the page's rule which events are warnings."""
     kinds = ", ".join(f'"{kind}"' for kind in SEVERITIES if kind in WARNINGS)
@@ -118,9 +150,11 @@ def errors_page() -> str:
             "of the reason, `litegripctl` ends with its exit code. *Retryable* says whether the",
             "same request may succeed later unchanged.",
             "",
-            "On the wire a message names methods and parameters. In their place the exceptions of",
+            "On the wire a message names methods and parameters, and `data.terms` says where",
+            "([protocol.md](protocol.md#names-in-texts)). In their place the exceptions of",
             "`litegrip_client` name its calls, and `litegripctl`, also with `--json`, its commands",
-            "and options (`litegrip_client/values/voices.py` is the table).",
+            "and options (`litegrip_client/values/voices.py` is the table). What users have said",
+            "stays as it is, and so do messages of an older daemon without `terms`.",
             "",
             "| reason | code | exception | exit code | retryable | meaning |",
             "| --- | --- | --- | --- | --- | --- |",
@@ -197,13 +231,18 @@ user who may not write there.
 
 - A line is at most {MAX_LINE_BYTES} bytes; a longer one is refused and the connection closed.
   Batches, duplicate keys, NaN, Infinity and unknown parameters are refused and the connection stays
-  open. So are requests without an `id`, a string or an integer, except `stream.set`: a set-point
-  without one gets no answer, and a `stream.refused` where it is refused.
+  open. So are requests without an `id`, a string or an integer, except `stream.set` and
+  `teleop.receive`: without one they get no answer, and a `stream.refused` or `teleop.refused`
+  where they are refused.
 - Requests of one connection run concurrently: answers come when they are done, by `id`.
 - `rpc.discover` returns an OpenRPC document: the parameters, the JSON Schema of every result, and,
   as `x-notifications`, that of the `params` of all that comes without a request. Of an event's
   `data` and an error's `data` it says only what all have in common. Bear members that it does not
   name: later versions add some.
+- Versions of this protocol take nothing away and require nothing more. `version` of `hello` says
+  which one the daemon is. It refuses what it does not know yet: `unknown_method`, or
+  `invalid_params` with the `parameter`. So send only what is wanted. Of what `litegrip_client` has
+  and the daemon lacks, it raises `older_daemon`.
 - A motion answers with its result when it ends. With `"wait": false` it answers `{{"job": n}}` at
   once, and outlives its connection, unless `"detach"` is false; with `"detach": true` every one
   does. What its holder has queued under a lease that is lost never begins, detached or not.
@@ -242,16 +281,30 @@ user who may not write there.
   whole lines that were sent to it.
 - A connection that the daemon closes gets a last line first, an error whose `id` is null.
 
+## Names in texts
+
+The texts for a person (`message` and `hint` of an error, `message` of an event or a result,
+`reasons` and `notes` of `health`, `warnings` of a calibration) name methods and parameters as this
+page does. Where they do, the object that holds the text has `terms`, in an error its `data`. By the
+text's name it has a row, for a list of texts one row each, of names in their order:
+
+- `start` and `end`: the name is the text's characters (code points) from `start` to before `end`.
+- `method`: the method that is named; with `parameter`, a call of it with that parameter.
+- `method` null: `parameter` is one of the method that was asked.
+
+A client for people puts its own names there. Nothing else in a text is a name, whatever it looks
+like: users have said it. A text without a row names nothing that is known, as of an older daemon.
+
 ## Methods
 """
 
 
 GENERATED = (
     Generated("litegrip_client/values/error_table.py", client_error_table),
+    Generated("litegrip_client/values/method_table.py", client_method_table),
     Generated("litegrip_client/threads/actions.py", blocking_client),
     Generated("litegrip_web/page/severity.js", page_severity),
     Generated("docs/errors.md", errors_page),
-    Generated("docs/generated/sdk-compat.md", surface_page),
     Generated("docs/protocol.md", protocol_page),
     Generated("docs/configuration.md", configuration_page),
     Generated("etc/litegripd.toml", default_file),

@@ -59,6 +59,11 @@ PARAMS: Mapping[str, str] = {
     "stream.refused": (
         "An error's: `code`, `message`, `data` with `reason` ([errors.md](errors.md))."
     ),
+    "teleop.send": (
+        "`topic`, the key, and `payload`, the bytes in hexadecimal digits: a master's frames, a"
+        " slave's ready bytes ([teleoperation-wire.md](teleoperation-wire.md))."
+    ),
+    "teleop.refused": ("As `stream.refused`."),
     "lease.lost": (
         "`client`, `pid` and `uid` of the loser, `cause` (`connection`, `process`, "
         "`expired` or `taken`), `why` (a text of the taker's, or null), `on_lost` (what "
@@ -95,14 +100,23 @@ _OWN, _LEADERS, _LINK = "own", "leader's", "link"
 TELEOP: Mapping[str, tuple[str, str]] = {
     "active": (_OWN, "whether it runs; else all is as at the end of the last one"),
     "mode": (_OWN, "this end; null: there was none so far"),
-    "phase": (_OWN, "leading, or a follower's: waiting, aligning, following, stale, released"),
+    "phase": (
+        _OWN,
+        "a leader: waiting (it holds), leading; else waiting, aligning, following, stale, released",
+    ),
     "topic": (_LINK, "the key of the frames"),
     "link": (_LINK, "how frames travel"),
     "host": (_LINK, "a slave's leader; with udp also whom a master sends to"),
-    "port": (_LINK, "the leader's port, with udp the follower's; null without a network"),
+    "port": (
+        _LINK,
+        "the leader's port, with udp the follower's; null where a client or nobody has a network",
+    ),
     "link_state": (_LINK, "of this end alone: open does not say that somebody is there"),
     "link_error": (_LINK, "why it failed; it is tried again every second"),
-    "link_protected": (_LINK, "false: whoever reaches it can take part; null: not open"),
+    "link_protected": (
+        _LINK,
+        "false: whoever reaches it can take part; null: not open, or a client's",
+    ),
     "link_reach": (
         _LINK,
         "a slave: resolving (its leader), connecting, connected, frames; udp: bound or sending",
@@ -115,9 +129,9 @@ TELEOP: Mapping[str, tuple[str, str]] = {
     "frames": (_OWN, "sent by a master, followed by a slave"),
     "last_frame_age_ms": (_OWN, "since the newest of them was sent, or came"),
     "stale": (_OWN, "a slave: no frame for watchdog_s"),
-    "openness": (_LEADERS, "0 closed to 1 open, in the newest frame"),
-    "position_mm": (_LEADERS, "opening, in the newest frame"),
-    "force_n": (_LEADERS, "squeezing positive, in the newest frame"),
+    "openness": (_LEADERS, "0 closed to 1 open, in the newest frame; 0 before it"),
+    "position_mm": (_LEADERS, "opening, in the newest frame; 0 before it"),
+    "force_n": (_LEADERS, "squeezing positive, in the newest frame; 0 before it"),
     "dq_cmd": (_OWN, "a slave: velocity that is fed forward, rad/s"),
     "loop_hz": (_OWN, "control loop"),
     "rejected": (_OWN, "payloads that were no frame"),
@@ -125,10 +139,17 @@ TELEOP: Mapping[str, tuple[str, str]] = {
     "other_leaders": (_OWN, "frames of a second leader, or of a clock that was set back"),
     "dropped": (_LINK, "more than any leader sends, or from whom nobody listens to"),
     "send_failed": (_OWN, "frames that did not leave; a slave: commands without an answer"),
-    "fault": (_OWN, "the motor's status where it is not enabled, or why it all ended"),
+    "fault": (_OWN, "the motor's status where it is not enabled, or why it all ended; else empty"),
     "torque_nm": (_OWN, "this gripper's motor"),
     "over_torque": (_OWN, "a slave: the torque guard has let go"),
     "torque_trips": (_OWN, "a slave: how often it has"),
+    "ready": (
+        _OWN,
+        "a slave: it follows, its jaws are where the leader's are; a master: a slave has said so",
+    ),
+    "ready_rx": (_OWN, "a master: ready bytes that have come"),
+    "ready_pubs": (_OWN, "a slave: ready bytes that it has sent"),
+    "ready_timed_out": (_OWN, "a master: no slave was ready in time, and the jaws went slack"),
     "force_limited": (
         _OWN,
         "a slave would press harder, but for `force_limit_n` or the cap that every follower has",

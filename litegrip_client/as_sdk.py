@@ -1,90 +1,66 @@
-"""Run a script of the vendor's SDK unchanged: `python -m litegrip_client.as_sdk script.py ...`.
+"""Run a program of the vendor's SDK unchanged, with the package `litegrip` of this project.
 
-`import litegrip`, and what a script imports of it, then finds the names of `litegrip_client`. In a
-program of one's own, before the first import of `litegrip`:
+    python -m litegrip_client.as_sdk script.py [ARGUMENT ...]
+    python -m litegrip_client.as_sdk -m module [ARGUMENT ...]
+
+It puts the folder `drop_in`, which has that package, first on the path: of this process, and by
+PYTHONPATH of its children. In a program of one's own, before the first `import litegrip`:
 
     import litegrip_client.as_sdk; litegrip_client.as_sdk.install()
+
+The distribution litegrip-compat installs the same package for all programs of an environment.
 """
 
 from __future__ import annotations
 
-import importlib.abc
-import importlib.machinery
+import importlib
+import os
 import runpy
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from types import ModuleType
-from typing import Any
 
-import litegrip_client
-
+FOLDER = str(Path(__file__).resolve().parent / "drop_in")
 NAME = "litegrip"
-_MODULES = {
-    f"{NAME}.{module}"
-    for module in (
-        *("actions", "calibration", "config", "errors", "exceptions", "gripper", "motion"),
-        *("teleop", "trajectory", "types", "units"),
-    )
-}
-"""Modules of the package that a script may import from; each has all names."""
-_USAGE = "usage: python -m litegrip_client.as_sdk SCRIPT [ARGUMENT ...]"
 
-
-class _Alias(ModuleType):
-    """The SDK's package, or any module of it: it has the names of `litegrip_client`."""
-
-    def __getattr__(self, name: str) -> Any:
-        if name.startswith("__") and name != "__version__":
-            raise AttributeError(name)
-        try:
-            return getattr(litegrip_client, name)
-        except AttributeError:
-            text = f"module {self.__name__!r} has no attribute {name!r} (it is litegrip_client)"
-            raise AttributeError(text) from None
-
-
-class _Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
-    """Finds the package and its modules, before a package of that name that is installed."""
-
-    def find_spec(
-        self, fullname: str, _path: Sequence[str] | None = None, _target: ModuleType | None = None
-    ) -> importlib.machinery.ModuleSpec | None:
-        if fullname != NAME and fullname not in _MODULES:
-            return None
-        return importlib.machinery.ModuleSpec(fullname, self, is_package=True)
-
-    def create_module(self, spec: importlib.machinery.ModuleSpec) -> ModuleType:
-        module = _Alias(spec.name)
-        module.__dict__["__all__"] = list(litegrip_client.__all__)
-        return module
-
-    def exec_module(self, module: ModuleType) -> None:
-        """Do nothing: the names come when they are asked for."""
+_USAGE = "usage: python -m litegrip_client.as_sdk (SCRIPT | -m MODULE) [ARGUMENT ...]"
 
 
 def install() -> None:
-    """Let `import litegrip` find `litegrip_client` from now on; a second call does nothing.
+    """Let `import litegrip` find the package from now on, in children too; again does nothing.
 
-    Raises `RuntimeError` when the SDK itself has been imported already.
+    Raises `RuntimeError` when another one has been imported already.
     """
     loaded = sys.modules.get(NAME)
-    if loaded is not None and not isinstance(loaded, _Alias):
+    if loaded is not None and Path(loaded.__file__ or "").resolve().parent.parent != Path(FOLDER):
         raise RuntimeError(f"{NAME} has been imported already, from {loaded.__file__}")
-    if not any(isinstance(finder, _Finder) for finder in sys.meta_path):
-        sys.meta_path.insert(0, _Finder())
+    # A child needs this package, too: it may be on the path of this process alone.
+    ours = [FOLDER, str(Path(__file__).resolve().parent.parent)]
+    paths = os.environ.get("PYTHONPATH", "").split(os.pathsep)
+    rest = [path for path in paths if path and path not in ours]
+    os.environ["PYTHONPATH"] = os.pathsep.join([ours[0], *rest, ours[1]])
+    if FOLDER not in sys.path:
+        sys.path.insert(0, FOLDER)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the script that the command line names, with its arguments."""
+    """Run the script or module that the command line names, with its arguments."""
     given = list(sys.argv[1:] if arguments is None else arguments)
+    if given[:1] == ["-m"] and len(given) > 1:
+        install()
+        importlib.import_module(NAME)
+        sys.argv = given[1:]
+        sys.path.insert(1, str(Path.cwd()))
+        runpy.run_module(given[1], run_name="__main__", alter_sys=True)
+        return
     if not given or given[0].startswith("-"):
         sys.exit(_USAGE)
     if not Path(given[0]).exists():
         sys.exit(f"there is no script {given[0]}\n{_USAGE}")
     install()
+    importlib.import_module(NAME)  # a script may put a checkout of the SDK first on its path
     sys.argv = given
-    sys.path[0] = str(Path(given[0]).resolve().parent)
+    sys.path[0:1] = [FOLDER, str(Path(given[0]).resolve().parent)]
     runpy.run_path(given[0], run_name="__main__")
 
 

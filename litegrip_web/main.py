@@ -15,6 +15,7 @@ from pathlib import Path
 
 from litegrip_client.core.discovery import check_channel
 from litegrip_client.values.errors import CommandError
+from litegrip_client.values.repeats import RepeatsHandler, poll_handlers
 from litegrip_client.values.version import client_version
 from litegrip_web.bridge import Gripper
 from litegrip_web.server import Settings, is_loopback, listening
@@ -44,7 +45,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     0 after a signal, 1 when nobody can listen at the address or keep the token, 2 for bad usage.
     """
     arguments = make_parser().parse_args(argv)
-    logging.basicConfig(format="litegripd-web: %(message)s", level=logging.WARNING)
+    form, handler = "litegripd-web: %(message)s", RepeatsHandler()
+    logging.basicConfig(format=form, level=logging.WARNING, handlers=[handler])
     # Whoever knocks and goes is no error of this program.
     logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
     try:
@@ -180,7 +182,9 @@ async def _serve(settings: Settings, token_file: Path | None) -> None:
         else:
             _say(f"{address}# and, behind it, what {token_file} holds.")
             _say(f"Whoever has both may {may}.")
+        polling = asyncio.create_task(poll_handlers())
         await ending.wait()
+        polling.cancel()
 
 
 def _say(text: str) -> None:

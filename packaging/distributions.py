@@ -49,6 +49,8 @@ class Distribution:
     needs: tuple[str, ...] = ()
     """Other distributions, of the same version."""
     pages: tuple[str, ...] = ()
+    folder: str = ""
+    """Where its package lies, if not beside the others."""
 
 
 CLIENT = "litegrip-client"
@@ -86,6 +88,12 @@ DISTRIBUTIONS = {
         dependencies=("eclipse-zenoh", "tomli"),
         needs=(CLIENT,),
         pages=("litegripd-fleet.8",),
+    ),
+    "litegrip-compat": Distribution(
+        "litegrip",
+        "The package litegrip of the gripper's SDK, for grippers that litegripd drives",
+        needs=(CLIENT,),
+        folder="litegrip_client/drop_in",
     ),
 }
 
@@ -166,7 +174,7 @@ def lay(name: str, tree: Path) -> None:
     """Lay the sources of a distribution, complete: links are files, what is made is made."""
     one = DISTRIBUTIONS[name]
     skipped = shutil.ignore_patterns("__pycache__", "litegripctl.*")
-    shutil.copytree(ROOT / one.package, tree / one.package, ignore=skipped)
+    shutil.copytree(ROOT / one.folder / one.package, tree / one.package, ignore=skipped)
     for file in ("README.md", "LICENSE"):
         shutil.copy(ROOT / file, tree)
     (tree / "man").mkdir()
@@ -178,8 +186,7 @@ def lay(name: str, tree: Path) -> None:
             script.write_text(completion_script(shell), encoding="utf-8")
     whole = tomllib.loads((ROOT / TOML).read_text(encoding="utf-8"))
     (tree / TOML).write_text("\n".join(as_toml(tables(name, whole))) + "\n", encoding="utf-8")
-    data = " ".join(f"man/{page}" for page in one.pages)
-    manifest = f"include {data}\nrecursive-include {one.package} *\n"
+    manifest = f"recursive-include man *\nrecursive-include {one.package} *\n"
     (tree / "MANIFEST.in").write_text(manifest, encoding="utf-8")
     for path in tree.rglob("*"):  # not those of who checked the sources out
         path.chmod(0o755 if path.is_dir() or os.access(path, os.X_OK) else 0o644)

@@ -267,7 +267,7 @@ def streamed(torque_nm: float, **more: Any) -> Act:
     return act
 
 
-def path(rig: Rig) -> int:
+def path(rig: Rig) -> str:
     """Upload a path through the object."""
     count = round((FROM_MM - TO_MM) / 50.0 / 0.01)
     way_mm = (FROM_MM - TO_MM) / count
@@ -277,12 +277,12 @@ def path(rig: Rig) -> int:
 
 def played(rig: Rig) -> None:
     """Play to the end, which is not reached."""
-    rig.owner.result("trajectory.play", upload=path(rig), torque_nm=3.0)
+    rig.owner.result("trajectory.play", name=path(rig), torque_nm=3.0)
 
 
 def paused(rig: Rig) -> float:
     """Play, and pause where the jaws press."""
-    rig.owner.send("trajectory.play", upload=path(rig), torque_nm=2.0)
+    rig.owner.send("trajectory.play", name=path(rig), torque_nm=2.0)
     rig.run_until(lambda: rig.felt_nm(rig.looks[-1]) > 0.8, 10.0)
     rig.owner.result("trajectory.control", action="pause")
     return 2.0

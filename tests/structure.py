@@ -22,7 +22,11 @@ from tests.world import Client, World
 
 ROOT = Path(__file__).parent.parent
 PRODUCT = ("litegripd", "litegrip_client", "litegrip_fleet", "litegrip_web")
-GENERATED = ("litegrip_client/values/error_table.py", "litegrip_client/threads/actions.py")
+GENERATED = (
+    "litegrip_client/values/error_table.py",
+    "litegrip_client/values/method_table.py",
+    "litegrip_client/threads/actions.py",
+)
 
 
 def entered(act: Callable[[], Any]) -> list[str]:

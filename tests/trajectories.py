@@ -92,10 +92,10 @@ def send(client: Caller, content: bytes, **more: Any) -> dict[str, Any]:
     return answer
 
 
-def uploaded(client: Caller, points: Iterable[Point], **more: Any) -> int:
-    """Send a trajectory for this connection; return its number."""
-    number: int = send(client, lgt(points, **more))["upload"]
-    return number
+def uploaded(client: Caller, points: Iterable[Point], **more: Any) -> str:
+    """Send a trajectory for this connection; return its name."""
+    name: str = send(client, lgt(points, **more))["name"]
+    return name
 
 
 def fetched(client: Caller, **source: Any) -> bytes:

@@ -218,8 +218,8 @@ def play(torque_nm: float) -> Motion:
         way_mm = (FROM_MM - TO_MM) / count
         points = [(0.01 * n, (FROM_MM - way_mm * n) / TRAVEL_MM) for n in range(count + 1)]
         client = bench.client_of_bench
-        upload = uploaded(client, points)
-        return ended(bench, client.send("trajectory.play", upload=upload, torque_nm=torque_nm))
+        name = uploaded(client, points)
+        return ended(bench, client.send("trajectory.play", name=name, torque_nm=torque_nm))
 
     return run
 

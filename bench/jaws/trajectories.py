@@ -57,8 +57,8 @@ def following() -> None:
 def _follow(points: list[Point], torque_nm: float) -> str:
     world = World()
     client = world.enabled()
-    upload = uploaded(client, points)
-    number = client.send("trajectory.play", upload=upload, torque_nm=torque_nm)
+    name = uploaded(client, points)
+    number = client.send("trajectory.play", name=name, torque_nm=torque_nm)
     geometry, errors = world.controller.geometry, []
     while not client.has_answer(number):
         action = world.controller.action
@@ -76,10 +76,10 @@ def _ticks(client: Client) -> None:
     client.enabled()
     _tell("idle", client, time.monotonic())
     began_s = time.monotonic()
-    upload = uploaded(client, sampled(swing(0.5, 0.1), LONG, hz=200))
+    name = uploaded(client, sampled(swing(0.5, 0.1), LONG, hz=200))
     _tell("10 minutes at 200 Hz uploaded", client, began_s)
     began_s = time.monotonic()
-    job = client.result("trajectory.play", upload=upload, wait=False)["job"]
+    job = client.result("trajectory.play", name=name, wait=False)["job"]
     while client.result("trajectory.status")["phase"] == "load":
         client.result("state.get")
     _tell("loaded", client, began_s)

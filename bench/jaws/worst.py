@@ -45,6 +45,7 @@ FORCED = {
     "a damaged frame": "the motor obeys a frame whose damage SLCAN cannot show",
     "`zero_gravity`, `relax`": "the object itself throws the jaws open: they are slack",
     "by 3 N·m": "a torque that the caller has set, let go of",
+    "what a push": "a torque that the caller has set, let go of",
 }
 """What no bound of commands holds back, by what its rows begin with or name."""
 
@@ -230,6 +231,21 @@ def streams(torque_nm: float) -> Scene:
     return play
 
 
+def pushed(mount: str, stiffness_nm_rad: float, *, vanishes: bool = False) -> Worst:
+    """Push on the object with the most torque, and then take it away, or let the jaws go."""
+    bench = Bench(mount, FROM_MM)
+    bench.put_object(stiffness_nm_rad)
+    push_nm = DM4310.holding_nm * bench.gripper.parameters.close_sign
+    for tick in range(600):
+        if tick == 400 and vanishes:
+            bench.reset()
+            bench.gripper.remove_object()
+        let_go = tick >= 400 and not vanishes
+        bench.client_of_bench.send("stream.set", push_nm=0.0 if let_go else push_nm)
+        bench.tick()
+    return seen(bench)
+
+
 def path(speed_mm_s: float) -> list[tuple[float, float]]:
     count = round((FROM_MM - TO_MM) / speed_mm_s / 0.01)
     way_mm = (FROM_MM - TO_MM) / count
@@ -241,8 +257,8 @@ def plays(mount: str, stiffness_nm_rad: float) -> Worst:
     bench = Bench(mount, FROM_MM)
     bench.put_object(stiffness_nm_rad)
     client = bench.client_of_bench
-    upload = uploaded(client, path(0.99 * FASTEST_MM_S))
-    return ended(bench, client.send("trajectory.play", upload=upload))
+    name = uploaded(client, path(0.99 * FASTEST_MM_S))
+    return ended(bench, client.send("trajectory.play", name=name))
 
 
 def paused(mount: str, stiffness_nm_rad: float) -> Worst:
@@ -250,8 +266,8 @@ def paused(mount: str, stiffness_nm_rad: float) -> Worst:
     bench = Bench(mount, FROM_MM)
     bench.put_object(stiffness_nm_rad)
     client = bench.client_of_bench
-    upload = uploaded(client, path(50.0))
-    number = client.send("trajectory.play", upload=upload)
+    name = uploaded(client, path(50.0))
+    number = client.send("trajectory.play", name=name)
     bench.run(0.4)
     client.result("trajectory.control", action="pause")
     bench.run(0.5)
@@ -489,6 +505,12 @@ def by_3_nm() -> Iterator[Worst]:
         yield seen(bench)
 
 
+def push_vanishes() -> Iterator[Worst]:
+    """Take an object away that a push presses on with the most torque."""
+    for mount, stiffness_nm_rad in product(MOUNTS, OBJECTS_NM_RAD):
+        yield pushed(mount, stiffness_nm_rad, vanishes=True)
+
+
 def by_damage() -> Worst:
     """Damage one command."""
     damage = worst_of_one_bit()
@@ -513,6 +535,7 @@ def rows() -> Iterator[tuple[str, Worst]]:
         else:
             yield f"`{method}`", worst(everywhere(scene))
     yield "`stream.set` by 3 N·m", worst(everywhere(streams(3.0)))
+    yield "`stream.set` pushes by 4 N·m, and lets go", worst(everywhere(pushed))
     yield "`job.cancel`, `stop`: hold", worst(stops("hold"))
     yield "`stop`: relax", worst(stops("relax"))
     yield "`stop`: disable", worst(stops("disable"))
@@ -532,6 +555,7 @@ def rows() -> Iterator[tuple[str, Worst]]:
     for force_n in (10.0, 20.0, 30.0, 40.0):
         yield f"an object vanishes from {force_n:g} N", worst(vanishes(force_n))
     yield "what a stream by 3 N·m presses on vanishes", worst(by_3_nm())
+    yield "what a push by 4 N·m presses on vanishes", worst(push_vanishes())
     yield "`zero_gravity`, `relax`: a soft object held with 40 N", worst(relaxes())
     yield "a damaged frame (SLCAN)", by_damage()
 

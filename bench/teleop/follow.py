@@ -49,6 +49,9 @@ class ScriptedLeader:
     def publish(self, _payload: bytes, _now_s: float) -> bool:
         return False
 
+    def tell(self, _payload: bytes, _now_s: float) -> bool:
+        return False
+
     def reply(self, _payload: bytes, _to: str, _now_s: float) -> bool:
         return False
 

@@ -409,7 +409,7 @@ class EventSubscription(Subscription[Event]):
 
     @property
     def recent(self) -> tuple[Event, ...]:
-        """The last events before the begin, the oldest first; the daemon keeps 32."""
+        """The last events before the begin, the oldest first: 32, and of each kind the last 4."""
         return self._events.recent
 
     async def __aenter__(self) -> EventSubscription:

@@ -6,8 +6,6 @@ generated from this file: its docstrings are written for both.
 
 from __future__ import annotations
 
-import math
-
 from litegrip_client.core.motion import Motion, SetpointStream, check_no_feedforward, frame_target
 from litegrip_client.core.session import ACTION_TIMEOUT_S, DaemonSession
 from litegrip_client.values.checks import given_numbers, integer, number
@@ -26,7 +24,7 @@ from litegrip_client.values.results import (
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: what is seldom needed takes its time to import
     import os
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
     from typing import Any, Literal, TypeAlias
 
     from litegrip_client.core.calibrations import ManualCalibration
@@ -72,6 +70,7 @@ class GripperActions:
         self._frames: SetpointStream | None = None
         self._kept_trajectories: Trajectories | None = None
         self._mount_due: str | None = None
+        self.motion_calibration = None
         self.motion_config = MotionConfig() if motion_config is None else motion_config
 
     @property
@@ -89,6 +88,21 @@ class GripperActions:
             )
         self._motion_config = value
 
+    @property
+    def motion_calibration(self) -> Mapping[str, float] | None:
+        """What this object's motions count on in place of the daemon's calibration, or None.
+
+        It has the keys of a calibration file: `zero_position_rad` (closed), `max_position_rad`
+        (open) and `rad_to_mm`, and perhaps `work_stroke_mm`, `kp` and `kd`. It is sent with each
+        motion, and changes nothing for other clients; the state's millimetres are the daemon's. The
+        daemon refuses what `load_calibration` would refuse.
+        """
+        return self._motion_calibration
+
+    @motion_calibration.setter
+    def motion_calibration(self, value: Mapping[str, float] | None) -> None:
+        self._motion_calibration = value
+
     # The motor
 
     async def enable(self, retries: int | None = None) -> EnableResult:
@@ -104,7 +118,7 @@ class GripperActions:
         session = self._session
         wire = session.wire
         params = {} if retries is None else {"retries": integer("retries", retries)}
-        call = wire.connection.prepare_guarded("motor.enable", self._configured(params))
+        call = wire.connection.prepare_guarded("motor.enable", self._tuned(params))
         await session.acquire(on_lost="disable" if session.disable_on_disconnect else "hold")
         if self._mount_due is not None:
             await self._load_mount(wire)
@@ -353,7 +367,7 @@ class GripperActions:
         is how fast they follow at most (`motion_config.speed_mm_s` by default), `torque_nm`, 0.1
         to 3 N·m, what they press with at most on what stands in their way (1 by default).
         """
-        limits = self._speed_limit() | given_numbers(speed_mm_s=speed_mm_s, torque_nm=torque_nm)
+        limits = self._limits() | given_numbers(speed_mm_s=speed_mm_s, torque_nm=torque_nm)
         return SetpointStream(self._session, valid_s, limits, self._end_frames)
 
     async def send_mit_frame(
@@ -365,21 +379,23 @@ class GripperActions:
         `kd` (0.1 to 5 N·m·s/rad, at least kp · 0.002 s) or softer, and press with 1 N·m at most.
         The velocity of their path is fed forward: `dq` is not used, but checked.
 
+        With `kp` 0 it is a set-point of the torque `tau` (N·m, positive towards larger radians,
+        within what `set_force` allows), at a bounded speed; with `tau` 0 the jaws are slack.
+
         True when it is sent; a refusal is raised, perhaps by the next call. Raises
-        `CommandError` with reason "unsupported" for `kp` 0 and for a `tau`, which ask for a
-        torque, a speed or for nothing instead of a position: use `set_force`, `grasp`,
-        `move_at_speed` or `zero_gravity`.
+        `CommandError` with reason "unsupported" for a `tau` beside a `kp`, and for a speed (`dq`
+        and `kd` without `kp`): use `set_force`, or `move_at_speed`.
         """
         target = frame_target(q, kp, kd, dq, tau)
         if self._frames is None:
-            self._frames = SetpointStream(self._session, _FRAME_VALID_S, self._speed_limit())
+            self._frames = SetpointStream(self._session, _FRAME_VALID_S, self._limits())
         await self._frames.set_target(**target)
         return True
 
-    def _speed_limit(self) -> dict[str, float]:
-        """Return the tunable speed if it was set: streams use no other tunable."""
+    def _limits(self) -> dict[str, Any]:
+        """Return the tunable speed if it was set, the only tunable of streams, and the limits."""
         config = self._motion_config.to_wire()
-        return {name: config[name] for name in ("speed_mm_s",) if name in config}
+        return self._calibrated({name: config[name] for name in ("speed_mm_s",) if name in config})
 
     async def _end_frames(self) -> None:
         """End the stream of `send_mit_frame`, so that another request can begin."""
@@ -423,7 +439,7 @@ class GripperActions:
             params["max_samples"] = integer("max_samples", max_samples)
         if zero_gravity:
             await self._end_frames()
-        return await self._trajectories.begin(params)
+        return await self._trajectories.begin(self._calibrated(params))
 
     async def record_stop(self, allow_empty: bool = False) -> Trajectory:
         """End the recording and return it.
@@ -474,7 +490,7 @@ class GripperActions:
             )
         params = _play_params(speed, kp, kd, align, torque_nm, force)
         params["repeat"] = integer("repeat", repeat)
-        params["upload"] = await self._trajectories.upload(trajectory)
+        params.update(await self._trajectories.upload(trajectory))
         result = await self._run("trajectory.play", self._configured(params), progress)
         return PlayResult.from_wire(result)
 
@@ -498,7 +514,7 @@ class GripperActions:
         params = _play_params(speed, kp, kd, align, torque_nm, force)
         # It must end with the connection. A motion for which nobody waits does not.
         params |= {"loop": bool(loop), "wait": False, "detach": False}
-        params["upload"] = await self._trajectories.upload(trajectory)
+        params.update(await self._trajectories.upload(trajectory))
         await self._command("trajectory.play", self._configured(params))
         return await self.trajectory_status()
 
@@ -592,6 +608,10 @@ class GripperActions:
         align: bool = True,
         align_speed_mm_s: float | None = None,
         lead_cap_mm: float | None = None,
+        require_ready: bool = True,
+        ready_timeout_s: float | None = None,
+        ready_tolerance_mm: float | None = None,
+        ready_period_s: float | None = None,
         port: int | None = None,
         grip_id: str | None = None,
         link: str | None = None,
@@ -610,8 +630,9 @@ class GripperActions:
     ) -> dict[str, Any]:
         """Lead ("master") or follow ("slave") until `teleop_stop`; return the first status.
 
-        A master's jaws go slack and are moved by hand. A slave needs the master's `host`; its jaws
-        go where the master's are, as a share of its own travel: calibration and mount may differ.
+        A master's jaws hold until its slave is ready, go slack then, and are moved by hand. A slave
+        needs the master's `host`; its jaws go where the master's are, as a share of its own travel:
+        calibration and mount may differ.
         Both ends share `port` (17448) and `grip_id` ("gripA"). `link` is "zenoh" (the default)
         or "udp", which only a trusted network is for, and with which the master needs the slave's
         `host`, and a slave's is its own address to listen at (all of them by default; `only_from`
@@ -629,9 +650,17 @@ class GripperActions:
         udp a master's `host` may name several slaves, separated by commas.
 
         A slave first goes to where its master is, at `align_speed_mm_s` (`motion_config.speed_mm_s`
-        by default). `lead_cap_mm` (`max_lead_mm`) bounds what its lead pushes with: 1.34 N·m a mm.
+        by default). With `align` false it goes there as fast as the bounds of its lead and its
+        force let it; it does not jump either. `lead_cap_mm` (`max_lead_mm`) bounds what its lead
+        pushes with: 1.34 N·m a mm, 2 N·m at most; 0 is as far as that.
 
-        `align` false is refused: the jaws would jump. So is `transport`: the link is the daemon's.
+        It is ready when it follows and its jaws are within `ready_tolerance_mm` (2) of where the
+        master's are; it says so every `ready_period_s` (0.1). The first time lets a master's jaws
+        go; after `ready_timeout_s` (10; 0: never) they go slack all the same, and
+        `ready_timed_out` of the status is true. With `require_ready` false, and over udp, where
+        nobody can say so, they are slack at once.
+
+        `transport` is refused: the link is the daemon's.
 
         It ends with this object's connection. Raises `TeleopNotReady` (not calibrated, not
         enabled), `TeleopBusyError` (it runs already), `TrajectoryBusyError` (a trajectory is
@@ -643,12 +672,6 @@ class GripperActions:
                 " it continues while a script is late",
                 reason="unsupported",
                 data={"parameter": "transport", "hint": 'leave it out, or take link="udp"'},
-            )
-        if not align:
-            raise CommandError(
-                "a follower that does not align would jump to where its leader is",
-                reason="unsupported",
-                data={"parameter": "align", "hint": "leave it out; align_speed_mm_s is how fast"},
             )
         params: dict[str, Any] = {"mode": mode}
         listens = (mode, link) == ("slave", "udp")
@@ -670,16 +693,24 @@ class GripperActions:
             dq_max=dq_max,
             reflect_n=reflect_n,
             reflect_gain=reflect_gain,
+            align_speed_mm_s=align_speed_mm_s,
+            lead_cap_mm=lead_cap_mm,
+            ready_timeout_s=ready_timeout_s,
+            ready_tolerance_mm=ready_tolerance_mm,
+            ready_period_s=ready_period_s,
         )
         if reflect:
             params["reflect"] = True
         if fake_leader:
             params["fake_leader"] = True
-        own = given_numbers(speed_mm_s=align_speed_mm_s, max_lead_mm=lead_cap_mm)
-        config = {**self._motion_config.to_wire(), **own}
+        if not align:
+            params["align"] = False
+        if not require_ready:
+            params["require_ready"] = False
+        config = self._motion_config.to_wire()
         if config:
             params["config"] = config
-        return _with_torque(await self._command("teleop.start", params))
+        return _of_sdk(await self._command("teleop.start", self._calibrated(params)))
 
     async def teleop_stop(self, timeout: float = 2.0) -> dict[str, Any]:
         """End it, if it runs: the jaws hold where they are. Returns the status at the end.
@@ -688,18 +719,19 @@ class GripperActions:
         the torque guard has released stay loose: holding would press what it freed.
         """
         timeout_s = number("timeout", timeout)
-        return _with_torque(await self._session.wire.call("teleop.stop", None, timeout_s))
+        return _of_sdk(await self._session.wire.call("teleop.stop", None, timeout_s))
 
     async def teleop_status(self) -> dict[str, Any]:
         """Return the status of teleoperation, or of the last one.
 
         A dictionary with `active`, `mode`, `topic`, `frames`, `last_frame_age_ms`, `stale`,
         `openness`, `position_mm`, `force_n`, `dq_cmd`, `loop_hz`, `rejected`, `send_failed`,
-        `fault`, `torque_nm`, `over_torque`, `torque_trips`, `matching` and more: whether its limits
-        make a slave press less (`force_limited`), and, of reflection, `reflected_n`, `followers`
-        and `round_trip_ms`. A `torque_nm` that is not known is NaN.
+        `fault`, `torque_nm`, `over_torque`, `torque_trips`, `matching`, `ready`, `ready_rx`,
+        `ready_pubs`, `ready_timed_out` and more: whether its limits make a slave press less
+        (`force_limited`), and, of reflection, `reflected_n`, `followers` and `round_trip_ms`. No
+        figure is NaN; those of a frame are 0 while `frames` is 0. `fault` is "" without one.
         """
-        return _with_torque(await self._session.wire.call("teleop.status"))
+        return _of_sdk(await self._session.wire.call("teleop.status"))
 
     # The calibration: which way closing is, and how far it is. There is one, the daemon's, for all
     # its clients. Files are the client's, where a path is given or LITEGRIP_CALIB names one.
@@ -807,7 +839,7 @@ class GripperActions:
         target = files.environment_path()
         if target is not None:
             files.check_writable(target)
-        params = self._configured({"save": True, **self._stroke(stroke_mm)})
+        params = self._tuned({"save": True, **self._stroke(stroke_mm)})
         data = await self._probe(params, mount, progress)
         if target is not None:
             await self.save_calibration(target)
@@ -880,9 +912,18 @@ class GripperActions:
     # How a request is made
 
     def _configured(self, params: dict[str, Any]) -> dict[str, Any]:
+        """Add the tunables that were set to the parameters of a motion, and its limits."""
+        return self._calibrated(self._tuned(params))
+
+    def _tuned(self, params: dict[str, Any]) -> dict[str, Any]:
         """Add the tunables that were set to the parameters of a call."""
         config = self._motion_config.to_wire()
         return {**params, "config": config} if config else params
+
+    def _calibrated(self, params: dict[str, Any]) -> dict[str, Any]:
+        """Add the limits of this object's motions to the parameters of one, if it has its own."""
+        own = self._motion_calibration
+        return params if own is None else {**params, "calibration": dict(own)}
 
     async def _move(
         self, method: str, params: dict[str, Any], progress: ProgressCallback | None
@@ -918,10 +959,22 @@ def state_of(result: dict[str, Any]) -> GripperState:
     return GripperState.from_wire(result.get("state", {}))
 
 
-def _with_torque(status: dict[str, Any]) -> dict[str, Any]:
-    """Return a status of teleoperation whose torque is a number, as scripts print it."""
-    known = status.get("torque_nm", 0.0) is not None
-    return status if known else {**status, "torque_nm": math.nan}
+_BEFORE_A_FRAME: dict[str, Any] = {
+    "openness": 0.0,
+    "position_mm": 0.0,
+    "force_n": 0.0,
+    "torque_nm": 0.0,
+    "fault": "",
+}
+"""What an older daemon has no value for, with the SDK's: scripts print them as numbers and text."""
+
+
+def _of_sdk(status: dict[str, Any]) -> dict[str, Any]:
+    """Return a status of teleoperation with the values that the SDK has before there are any."""
+    missing = {
+        name: first for name, first in _BEFORE_A_FRAME.items() if status.get(name, first) is None
+    }
+    return {**status, **missing}
 
 
 def _play_params(  # noqa: PLR0917 - those of `play`, in its order

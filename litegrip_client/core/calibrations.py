@@ -18,6 +18,10 @@ from litegrip_client.values.errors import BusyError, CommandError, LiteGripError
 from litegrip_client.values.results import MoveProgress
 from litegrip_client.values.warn import leave, warn
 
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see the package: importing typing is slow
+    from litegrip_client.values.terms import Voice
+
 Command = Callable[[str, dict[str, Any], float], Awaitable[dict[str, Any]]]
 
 _REPORTS_PER_LINE = 10
@@ -63,16 +67,19 @@ async def _load(command: Command, params: dict[str, Any]) -> bool:
 
 def warn_of_doubts(view: Mapping[str, Any]) -> None:
     """Log each reason why a calibration is probably wrong."""
-    for doubt in warnings_in(view):
-        from litegrip_client.values.voices import in_python  # noqa: PLC0415 - seldom needed
+    from litegrip_client.values.voices import in_python  # noqa: PLC0415 - seldom needed
 
-        warn(in_python(doubt))
+    for doubt in warnings_in(view, in_python):
+        warn(doubt)
 
 
-def warnings_in(view: Mapping[str, Any]) -> list[str]:
+def warnings_in(view: Mapping[str, Any], voice: Voice) -> list[str]:
     """Return why a calibration is probably wrong; an older daemon knows the scale alone."""
-    found = view.get("warnings", [view.get("scale_warning")])
-    return [str(warning) for warning in found if warning]
+    from litegrip_client.values.terms import told, told_all  # noqa: PLC0415 - seldom needed
+
+    if "warnings" in view:
+        return told_all(view, "warnings", voice)
+    return [told(view, "scale_warning", voice)] if view.get("scale_warning") else []
 
 
 async def _load_found(session: DaemonSession, command: Command) -> bool:

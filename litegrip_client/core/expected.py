@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
-from litegrip_client.sdk.names import DM_Motor_Type
 from litegrip_client.values.calibration import GripperConfig
 from litegrip_client.values.errors import CommandError, ParameterError
 
@@ -72,6 +71,12 @@ def _changed(config: GripperConfig) -> dict[str, Any]:
     }
 
 
+_NUMBERED = (
+    *("DM3507", "DM4310", "DM4310_48V", "DM4340", "DM4340_48V", "DM6006", "DM6248P", "DM8006"),
+    *("DM8009", "DM10010L", "DM10010", "DMH3510", "DMH6215", "DMS3519", "DMG6220"),
+)
+"""The maker's motors, by the numbers of its own drivers."""
+
 _NOT_COMPARED = (
     *("channel", "canfd_mode", "calibrated", "grasp_torque_threshold"),
     *("max_stroke_mm", "own"),
@@ -109,14 +114,12 @@ def _said(name: str, wanted: Any) -> tuple[str, str]:
     """Return what a program says in words, and what is wrong with that itself, if anything."""
     if name != "motor_type":
         return str(wanted), ""
-    for one in DM_Motor_Type:
-        if wanted in (one, one.name):
-            return one.name, ""
-    return str(
-        wanted
-    ), f", which is none of the SDK's types: {', '.join(DM_Motor_Type.__members__)}"
+    for number, one in enumerate(_NUMBERED):
+        if wanted in (number, one):
+            return one, ""
+    return str(wanted), f", which is none of the maker's types: {', '.join(_NUMBERED)}"
 
 
 def _number_of(motor_type: str) -> int | None:
     """Return the maker's number of a type of motor, None of another one."""
-    return DM_Motor_Type[motor_type] if motor_type in DM_Motor_Type.__members__ else None
+    return _NUMBERED.index(motor_type) if motor_type in _NUMBERED else None

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from litegrip_client.core.actions import GripperActions, state_of
 from litegrip_client.core.session import ACTION_TIMEOUT_S, DaemonSession, Lease
-from litegrip_client.core.stop import stop
+from litegrip_client.core.stop import stop, stop_params
 from litegrip_client.values.errors import BusyError, HardwareError, NotPermittedError, StoppedError
 from litegrip_client.values.results import GripperState
 from litegrip_client.values.warn import leave, warn
@@ -163,8 +163,7 @@ class Gripper(GripperActions):
         is sent as a usual request. This is a software stop: it does not replace the switch that
         cuts the power.
         """
-        params = {"level": level} if why is None else {"level": level, "why": why}
-        return state_of(await stop(self._session, params))
+        return state_of(await stop(self._session, stop_params(level, why)))
 
     async def clear_stop(self) -> GripperState:
         """Clear a stop: the motor may then be enabled and moved again. Moves nothing.
@@ -189,15 +188,15 @@ class Gripper(GripperActions):
 
         `reasons` say why the verdict is not "ok"; `notes` what is normal and worth knowing.
         """
+        from litegrip_client.values.terms import told_all  # noqa: PLC0415 - see above
         from litegrip_client.values.voices import in_python  # noqa: PLC0415 - see above
 
         figures = await self._session.wire.call("health")
-        told: dict[str, Any] = {
-            name: [in_python(str(text)) for text in figures.get(name, ())]
-            for name in ("reasons", "notes")
-            if name in figures
-        }
-        return {**figures, **told}
+        for name in ("reasons", "notes"):
+            if name in figures:
+                figures[name] = told_all(figures, name, in_python)
+        figures.pop("terms", None)
+        return figures
 
     async def info(self) -> dict[str, Any]:
         """Return what does not change: versions, the motor's registers, ranges, calibration."""

@@ -142,28 +142,36 @@ class SetpointStream:
         *,
         position_rad: float | None = None,
         openness: float | None = None,
+        push_nm: float | None = None,
         torque_nm: float | None = None,
         kp: float | None = None,
         kd: float | None = None,
     ) -> None:
         """Send the jaws to exactly one of `opening_mm`, `position_rad` and `openness` (0 to 1).
 
+        Or have the motor make the torque `push_nm` in N·m, positive towards larger radians, within
+        what `set_force` allows and at a bounded speed; with 0 the jaws are slack. Nothing else goes
+        with it.
+
         `torque_nm` is for this target what it is for the whole stream. `kp` (5 to 500 N·m/rad) and
         `kd` (0.1 to 5 N·m·s/rad) are the most stiffness and damping, the calibration's by default.
         Raises `CommandError` (a target outside the travel, another motion runs, ...) and all that
         motions raise.
         """
-        target = given_numbers(opening_mm=opening_mm, position_rad=position_rad, openness=openness)
+        target = given_numbers(
+            opening_mm=opening_mm, position_rad=position_rad, openness=openness, push_nm=push_nm
+        )
         if len(target) != 1:
             raise ParameterError(
-                "a set-point needs exactly one of opening_mm, position_rad and openness",
+                "a set-point needs exactly one of opening_mm, position_rad, openness and push_nm",
                 reason="invalid_params",
             )
         own = given_numbers(torque_nm=torque_nm, kp=kp, kd=kd)
+        limits = self._limits if push_nm is None else _only_calibration(self._limits)
         if self._before is not None:
             before, self._before = self._before, None
             await before()
-        await self._send({**target, "valid_s": self._valid_s, **self._limits, **own})
+        await self._send({**target, "valid_s": self._valid_s, **limits, **own})
 
     async def _send(self, params: dict[str, Any]) -> None:
         wire = self._session.wire
@@ -199,22 +207,29 @@ class SetpointStream:
         await leave(self.close, error)
 
 
+def _only_calibration(limits: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what of a stream's limits goes with a torque."""
+    return {name: value for name, value in limits.items() if name == "calibration"}
+
+
 def frame_target(q: float, kp: float, kd: float, dq: float, tau: float) -> dict[str, float]:
-    """Return the target that stands for an MIT frame; raises `CommandError` if none can."""
+    """Return the set-point that stands for an MIT frame; raises `CommandError` if none can."""
     given = {"q": q, "kp": kp, "kd": kd, "dq": dq, "tau": tau}
     values = {name: number(name, value) for name, value in given.items()}
     for gain in ("kp", "kd"):
         if values[gain] < 0.0:
             text = f"{gain} is {values[gain]:g}, a gain cannot be negative"
             raise ParameterError(text, reason="invalid_params", data={"parameter": gain})
-    if values["tau"] != 0.0:
-        raise _unsupported("a frame with tau asks for a torque", _FORCES)
-    if values["kp"] == 0.0:
-        what, hint = "loose jaws", "zero_gravity()"
-        if values["dq"] != 0.0:
-            what, hint = "a speed", "move_at_speed(target_mm, speed_mm_s)"
-        raise _unsupported(f"a frame with kp = 0 asks for {what}", hint)
-    return {"position_rad": values["q"], "kp": values["kp"], "kd": values["kd"]}
+    if values["kp"] > 0.0:
+        if values["tau"] != 0.0:
+            raise _unsupported(
+                "a frame with kp and tau asks for a torque beside a position", _FORCES
+            )
+        return {"position_rad": values["q"], "kp": values["kp"], "kd": values["kd"]}
+    if values["kd"] > 0.0 and values["dq"] != 0.0:
+        hint = "move_at_speed(target_mm, speed_mm_s)"
+        raise _unsupported("a frame with kp = 0, kd and dq asks for a speed", hint)
+    return {"push_nm": values["tau"]}
 
 
 def check_no_feedforward(method: str, **given: float) -> None:

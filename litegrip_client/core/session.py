@@ -191,9 +191,9 @@ class DaemonSession:
         except (KeyError, TypeError) as error:
             raise ProtocolError(f"what answers at {path} is no litegripd: {hello!r:.80}") from error
         if channel != self.channel:
-            raise _different("channel", self.channel, channel, path)
+            raise different("channel", self.channel, channel, path)
         if self.can_id is not None and can_id != self.can_id:
-            raise _different("can_id", f"{self.can_id:#04x}", f"{can_id:#04x}", path)
+            raise different("can_id", f"{self.can_id:#04x}", f"{can_id:#04x}", path)
         if self._expected:
             from litegrip_client.core.expected import check_expected  # noqa: PLC0415 - seldom needed
 
@@ -348,9 +348,10 @@ def _program() -> str:
     return name if name and not name.startswith("-") else "python"  # of python -c, for one
 
 
-def _different(what: str, wanted: str, found: str, path: str) -> CommandError:
-    return CommandError(
-        f"the daemon at {path} has {what} {found}, not {wanted}",
-        reason="wrong_gripper",
-        data={"hint": f"ask for {what} {found}, or for the socket of the other daemon"},
-    )
+def different(
+    what: str, wanted: str, found: str, path: str, hint: str | None = None
+) -> CommandError:
+    """Return the error for a daemon that drives another gripper than was named."""
+    hint = hint or f"ask for {what} {found}, or for the socket of the other daemon"
+    text = f"the daemon at {path} has {what} {found}, not {wanted}"
+    return CommandError(text, reason="wrong_gripper", data={"hint": hint})

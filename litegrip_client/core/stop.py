@@ -33,6 +33,11 @@ STOP_WITHIN_S = 1.0
 """Stops are served in every tick. Who has no answer by then is stopped by a request as well."""
 
 
+def stop_params(level: str, why: str | None) -> dict[str, str]:
+    """Return the parameters of a stop."""
+    return {"level": level} if why is None else {"level": level, "why": why}
+
+
 def is_taken_as_meant(params: Mapping[str, Any]) -> bool:
     """Return True if the stop socket understands these parameters; it takes others for a hold."""
     why = params.get("why")
@@ -47,8 +52,7 @@ def stop_at(path: str, level: str, why: str | None, timeout_s: float) -> dict[st
     Raises `OSError` when nobody listens for stops there, `ConnectError` when the answer does not
     come in time: the stop may be in force then all the same.
     """
-    params = {"level": level} if why is None else {"level": level, "why": why}
-    request = request_line(1, "stop", params)
+    request = request_line(1, "stop", stop_params(level, why))
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connected:
         connected.settimeout(timeout_s)
         connected.connect(stop_path(path))

@@ -57,7 +57,7 @@ class Trajectories:
 
     def __init__(self, session: DaemonSession) -> None:
         self._session = session
-        self._uploads: list[tuple[Wire, bytes, int]] = []
+        self._uploads: list[tuple[Wire, bytes, Mapping[str, Any]]] = []
         self._ended_job: int | None = None
 
     def recording(self, duration_s: float, rate_hz: float, zero_gravity: bool) -> Recording:
@@ -80,9 +80,8 @@ class Trajectories:
         return await self.fetch(await end(self._session.wire, params))
 
     async def fetch(self, kept: Mapping[str, Any]) -> Trajectory:
-        """Return the latest recording, with its grips, by its description."""
-        source = {"recording": kept["recording"]}
-        return await self._fetch(source, has_grips=bool(kept.get("grips")))
+        """Return a recording, with its grips, by its description."""
+        return await self._fetch(named(kept), has_grips=bool(kept.get("grips")))
 
     async def fetch_named(self, name: str) -> Trajectory:
         """Return what the daemon keeps under a name, with its grips."""
@@ -94,11 +93,7 @@ class Trajectories:
         session = self._session
         content = await fetch(session.wire, source)
         trajectory = await session.run_blocking(Trajectory.from_bytes, content)
-        if not has_grips:
-            return trajectory
-        beside = await fetch_grips(session.wire, source)
-        if not beside:
-            return trajectory
+        beside = await fetch_grips(session.wire, source) if has_grips else b""
         return await session.run_blocking(trajectory.with_grips, content, beside)
 
     async def kept(self) -> list[dict[str, Any]]:
@@ -122,22 +117,22 @@ class Trajectories:
         run_blocking = self._session.run_blocking
         return await run_blocking(trajectory.to_bytes), await run_blocking(trajectory.grip_bytes)
 
-    async def upload(self, trajectory: Trajectory) -> int:
-        """Send a trajectory, unless the daemon has it from this connection; return its number.
+    async def upload(self, trajectory: Trajectory) -> Mapping[str, Any]:
+        """Send a trajectory, unless the daemon has it from this connection; return how it is named.
 
         Raises `CommandError` for what is no `Trajectory`.
         """
         wire = self._session.wire
         content, grips = await self._content(trajectory)
         self._uploads = [upload for upload in self._uploads if upload[0] is wire]
-        for _, known, upload in self._uploads:
+        for _, known, name in self._uploads:
             if known == content + grips:
-                return upload
-        sent = await send(wire, content, grips=grips)
-        self._uploads.append((wire, content + grips, sent["upload"]))
+                return name
+        name = named(await send(wire, content, grips=grips))
+        self._uploads.append((wire, content + grips, name))
         if len(self._uploads) > _KEPT_UPLOADS:
-            await wire.call("trajectory.delete", {"upload": self._uploads.pop(0)[2]})
-        return int(sent["upload"])
+            await wire.call("trajectory.delete", self._uploads.pop(0)[2])
+        return name
 
     async def status(self) -> dict[str, Any]:
         """Return the status of the running recording or replay, else of the latest one."""
@@ -283,6 +278,15 @@ class Recording:
             await end(self._wire, _WHATEVER_THERE_IS)
         except LiteGripError as error:
             warn(f"the interrupted recording could not be ended: {error}")
+
+
+def named(kept: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return how a trajectory is named to the daemon, by its description.
+
+    A daemon of 0.1.0 gives those that end with their connection a number.
+    """
+    known = ("name", "upload", "recording")
+    return next({key: kept[key]} for key in known if kept.get(key) is not None)
 
 
 async def listed(wire: Wire) -> tuple[list[dict[str, Any]], dict[str, Any] | None]:

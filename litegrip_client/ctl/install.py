@@ -8,6 +8,7 @@ yet, and then it is as all others.
 from __future__ import annotations
 
 import contextlib
+import errno
 import importlib.metadata
 import importlib.util
 import os
@@ -493,6 +494,14 @@ def _make_directories(directory: Path) -> None:
         directory.chmod(0o755)
 
 
+_HINTS = {
+    errno.EACCES: "it takes root: sudo",
+    errno.EPERM: "it takes root: sudo",
+    errno.EROFS: "that file system can only be read: mount it writable, or put the file into the"
+    " system's image",
+}
+
+
 def _attempt(doing: str, path: Path, action: Callable[[], str]) -> str:
     try:
         return action()
@@ -500,5 +509,5 @@ def _attempt(doing: str, path: Path, action: Callable[[], str]) -> str:
         raise CommandError(
             f"{path} cannot be {doing}: {why_not_written(error, path)}",
             reason="file_not_written",
-            data={"hint": "it takes root: sudo"},
+            data={"hint": _HINTS.get(error.errno or 0, "look at that place")},
         ) from error

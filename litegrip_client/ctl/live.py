@@ -28,6 +28,7 @@ from litegrip_client.ctl.state_view import state_rows
 from litegrip_client.line.connection import Connection
 from litegrip_client.line.feeds import Event, EventFeed
 from litegrip_client.values.errors import ConnectError
+from litegrip_client.values.terms import told_all
 from litegrip_client.values.voices import in_shell
 
 TYPE_CHECKING = False
@@ -129,12 +130,12 @@ def picture(scene: Scene, name: str, for_gripper: Callable[[str], str] = str) ->
     parts += [Text(), _company(scene)]
     if scene.health is not None:
         parts += [
-            Text(f"- {plain(for_gripper(in_shell(str(reason))))}", "yellow")
-            for reason in scene.health.get("reasons", ())
+            Text(f"- {plain(for_gripper(reason))}", "yellow")
+            for reason in told_all(scene.health, "reasons", in_shell)
         ]
         parts += [
-            Text(f"note: {plain(for_gripper(in_shell(str(note))))}", "dim")
-            for note in scene.health.get("notes", ())
+            Text(f"note: {plain(for_gripper(note))}", "dim")
+            for note in told_all(scene.health, "notes", in_shell)
         ]
     return Group(*parts, Text(), *_events(scene), Text(), Text("q ends it", "dim"))
 

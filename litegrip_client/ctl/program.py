@@ -7,7 +7,7 @@ from functools import partial
 from litegrip_client.ctl.commands import COMMANDS, find, needs_daemon
 from litegrip_client.ctl.commands.state import stop_first
 from litegrip_client.ctl.parser import UsageError, for_gripper, parse
-from litegrip_client.ctl.render import hint_for
+from litegrip_client.ctl.render import hint_for, names_remedy
 from litegrip_client.ctl.run import (
     INTERRUPTED,
     OK,
@@ -39,7 +39,7 @@ def _run(options: Namespace, output: Output) -> int:
         with connected(options) as connection:
             return command(Run(connection, options, output))
     except LiteGripError as error:
-        output.error(error, hint_for(error, options))
+        output.error(error, hint_for(error, options), is_said=names_remedy(error))
         return exit_code(error)
     except (KeyError, TypeError, AttributeError) as error:
         strange = ProtocolError(f"the daemon's answer is not as expected: {error!r}")

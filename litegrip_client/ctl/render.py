@@ -82,8 +82,19 @@ _HINTS = {
     "unknown_job": "see: litegripctl jobs",
     "unknown_trajectory": "see: litegripctl trajectories",
     "trajectory_busy": "see: litegripctl jobs; what only watches ends with its client: clients",
-    "unknown_method": "the daemon is older than this program: see 'litegripctl info'",
 }
+
+_REMEDIES = {
+    "stopped": {"stop.clear"},
+    "not_enabled": {"motor.enable"},
+    "busy": {"job.wait"},
+    "teleop_busy": {"teleop.stop"},
+    "lease_held": {"lease.acquire", "lease.take"},
+    "unknown_job": {"job.list"},
+    "unknown_trajectory": {"trajectory.list"},
+    "trajectory_busy": {"job.wait"},
+}
+"""The methods whose commands a hint names: a message that names them needs no hint."""
 
 
 _OTHERWISE = {"not_calibrated": CHOOSE_MOUNT, "unreachable": "see: litegripctl doctor"}
@@ -111,6 +122,11 @@ def hint_for(error: LiteGripError, options: Namespace) -> str:
     return f"see: {options.help_of} --help"
 
 
+def names_remedy(error: LiteGripError) -> bool:
+    """Return True if the message of an error names what its hint is about."""
+    return error.names(frozenset(_REMEDIES.get(error.reason or "", error.remedy)))
+
+
 def _log_of(options: Namespace) -> str:
     """Name the daemon's unit; a socket that is named alone may be of any channel."""
     alone = options.socket is not None or is_socket_given()
@@ -127,8 +143,7 @@ def _is_remote(options: Namespace) -> bool:
 
 def start(run: Run, method: str, params: Mapping[str, Any]) -> int:
     """Start a motion and show its job, without waiting for its end."""
-    call = run.connection.prepare_guarded(method, {**params, "detach": True, "wait": False})
-    data = run.connection.run(call)
+    data = run.connection.command(method, {**params, "detach": True, "wait": False})
     run.output.result(data, f"{run.options.command}: job {data['job']} started")
     return OK
 

@@ -15,12 +15,13 @@ from argparse import Namespace
 from collections.abc import Callable, Mapping
 
 from litegrip_client.core.discovery import is_socket_given, running_channels
+from litegrip_client.core.session import different
 from litegrip_client.core.sockets import DEFAULT_CHANNEL
 from litegrip_client.ctl.streams import write
 from litegrip_client.line.connection import Connection
 from litegrip_client.threads.blocking import connect
 from litegrip_client.values.errors import CommandError, LiteGripError
-from litegrip_client.values.voices import in_shell, is_said
+from litegrip_client.values.voices import in_shell
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
@@ -66,8 +67,8 @@ class Output:
             write("\n")
             self._open_line = False
 
-    def error(self, error: LiteGripError, hint: str) -> None:
-        """Report an error in one line, and what to do in another."""
+    def error(self, error: LiteGripError, hint: str, *, is_said: bool = False) -> None:
+        """Report an error in one line, and what to do in another, unless the error says it."""
         self.end_line()
         if self.as_json:
             data = {"reason": error.reason, **error.data}
@@ -77,7 +78,7 @@ class Output:
             write(f"{json.dumps({'error': view}, ensure_ascii=False)}\n")
         else:
             self.note(error.message)
-            if hint and not is_said(error.message, hint):  # many a message has its remedy
+            if hint and not is_said and hint not in error.message:
                 print(f"  {one_line(self.for_gripper(hint))}", file=sys.stderr)
 
     def note(self, text: str) -> None:
@@ -168,11 +169,8 @@ def _take_the_only_one(options: Namespace) -> None:
 def _check(options: Namespace, hello: Mapping[str, Any], path: str) -> None:
     is_checked = options.channel_chosen and options.socket is None
     if is_checked and hello["channel"] != options.channel:
-        raise CommandError(
-            f"the daemon at {path} has channel {hello['channel']}, not {options.channel}",
-            reason="wrong_gripper",
-            data={"hint": "see the variable LITEGRIPD_SOCKET"},
-        )
+        hint = "see the variable LITEGRIPD_SOCKET"
+        raise different("channel", options.channel, hello["channel"], path, hint)
 
 
 OK = 0

@@ -22,6 +22,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Mapping, Sequence
+from weakref import ref
 
 from litegrip_client.line.exchange import (
     DEFAULT_TIMEOUT_S,
@@ -37,6 +38,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, TypeVar
 
+    from litegrip_client.line.exchange import Listener
     from litegrip_client.line.feeds import EventSubscription, Feed, StateSample, Subscription
 
     _Item = TypeVar("_Item")
@@ -347,6 +349,12 @@ class Connection(Exchange):
         """
         return self.run(self.prepare(method, params, on_progress), timeout_s)
 
+    def command(
+        self, method: str, params: Mapping[str, Any], timeout_s: float | None = None
+    ) -> dict[str, Any]:
+        """Make a call that must never act after a stop that this program did not know of."""
+        return self.run(self.prepare_guarded(method, params), timeout_s)
+
     def run(self, call: Call, timeout_s: float | None = None) -> dict[str, Any]:
         """Send a prepared call and wait for its result, as described for `call`."""
         multiplexer = self._multiplexer
@@ -428,6 +436,14 @@ class Connection(Exchange):
         """Wait until a feed has something in its inbox."""
         self._multiplexer.check_usable()
         self._multiplexer.wait(feed.inbox, timeout_s, f"with a {feed.what}")
+
+    def listen(self, notification: str, listener: Listener) -> None:
+        """Hand notifications that belong to no subscription to a listener, held weakly."""
+        self._router.listeners[notification, 0] = ref(listener)
+
+    def unlisten(self, notification: str) -> None:
+        """End `listen`; again does nothing."""
+        self._router.listeners.pop((notification, 0), None)
 
     def unsubscribe(self, feed: Feed[Any]) -> None:
         """End a subscription; there is nothing to do when the connection has ended."""

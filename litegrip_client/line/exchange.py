@@ -49,7 +49,7 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
         def begin(self, result: Message) -> None:
             """Take the answer to the subscription; again does nothing."""
 
-    from litegrip_client.values.voices import Voice
+    from litegrip_client.values.terms import Voice
 
 MAX_LINE_BYTES = 16_384
 """A longer line makes the daemon close the connection."""
@@ -243,6 +243,8 @@ class Router:
             self._deliver((method, params["subscription"]), params)
         elif method == "stream.refused":
             self.refusal = params
+        elif method == "teleop.send":
+            self._deliver((method, 0), params)
 
     def _deliver(self, key: Key, params: Message) -> None:
         held = self.listeners.get(key)
@@ -253,7 +255,8 @@ class Router:
             listener.deliver(params)
         else:
             del self.listeners[key]
-            self._on_orphan(key)
+            if key[0] in _UNSUBSCRIBING:
+                self._on_orphan(key)
 
 
 def unsubscribing(notification: str, number: int) -> tuple[str, dict[str, Any]]:
@@ -299,6 +302,7 @@ class Exchange:
     and `stop_socket`, where it takes stops before everything else. `has_clock` is true if this
     machine's CLOCK_MONOTONIC is the daemon's, which it is not behind a portal or a forwarded
     socket. `voice` puts the daemon's errors into the reader's words; None means those of Python.
+    `daemon_version` is for them, too.
     """
 
     def __init__(self, path: str, timeout_s: float) -> None:
@@ -308,6 +312,7 @@ class Exchange:
         self.stop_generation: int | None = None
         self.client: int | None = None
         self.stop_socket: str | None = None
+        self.daemon_version: str | None = None
         self.has_clock = True
         self.voice: Voice | None = None
         self._router = Router(self._end_orphan)
@@ -389,6 +394,8 @@ class Exchange:
                 reason="wrong_protocol",
                 data={"hint": "install the litegrip_client of the daemon's version"},
             )
+        version = hello.get("version")
+        self.daemon_version = version if isinstance(version, str) else None
         client = hello.get("client")
         self.client = client if isinstance(client, int) else None
         stop_socket = hello.get("stop_socket")
@@ -424,7 +431,7 @@ class Exchange:
         return result
 
     def _error(self, error_object: Any, method: str) -> LiteGripError:
-        error = from_error_object(error_object, method, self.voice)
+        error = from_error_object(error_object, method, self.voice, self.daemon_version)
         if isinstance(error, StoppedError):
             # A caller that gets this error knows the stop: its next request is meant to come after,
             # and `sent_s` alone guards it until an answer has the new number.

@@ -17,7 +17,8 @@ from litegrip_client.line.exchange import Key, Message, unsubscribing
 from litegrip_client.values.checks import integer, number
 from litegrip_client.values.errors import ConnectError, ParameterError
 from litegrip_client.values.results import STATE_FIELDS, GripperState
-from litegrip_client.values.voices import Voice, in_python
+from litegrip_client.values.terms import Voice, told
+from litegrip_client.values.voices import in_python
 
 _Item = TypeVar("_Item")
 
@@ -52,7 +53,7 @@ class Event:
             seq=data["seq"],
             monotonic_s=data["monotonic_s"],
             kind=data["kind"],
-            message=voice(data["message"], None, None),
+            message=told(data, "message", voice),
             data=data.get("data") or {},
         )
 
@@ -350,7 +351,7 @@ class EventSubscription(Subscription[Event]):
 
     @property
     def recent(self) -> tuple[Event, ...]:
-        """The last events before the begin, the oldest first; the daemon keeps 32."""
+        """The last events before the begin, the oldest first: 32, and of each kind the last 4."""
         return self._events.recent
 
     def __enter__(self) -> EventSubscription:

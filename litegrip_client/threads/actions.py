@@ -7,6 +7,7 @@ from litegrip_client.threads.blocking import complete
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # importing typing and dataclasses is slow
     import os
+    from collections.abc import Mapping
     from typing import Any, Literal
 
     from litegrip_client.core import actions as core_actions
@@ -111,11 +112,16 @@ class SetpointStream:
         *,
         position_rad: float | None = None,
         openness: float | None = None,
+        push_nm: float | None = None,
         torque_nm: float | None = None,
         kp: float | None = None,
         kd: float | None = None,
     ) -> None:
         """Send the jaws to exactly one of `opening_mm`, `position_rad` and `openness` (0 to 1).
+
+        Or have the motor make the torque `push_nm` in N·m, positive towards larger radians, within
+        what `set_force` allows and at a bounded speed; with 0 the jaws are slack. Nothing else goes
+        with it.
 
         `torque_nm` is for this target what it is for the whole stream. `kp` (5 to 500 N·m/rad) and
         `kd` (0.1 to 5 N·m·s/rad) are the most stiffness and damping, the calibration's by default.
@@ -127,6 +133,7 @@ class SetpointStream:
                 opening_mm,
                 position_rad=position_rad,
                 openness=openness,
+                push_nm=push_nm,
                 torque_nm=torque_nm,
                 kp=kp,
                 kd=kd,
@@ -172,6 +179,21 @@ class GripperActions:
     @motion_config.setter
     def motion_config(self, value: MotionConfig) -> None:
         self._core.motion_config = value
+
+    @property
+    def motion_calibration(self) -> Mapping[str, float] | None:
+        """What this object's motions count on in place of the daemon's calibration, or None.
+
+        It has the keys of a calibration file: `zero_position_rad` (closed), `max_position_rad`
+        (open) and `rad_to_mm`, and perhaps `work_stroke_mm`, `kp` and `kd`. It is sent with each
+        motion, and changes nothing for other clients; the state's millimetres are the daemon's. The
+        daemon refuses what `load_calibration` would refuse.
+        """
+        return self._core.motion_calibration
+
+    @motion_calibration.setter
+    def motion_calibration(self, value: Mapping[str, float] | None) -> None:
+        self._core.motion_calibration = value
 
     def enable(self, retries: int | None = None) -> EnableResult:
         """Enable the motor; true if its status says so.
@@ -391,10 +413,12 @@ class GripperActions:
         `kd` (0.1 to 5 N·m·s/rad, at least kp · 0.002 s) or softer, and press with 1 N·m at most.
         The velocity of their path is fed forward: `dq` is not used, but checked.
 
+        With `kp` 0 it is a set-point of the torque `tau` (N·m, positive towards larger radians,
+        within what `set_force` allows), at a bounded speed; with `tau` 0 the jaws are slack.
+
         True when it is sent; a refusal is raised, perhaps by the next call. Raises
-        `CommandError` with reason "unsupported" for `kp` 0 and for a `tau`, which ask for a
-        torque, a speed or for nothing instead of a position: use `set_force`, `grasp`,
-        `move_at_speed` or `zero_gravity`.
+        `CommandError` with reason "unsupported" for a `tau` beside a `kp`, and for a speed (`dq`
+        and `kd` without `kp`): use `set_force`, or `move_at_speed`.
         """
         return complete(self._core.send_mit_frame(q, kp, kd, dq, tau))
 
@@ -579,6 +603,10 @@ class GripperActions:
         align: bool = True,
         align_speed_mm_s: float | None = None,
         lead_cap_mm: float | None = None,
+        require_ready: bool = True,
+        ready_timeout_s: float | None = None,
+        ready_tolerance_mm: float | None = None,
+        ready_period_s: float | None = None,
         port: int | None = None,
         grip_id: str | None = None,
         link: str | None = None,
@@ -597,8 +625,9 @@ class GripperActions:
     ) -> dict[str, Any]:
         """Lead ("master") or follow ("slave") until `teleop_stop`; return the first status.
 
-        A master's jaws go slack and are moved by hand. A slave needs the master's `host`; its jaws
-        go where the master's are, as a share of its own travel: calibration and mount may differ.
+        A master's jaws hold until its slave is ready, go slack then, and are moved by hand. A slave
+        needs the master's `host`; its jaws go where the master's are, as a share of its own travel:
+        calibration and mount may differ.
         Both ends share `port` (17448) and `grip_id` ("gripA"). `link` is "zenoh" (the default)
         or "udp", which only a trusted network is for, and with which the master needs the slave's
         `host`, and a slave's is its own address to listen at (all of them by default; `only_from`
@@ -616,9 +645,17 @@ class GripperActions:
         udp a master's `host` may name several slaves, separated by commas.
 
         A slave first goes to where its master is, at `align_speed_mm_s` (`motion_config.speed_mm_s`
-        by default). `lead_cap_mm` (`max_lead_mm`) bounds what its lead pushes with: 1.34 N·m a mm.
+        by default). With `align` false it goes there as fast as the bounds of its lead and its
+        force let it; it does not jump either. `lead_cap_mm` (`max_lead_mm`) bounds what its lead
+        pushes with: 1.34 N·m a mm, 2 N·m at most; 0 is as far as that.
 
-        `align` false is refused: the jaws would jump. So is `transport`: the link is the daemon's.
+        It is ready when it follows and its jaws are within `ready_tolerance_mm` (2) of where the
+        master's are; it says so every `ready_period_s` (0.1). The first time lets a master's jaws
+        go; after `ready_timeout_s` (10; 0: never) they go slack all the same, and
+        `ready_timed_out` of the status is true. With `require_ready` false, and over udp, where
+        nobody can say so, they are slack at once.
+
+        `transport` is refused: the link is the daemon's.
 
         It ends with this object's connection. Raises `TeleopNotReady` (not calibrated, not
         enabled), `TeleopBusyError` (it runs already), `TrajectoryBusyError` (a trajectory is
@@ -632,6 +669,10 @@ class GripperActions:
                 align=align,
                 align_speed_mm_s=align_speed_mm_s,
                 lead_cap_mm=lead_cap_mm,
+                require_ready=require_ready,
+                ready_timeout_s=ready_timeout_s,
+                ready_tolerance_mm=ready_tolerance_mm,
+                ready_period_s=ready_period_s,
                 port=port,
                 grip_id=grip_id,
                 link=link,
@@ -663,9 +704,10 @@ class GripperActions:
 
         A dictionary with `active`, `mode`, `topic`, `frames`, `last_frame_age_ms`, `stale`,
         `openness`, `position_mm`, `force_n`, `dq_cmd`, `loop_hz`, `rejected`, `send_failed`,
-        `fault`, `torque_nm`, `over_torque`, `torque_trips`, `matching` and more: whether its limits
-        make a slave press less (`force_limited`), and, of reflection, `reflected_n`, `followers`
-        and `round_trip_ms`. A `torque_nm` that is not known is NaN.
+        `fault`, `torque_nm`, `over_torque`, `torque_trips`, `matching`, `ready`, `ready_rx`,
+        `ready_pubs`, `ready_timed_out` and more: whether its limits make a slave press less
+        (`force_limited`), and, of reflection, `reflected_n`, `followers` and `round_trip_ms`. No
+        figure is NaN; those of a frame are 0 while `frames` is 0. `fault` is "" without one.
         """
         return complete(self._core.teleop_status())
 

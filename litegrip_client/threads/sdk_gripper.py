@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 
-from litegrip_client.sdk.refused import refusal
 from litegrip_client.threads.actions import BlockingGripper
 from litegrip_client.values.checks import number
 from litegrip_client.values.errors import CANTimeoutError, CommandError, ParameterError
@@ -12,9 +11,8 @@ from litegrip_client.values.fields import NM_TO_N, SPAN_INSET_MM
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
-    from typing import Any, NoReturn
+    from typing import Any
 
-    from litegrip_client.sdk.names import GripperInfo
     from litegrip_client.values.calibration import CalibrationData
     from litegrip_client.values.results import GripperState, MoveResult
 
@@ -49,39 +47,6 @@ class SdkGripper(BlockingGripper):
     def is_enabled(self) -> bool:
         """True if the motor is known to be enabled."""
         return self.get_state().is_enabled
-
-    @property
-    def session(self) -> NoReturn:
-        """Raise `CommandError`: the bus is the daemon's."""
-        raise refusal(
-            "session",
-            "the bus is the daemon's, so that many programs can use one gripper",
-            "read_param() reads a register, states() all that the motor reports",
-        )
-
-    def get_info(self) -> GripperInfo:
-        """Return the gripper and its motor."""
-        from litegrip_client.sdk.names import GripperInfo  # noqa: PLC0415 - see above
-
-        info = self.info()
-        motor, registers = info["motor"], info.get("registers", {})
-
-        def whole(name: str) -> int | None:
-            value = registers.get(name)
-            return None if value is None else int(value)
-
-        return GripperInfo(
-            channel=info["channel"],
-            can_id=motor["can_id"],
-            mst_id=motor["master_id"],
-            motor_type=motor["type"],
-            mount=self.mount,
-            calibrated=info["gripper"]["calibrated"] is True,
-            daemon_version=str(info["version"]),
-            hardware_version=whole("hw_ver"),
-            software_version=whole("sw_ver"),
-            serial_number=whole("SN"),
-        )
 
     # What it measures
 
@@ -170,10 +135,6 @@ class SdkGripper(BlockingGripper):
         return state
 
     # Motions
-
-    def home(self) -> NoReturn:
-        """Raise `CommandError`: the SDK's manual does not say where that is."""
-        raise refusal("home", "nothing says where it would go", "open(), or goto(position_mm)")
 
     def move_to(
         self,

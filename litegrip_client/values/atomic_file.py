@@ -63,6 +63,7 @@ class Shortage:
 
     text: str
     is_full: bool
+    is_read_only: bool = False
 
 
 def shortage(directory: str | os.PathLike[str], least_bytes: int = FULL_BYTES) -> Shortage | None:
@@ -75,8 +76,11 @@ def shortage(directory: str | os.PathLike[str], least_bytes: int = FULL_BYTES) -
         found = os.statvfs(existing)
     except OSError:
         return None
-    if found.f_flag & os.ST_RDONLY:  # an image of one has no room by its nature
-        return None
+    if found.f_flag & os.ST_RDONLY:
+        if least_bytes <= FULL_BYTES:  # an image of one has no room by its nature
+            return None
+        text = f"{existing} can only be read: nothing can be kept there"
+        return Shortage(text, is_full=False, is_read_only=True)
     free = f"on {existing}: {_told(found)}, free some"
     if _bytes(found) < FULL_BYTES or _has_no_files(found):
         return Shortage(f"No space left {free}", is_full=True)

@@ -10,11 +10,11 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from litegrip_client.values import atomic_file, strict_json
+from litegrip_client.values import atomic_file
 from litegrip_client.values.atomic_file import why_not_written
 from litegrip_client.values.calibration import CALIBRATION_KEYS
 from litegrip_client.values.errors import CommandError, ParameterError
-from litegrip_client.values.text import cause, text_of
+from litegrip_client.values.text import json_of
 from litegrip_client.values.warn import warn
 
 CALIB_VARIABLE = "LITEGRIP_CALIB"
@@ -77,15 +77,9 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
             raw = file.read(MAX_FILE_BYTES + 1)
         if len(raw) > MAX_FILE_BYTES:
             raise _unreadable(path, f"it is larger than {MAX_FILE_BYTES} bytes")
-        text = text_of(raw)
-    except OSError as error:
-        raise _unreadable(path, error.strerror or str(error)) from error
-    except ValueError as error:
-        raise _unreadable(path, str(error)) from error
-    try:
-        content = strict_json.decode(text)
-    except (ValueError, RecursionError) as error:
-        raise _unreadable(path, f"it is not JSON: {error}{cause(text)}") from error
+        content = json_of(raw)
+    except (OSError, ValueError) as error:
+        raise _unreadable(path, getattr(error, "strerror", None) or str(error)) from error
     if not isinstance(content, dict):
         raise _unreadable(path, "it holds no JSON object")
     return content

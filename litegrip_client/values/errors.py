@@ -11,7 +11,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
-    from litegrip_client.values.voices import Voice
+    from litegrip_client.values.terms import Voice
 
 OWN_REASONS: Mapping[str, tuple[str, int, str]] = {
     "no_daemon": ("ConnectError", 3, "No daemon can be reached by the sockets of the channel."),
@@ -22,6 +22,7 @@ OWN_REASONS: Mapping[str, tuple[str, int, str]] = {
     "wrong_loop": ("CommandError", 4, "The connection belongs to another event loop."),
     "reentrant": ("CommandError", 4, "The thread waits for an answer there already."),
     "wrong_protocol": ("ProtocolError", 70, "The daemon speaks another version of the protocol."),
+    "older_daemon": ("CommandError", 4, "The daemon is older, and lacks what it was asked for."),
     "missing_field": ("ProtocolError", 70, "Something is missing in what the daemon sent."),
     "wrong_gripper": ("CommandError", 4, "The daemon has another channel or motor than named."),
     "unsupported": ("CommandError", 4, "What the SDK can do, but not through a daemon."),
@@ -85,6 +86,11 @@ class LiteGripError(Exception):
     `data` is everything else that came with the error.
     """
 
+    named: frozenset[str] = frozenset()
+    """The daemon's methods that the message names."""
+    remedy: frozenset[str] = frozenset()
+    """Those that the hint names."""
+
     def __init__(
         self,
         message: str = "",
@@ -126,12 +132,13 @@ class LiteGripError(Exception):
         return owner if isinstance(owner, dict) else None
 
     def __str__(self) -> str:
-        from litegrip_client.values.voices import is_said  # noqa: PLC0415 - only errors need it
-
         hint = self.hint
-        return (
-            self.message if not hint or is_said(self.message, hint) else f"{self.message}\n{hint}"
-        )
+        is_said = not hint or hint in self.message or self.names(self.remedy)
+        return self.message if is_said else f"{self.message}\n{hint}"
+
+    def names(self, methods: frozenset[str]) -> bool:
+        """Return True if the message names all these methods of the daemon, and there are some."""
+        return bool(methods) and methods <= self.named
 
 
 class ProtocolError(LiteGripError):
@@ -269,36 +276,100 @@ _CLASSES: Mapping[str, type[LiteGripError]] = {
 
 
 def from_error_object(
-    error: Any, method: str | None = None, voice: Voice | None = None
+    error: Any,
+    method: str | None = None,
+    voice: Voice | None = None,
+    daemon_version: str | None = None,
 ) -> LiteGripError:
     """Return the exception for the error object of an answer to `method`.
 
     Its message and hint are put into the words of a `voice`, that of Python unless given.
 
     A reason that this version does not know, from a newer daemon, becomes the exception of its
-    code, and `LiteGripError` when the code is unknown as well.
+    code, and `LiteGripError` when the code is unknown as well. What an older daemon lacks becomes
+    a `CommandError` that says so, with `daemon_version`: it is no mistake of the caller's.
     """
     if not isinstance(error, dict):
         return ProtocolError(f"the daemon sent an error that is no object: {error!r:.80}")
+    from litegrip_client.values.terms import methods_in, told  # noqa: PLC0415 - only errors need it
+    from litegrip_client.values.voices import in_python  # noqa: PLC0415 - only errors need it
+
     data = error.get("data")
     data = dict(data) if isinstance(data, dict) else {}
-    if voice is None:
-        from litegrip_client.values.voices import in_python  # noqa: PLC0415 - only errors need it
-
-        voice = in_python
-    parameter = data.get("parameter") or data.get("field")
-    if isinstance(data.get("hint"), str):
-        data["hint"] = voice(data["hint"], method, parameter)
+    texts = {**data, "message": error.get("message", "the daemon gave no message")}
+    voice = voice or in_python
+    terms = data.pop("terms", None)
+    for name in terms if isinstance(terms, dict) else ():
+        if isinstance(data.get(name), str):
+            data[name] = told(texts, name, voice, method)
     reason, code = data.get("reason"), error.get("code")
+    if method is not None and reason in ("unknown_method", "invalid_params"):
+        lacking = _lacking(method, str(reason), str(texts["message"]), voice)
+        if lacking is not None:
+            return _older_daemon(lacking, daemon_version, code, data)
     row = REASONS.get(reason) if isinstance(reason, str) else None
     if row is None and isinstance(code, int):
         row = REASONS.get(CODES.get(code, ""))
     kind = _CLASSES.get(row[0], LiteGripError) if row is not None else LiteGripError
-    return kind(
-        voice(str(error.get("message", "the daemon gave no message")), method, parameter),
+    made = kind(
+        told(texts, "message", voice, method),
         reason=reason if isinstance(reason, str) else None,
         code=code if isinstance(code, int) else None,
         data=data,
+    )
+    made.named, made.remedy = (methods_in(texts, name) for name in ("message", "hint"))
+    return made
+
+
+_NO_PARAMETER = r"\S+ has no parameter '(\w+)'"
+_NO_VALUE = r"\S+: (\w+) is '([^']*)', it must be one of: "
+_NO_FIELD = r"(config): there is no field '(\w+)'"
+"""How every daemon refuses what it does not know."""
+
+
+def _lacking(method: str, reason: str, message: str, voice: Voice) -> str | None:
+    """Return what this client's version has and the daemon lacks; None if it is a slip."""
+    import re  # noqa: PLC0415 - only errors need it, as the next
+
+    from litegrip_client.values.method_table import METHODS  # noqa: PLC0415
+
+    parameters = METHODS.get(method)
+    if parameters is None:
+        return None
+    if reason == "unknown_method":
+        return voice(method, None, None) or method
+    stopped = re.search(r"; stopped \(\w+\) all the same$", message)
+    then = "" if stopped is None else stopped[0]
+    found = re.match(_NO_PARAMETER, message)
+    value = None
+    if found is None:
+        found = re.match(_NO_VALUE, message) or re.match(_NO_FIELD, message)
+        value = None if found is None else found[2]
+    if found is None or found[1] not in parameters:
+        return None
+    if value is not None and value not in parameters[found[1]]:
+        return None
+    what = voice(method, found[1], None) or f"{method} with {found[1]}"
+    return what + ("" if value is None else f", {value}") + then
+
+
+def _older_daemon(
+    lacking: str, daemon_version: str | None, code: Any, data: dict[str, Any]
+) -> CommandError:
+    from litegrip_client.values.version import client_version  # noqa: PLC0415 - only here
+
+    own = client_version()
+    daemon = "" if daemon_version is None else f", litegripd {daemon_version},"
+    client = "" if daemon_version == own else f", {own},"  # it runs what was there when it began
+    return CommandError(
+        f"the daemon{daemon} is older than this client{client} and lacks: {lacking}",
+        reason="older_daemon",
+        code=code if isinstance(code, int) else None,
+        data={
+            **data,
+            "reason": "older_daemon",
+            "hint": "upgrade it as docs/installation.md says, then: litegripctl restart --hold",
+        },
     )
 
 

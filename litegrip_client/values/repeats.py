@@ -2,13 +2,15 @@
 
 A loose plug says the same in words of 240 characters, thousands of times a day. The first line is
 written at once and in full. Lines that differ from it in figures only are its repeats: they are
-counted, and reported by a short line with their number, at intervals that grow. Nothing here
-knows a clock.
+counted, and reported by a short line with their number, at intervals that grow.
 """
 
 import logging
 import re
+import sys
+import time
 from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import dataclass
 
 REPEATS = "repeats"
@@ -27,6 +29,7 @@ SETTLED_SHARE = 6.0
 was counted is reported then, so that the journal's end is no older than ten minutes."""
 SETTLED_FIRST_S = 10.0
 
+_LOOK_EVERY_S = 1.0
 _MOST_KINDS = 256
 _SHORT = 120
 _FIGURES = re.compile(r"\d+")
@@ -64,7 +67,10 @@ class _Repeat:
 
 
 class Repeats:
-    """Passes on what is to be written; `due` is called often, and costs nothing until it is due."""
+    """Passes on what is to be written; `due` is called often, and costs nothing until it is due.
+
+    It knows no clock.
+    """
 
     def __init__(self) -> None:
         self._kinds: OrderedDict[tuple[str, int, str], _Repeat] = OrderedDict()  # by `last_s`
@@ -107,6 +113,77 @@ class Repeats:
         excess = max(len(self._kinds) - _MOST_KINDS, 0)
         gone = [self._kinds.popitem(last=False)[1] for _ in range(excess)]
         return [known.report(now_s) for known in gone if known.count]
+
+
+def to_standard_error(_record: logging.LogRecord, text: str) -> bool:
+    """Write a line to standard error."""
+    sys.stderr.write(f"{text}\n")
+    sys.stderr.flush()
+    return True
+
+
+class RepeatsHandler(logging.Handler):
+    """Hands a sink what `Repeats` says is to be written; it returns True if it took the line.
+
+    Any thread may log. Call `poll` often, so that it can say how often lines came. A line that
+    cannot be made, or that the sink does not take, is counted as `dropped`.
+    """
+
+    def __init__(
+        self,
+        sink: Callable[[logging.LogRecord, str], bool] = to_standard_error,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        super().__init__()
+        self.dropped = 0
+        self._sink = sink
+        self._clock = clock
+        self._repeats = Repeats()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write one line, or count it."""
+        try:
+            lines = self._repeats.take(record, self._clock())
+        except Exception:  # noqa: BLE001 - a badly written log call must not end a tick
+            self.dropped += 1
+            return
+        self._send(lines)
+
+    def poll(self) -> None:
+        """Write how often lines have repeated, where that is due."""
+        self.acquire()
+        try:
+            self._send(self._repeats.due(self._clock()))
+        finally:
+            self.release()
+
+    def close(self) -> None:
+        """Write how often lines have repeated since that was written last."""
+        self.acquire()
+        try:
+            self._send(self._repeats.rest(self._clock()))
+        finally:
+            self.release()
+        super().close()
+
+    def _send(self, lines: list[logging.LogRecord]) -> None:
+        for line in lines:
+            try:
+                taken = self._sink(line, self.format(line))
+            except Exception:  # noqa: BLE001 - as above
+                taken = False
+            self.dropped += not taken
+
+
+async def poll_handlers() -> None:
+    """Poll the handlers of the whole log until cancelled."""
+    import asyncio  # noqa: PLC0415 - the daemon has none
+
+    while True:
+        for handler in logging.getLogger().handlers:
+            if isinstance(handler, RepeatsHandler):
+                handler.poll()
+        await asyncio.sleep(_LOOK_EVERY_S)
 
 
 def _shortened(text: str) -> str:

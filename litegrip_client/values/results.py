@@ -180,9 +180,10 @@ class EnableResult(ShortRepr):
         values = _with_state(data, ("ok", "tries"), "enable result")
         message = data.get("message")
         if message is not None:
+            from litegrip_client.values.terms import told  # noqa: PLC0415 - seldom needed
             from litegrip_client.values.voices import in_python  # noqa: PLC0415 - seldom needed
 
-            message = in_python(str(message))
+            message = told(data, "message", in_python)
         return cls(**values, reason=data.get("reason"), message=message)
 
 

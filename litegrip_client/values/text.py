@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import codecs
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
+
+from litegrip_client.values.strict_json import decode_file, file_number
 
 _UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
@@ -63,6 +65,24 @@ def text_of(content: bytes) -> str:
         ) from error
 
 
+def toml_of(content: bytes, loads: Callable[..., dict[str, Any]]) -> dict[str, Any]:
+    """Return what `tomllib.loads` makes of a file; raises `ValueError` for who wrote it."""
+    text = text_of(content)
+    try:
+        value = loads(text, parse_float=file_number)
+    except (ValueError, RecursionError) as error:  # not only by the parser's own class
+        long = re.search(r"\d{309,}", text)
+        if long is not None and "digits" in str(error):  # CPython's text is for programmers
+            line = text.count("\n", 0, long.start()) + 1
+            raise ValueError(
+                f"line {line} has a number of {len(long[0])} digits: no key takes it"
+            ) from error
+        raise ValueError(f"not valid TOML: {error}{cause(text)}") from error
+    if (sign := hidden(value)) is not None:
+        raise ValueError(sign)
+    return value
+
+
 def cause(text: str) -> str:
     """Return a sentence that names what nobody sees in a text that could not be parsed, or "".
 
@@ -102,3 +122,15 @@ def _texts(value: Any, name: str) -> Iterator[tuple[str, str]]:
     elif isinstance(value, list):
         for item in value:
             yield from _texts(item, name)
+
+
+def json_of(content: bytes, allowed: Mapping[str, str] | None = None) -> Any:
+    """Return the value in a JSON file that a person may have edited.
+
+    Raises `ValueError` as `strict_json.decode_file`, with what nobody sees in the text.
+    """
+    text = text_of(content)
+    try:
+        return decode_file(text, allowed)
+    except ValueError as error:
+        raise ValueError(f"{error}{cause(text)}") from error

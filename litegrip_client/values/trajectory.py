@@ -45,6 +45,7 @@ from litegrip_client.values.trajectory_format import (
     Mount,
     TaughtGrip,
     check_count,
+    check_finite,
     check_grips,
     check_length,
     duration_s,
@@ -251,8 +252,7 @@ def _checked(samples: Any) -> list[TrajectorySample]:
         raise TrajectoryFormatError(text) from error
     last_s = -math.inf
     for place, sample in enumerate(checked):
-        if not all(map(math.isfinite, sample)):
-            raise TrajectoryFormatError(f"sample {place} has a value that is not finite")
+        check_finite(place, sample)
         if not 0.0 <= sample.openness <= 1.0:
             raise TrajectoryFormatError(
                 f"sample {place}: openness is {sample.openness}, it must be 0 to 1"

@@ -14,15 +14,15 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any, BinaryIO, Literal, TypeAlias
 
-from litegrip_client.values import strict_json
 from litegrip_client.values.errors import TrajectoryFormatError
-from litegrip_client.values.text import cause, text_of
+from litegrip_client.values.text import json_of
 
 MAGIC = b"LGRTRJ01"
 ENDING = ".lgt"
 LGT_VERSION = 1
 HEADER = struct.Struct("<8sHI5dI8s")
 SAMPLE = struct.Struct("<5d")
+SAMPLE_FIELDS = ("t_s", "openness", "position_rad", "velocity_rad_s", "torque_nm")
 MAX_SAMPLES = 360_000
 """30 minutes at 200 Hz, 14.4 MB."""
 
@@ -85,6 +85,16 @@ def check_count(samples: int) -> None:
     """Raise `TrajectoryFormatError` for more samples than there may be."""
     if not 0 <= samples <= MAX_SAMPLES:
         raise TrajectoryFormatError(f"{samples} samples, at most {MAX_SAMPLES} are allowed")
+
+
+def check_finite(number: int, sample: Sequence[float]) -> None:
+    """Raise `TrajectoryFormatError` that names a value of a sample which is not finite."""
+    if all(map(math.isfinite, sample)):
+        return
+    named = zip(SAMPLE_FIELDS, sample, strict=True)
+    name, value = next(one for one in named if not math.isfinite(one[1]))
+    text = f"sample {number}: {name} is {value}, it must be a finite number"
+    raise TrajectoryFormatError(text)
 
 
 def check_length(length: int, samples: int) -> None:
@@ -247,13 +257,9 @@ def parse_grips(content: bytes) -> Any:
     if len(content) > MAX_GRIP_BYTES:
         raise TrajectoryFormatError(f"{len(content)} bytes, at most {MAX_GRIP_BYTES} are allowed")
     try:
-        text = text_of(content)
+        return json_of(content)
     except ValueError as error:
         raise TrajectoryFormatError(str(error)) from None
-    try:
-        return strict_json.decode(text)
-    except (ValueError, RecursionError) as error:
-        raise TrajectoryFormatError(f"it is no JSON: {error}{cause(text)}") from None
 
 
 def _grip_of(number: int, plain: object) -> TaughtGrip:

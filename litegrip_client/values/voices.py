@@ -6,12 +6,7 @@ and a person at a shell commands and options. Nothing is decided by this module.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterator, Mapping
-
-TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: importing typing is slow
-    from typing import TypeAlias
+from collections.abc import Mapping
 
 CALLS: Mapping[str, tuple[str, str]] = {
     "health": ("gripper.health()", "litegripctl health"),
@@ -137,6 +132,10 @@ ARGUMENTS: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "watchdog_s": ("watchdog_s", "--watchdog"),
         "torque_limit_nm": ("torque_limit_nm", "--torque-limit"),
         "force_limit_n": ("force_limit_n", "--force-limit"),
+        "align_speed_mm_s": ("align_speed_mm_s", "--align-speed"),
+        "lead_cap_mm": ("lead_cap_mm", "--lead-cap"),
+        "require_ready": ("require_ready", "--no-require-ready"),
+        "ready_timeout_s": ("ready_timeout_s", "--ready-timeout"),
         "reflect": ("reflect", "--reflect"),
         "reflect_n": ("reflect_n", "--reflect-force"),
         "reflect_gain": ("reflect_gain", "--reflect-gain"),
@@ -147,82 +146,32 @@ ARGUMENTS: Mapping[str, Mapping[str, tuple[str, str]]] = {
 What is not here has the same name in Python and none in the shell.
 """
 
-_OF_ALL = {"config": ("motion_config", "config")}
+_OF_ALL: Mapping[str, tuple[str, str]] = {"config": ("motion_config", "config")}
 """Parameters of nearly all methods."""
 
-_PYTHON, _SHELL = 0, 1
 
-_METHOD = re.compile(
-    rf"(?<![\w./])({'|'.join(re.escape(name) for name in CALLS if '.' in name)})(?!\w|\.\w)"
-    r"( with (?:a )?(\w+))?"
-)
-"""A method, and a parameter that it is to be called with."""
-
-Voice: TypeAlias = "Callable[[str, str | None, str | None], str]"
-"""Makes a reader's text of the daemon's: of the text, the method asked, and the parameter meant."""
-
-
-def in_python(text: str, method: str | None = None, parameter: str | None = None) -> str:
-    """Name calls of `LiteGrip` and their arguments in a text that answers `method`."""
-    return _said(text, method, parameter, _PYTHON)
+def in_python(method: str | None, parameter: str | None, asked: str | None) -> str | None:
+    """Name a call of `LiteGrip` or an argument."""
+    if method is None:
+        return _argument(asked, parameter)[0]
+    call = CALLS.get(method, _NONE)[0]
+    if parameter is None:
+        return call
+    name = _argument(method, parameter)[0] or parameter
+    return f"{call.removesuffix(')')}{name}=...)" if call and call.endswith("()") else None
 
 
-def in_shell(text: str, method: str | None = None, parameter: str | None = None) -> str:
-    """Name commands of `litegripctl` and their options in a text that answers `method`."""
-    return _said(text, method, parameter, _SHELL)
+def in_shell(method: str | None, parameter: str | None, asked: str | None) -> str | None:
+    """Name a command of `litegripctl` or an option."""
+    if method is None:
+        return _argument(asked, parameter)[1]
+    call = CALLS.get(method, _NONE)[1]
+    return f"{call} {_argument(method, parameter)[1] or ''}".rstrip() if call else None
 
 
-def is_said(message: str, hint: str) -> bool:
-    """Return True if `message` names the remedy of `hint` already: its words, or all its calls."""
-    if hint in message:
-        return True
-    named = [call for call in _calls() if _has(hint, call)]
-    return bool(named) and all(_has(message, call) for call in named)
+_NONE = (None, None)
 
 
-def _calls() -> Iterator[str]:
-    """Give all calls and commands, without what is to be filled in."""
-    for row in CALLS.values():
-        for call in filter(None, row):
-            yield call.rpartition(": ")[2].removesuffix(" NAME").removesuffix(" REASON")
-
-
-def _has(text: str, call: str) -> bool:
-    return re.search(rf"{re.escape(call)}(?![\w-])", text) is not None
-
-
-def _said(text: str, method: str | None, parameter: str | None, voice: int) -> str:
-    own = method is not None and text.startswith(f"{method}: ")
-    if own:  # who has typed the call or the command knows which one it was
-        text = text[len(f"{method}: ") :]
-    text = _METHOD.sub(lambda found: _call(found, voice), text)
-    return _arguments(text, method, parameter, voice)
-
-
-def _call(found: re.Match[str], voice: int) -> str:
-    """Return what stands for a method, called with an argument where the text names one."""
-    method, rest, parameter = found.groups(default="")
-    call = CALLS[method][voice] or method
-    names = ARGUMENTS.get(method, {}).get(parameter, (parameter, ""))
-    if parameter not in ARGUMENTS.get(method, {}) and "_" not in parameter:
-        return f"{call}{rest}"  # a word of the sentence
-    if voice == _PYTHON:
-        return f"{call.removesuffix(')')}{names[voice]}=...)" if call.endswith("()") else found[0]
-    return f"{call} {names[voice]}".rstrip()
-
-
-def _arguments(text: str, method: str | None, parameter: str | None, voice: int) -> str:
-    """Name arguments in the place of parameters.
-
-    One that is a word of English, too, counts only at the beginning, where it is the subject. A key
-    of the configuration keeps its name.
-    """
+def _argument(method: str | None, parameter: str | None) -> tuple[str, str] | tuple[None, None]:
     names = {**_OF_ALL, **ARGUMENTS.get(method or "", {})}
-    plain = [name for name in names if "_" not in name and name == parameter]
-    always = [re.escape(name) for name in names if "_" in name]
-    if plain:
-        text = re.sub(rf"^{plain[0]}\b", names[plain[0]][voice], text)
-    if not always:
-        return text
-    pattern = rf"(?<![\w-])({'|'.join(always)})(?![\w=-]| = | in \[)"
-    return re.sub(pattern, lambda found: names[found[1]][voice], text)
+    return names.get(parameter or "", _NONE)

@@ -18,14 +18,15 @@ import subprocess
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent import futures
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import zenoh
 
 from litegrip_client.core.discovery import UNIT_DIRECTORIES, socket_paths
-from litegrip_client.ctl.doctor.findings import Finding, error, warning
+from litegrip_client.ctl.findings import Check, Finding, Found, error, findings_of, warning
 from litegrip_client.threads.blocking import connect
 from litegrip_client.values.errors import LiteGripError
 from litegrip_client.values.version import client_version
@@ -37,7 +38,7 @@ from litegrip_fleet.admin.findings import (
     DaemonFacts,
     EndpointFacts,
     FileFacts,
-    Found,
+    FileKind,
     Kind,
     Measured,
     Unmeasured,
@@ -55,43 +56,54 @@ _NO_ROUTE = (errno.EHOSTUNREACH, errno.ENETUNREACH, errno.ENETDOWN)
 _WILDCARDS = {"0.0.0.0": "127.0.0.1", "[::]": "::1"}  # noqa: S104 - compared with, not bound to
 
 
-def examine(file: str, now_s: float) -> Found:
+@dataclass(slots=True)
+class Machine:
+    """What the checks look at; what one of them has found out, and others need, is None before."""
+
+    file: str
+    now_s: float
+    config: FleetConfig | None = None
+    certificate: Certificate | None = None
+    """The own one, where it can be used."""
+
+
+def examine(file: str, now_s: float) -> list[tuple[str, Finding]]:
     """Return all findings by the names of their checks, at a Unix time."""
+    machine = Machine(file, now_s)
+    found = findings_of([Check("configuration", _configuration)], machine)
+    if (config := machine.config) is None:
+        return found
+    return found + findings_of(_checks(config, config.network.tls), machine)
+
+
+def _checks(config: FleetConfig, tls: Tls | None) -> Iterator[Check[Machine]]:
+    """Yield what there is to look at, in the order in which it is read."""
+    yield Check("encryption", lambda _: findings.of_encryption(insecure=config.insecure))
+    if tls is not None:
+        yield Check("key", lambda _: _files(tls, parts_of(config)))
+        yield Check("certificate", lambda machine: _certificates(config, tls, machine))
+    yield Check("unit", lambda _: _units(config))
+    yield Check("daemon", lambda _: _daemons(config))
+    yield Check("router", lambda machine: _router(config, machine.certificate))
+    yield Check("network", lambda machine: _network(config, machine))
+
+
+def _configuration(machine: Machine) -> Finding:
+    file = machine.file
     if not Path(file).exists():
-        yield (
-            "configuration",
-            error(
-                f"{file} is not there: this machine has no part of a fleet",
-                "sudo litegripctl install-units --fleet",
-                "it brings an example; docs/fleet.md says what to fill in",
-            ),
+        return error(
+            f"{file} is not there: this machine has no part of a fleet",
+            "sudo litegripctl install-units --fleet",
+            "it brings an example; docs/fleet.md says what to fill in",
         )
-        return
     if not os.access(file, os.R_OK):
-        yield "configuration", warning(f"{file} is not for this user", findings.CHECK_AS_ROOT)
-        return
+        return warning(f"{file} is not for this user", findings.CHECK_AS_ROOT)
     try:
-        config = load(file)
+        machine.config = load(file)
     except FleetConfigError as problem:
         advice = "correct it: docs/fleet.md and etc/fleet.toml have examples"
-        yield "configuration", error(str(problem), advice=advice)
-        return
-    yield "configuration", findings.of_parts(config)
-    if (unprotected := findings.of_encryption(insecure=config.insecure)) is not None:
-        yield "encryption", unprotected
-    certificate = None
-    if (tls := config.network.tls) is not None:
-        yield from _files(tls, parts_of(config))
-        is_router_only = parts_of(config) == ["router"]
-        certificate, found = _certificates(tls, now_s, as_server=is_router_only)
-        yield from found
-        if certificate is not None:
-            yield from findings.of_identity(config, certificate.common_name)
-    for part, state in _units(config):
-        yield "unit", findings.of_unit(part, state)
-    yield from _daemons(config)
-    yield from _router(config, certificate)
-    yield from _network(config, now_s, is_usable=tls is None or certificate is not None)
+        return error(str(problem), advice=advice)
+    return findings.of_parts(machine.config)
 
 
 # The own files ------------------------------------------------------------------------------------
@@ -99,19 +111,13 @@ def examine(file: str, now_s: float) -> Found:
 
 def _files(tls: Tls, parts: Sequence[str]) -> Found:
     users = [user for part in parts if (user := _user_of(part)) is not None]
-    kinds: Mapping[Literal["ca", "certificate", "key"], str] = {
-        "ca": tls.ca,
-        "certificate": tls.certificate,
-        "key": tls.key,
-    }
-    files = [_file(kind, path, users) for kind, path in kinds.items()]
     are_others = bool(users) and os.getuid() not in {user.pw_uid for user in users}
-    return findings.of_files(files, parts_are_others=are_others)
+    kinds: Mapping[FileKind, str] = {"ca": tls.ca, "certificate": tls.certificate, "key": tls.key}
+    for kind, path in kinds.items():
+        yield kind, findings.of_file(_file(kind, path, users), parts_are_others=are_others)
 
 
-def _file(
-    kind: Literal["ca", "certificate", "key"], path: str, users: Sequence[pwd.struct_passwd]
-) -> FileFacts:
+def _file(kind: FileKind, path: str, users: Sequence[pwd.struct_passwd]) -> FileFacts:
     try:
         mode = Path(path).stat().st_mode
         with Path(path).open("rb"):
@@ -155,33 +161,30 @@ def _may_read(path: str, user: pwd.struct_passwd) -> bool:
     return True
 
 
-def _certificates(
-    tls: Tls, now_s: float, *, as_server: bool
-) -> tuple[Certificate | None, list[tuple[str, Finding]]]:
-    """Return the own certificate, None where it cannot be used, and what is found."""
+def _certificates(config: FleetConfig, tls: Tls, machine: Machine) -> Found:
     if not all(os.access(path, os.R_OK) for path in (tls.ca, tls.certificate, tls.key)):
-        return None, []  # which was said of the files
-    known: list[tuple[str, Finding]] = []
-    signers: Sequence[Certificate] | str
+        return  # which was said of the files
     certificate: Certificate | str
     try:
-        signers = authorities(tls.ca)
-    except CertificateError as problem:
-        signers = str(problem)
-    try:
-        certificate = own(tls, as_server=as_server)
+        certificate = machine.certificate = own(tls, as_server=parts_of(config) == ["router"])
     except CertificateError as problem:
         certificate = str(problem)
-    known.append(("certificate", findings.of_certificate(certificate, now_s, tls.certificate)))
-    known += findings.of_authority(signers, now_s, tls.ca)
-    return (None if isinstance(certificate, str) else certificate), known
+    yield "certificate", findings.of_certificate(certificate, machine.now_s, tls.certificate)
+    try:
+        for signer in authorities(tls.ca):
+            yield "authority", findings.of_certificate(signer, machine.now_s, tls.ca)
+    except CertificateError as problem:
+        yield "authority", error(str(problem), advice=findings.RENEW)
+    if machine.certificate is not None:
+        for finding in findings.of_identity(config, machine.certificate.common_name):
+            yield "identity", finding
 
 
 # The parts ----------------------------------------------------------------------------------------
 
 
-def _units(config: FleetConfig) -> Iterator[tuple[str, str]]:
-    """Yield what systemd says of each part's unit, where it has one."""
+def _units(config: FleetConfig) -> Found:
+    """Ask systemd about each part's unit, where it has one."""
     program = shutil.which("systemctl")
     is_there = any(
         (Path(folder) / "litegripd-fleet@.service").exists() for folder in UNIT_DIRECTORIES
@@ -196,7 +199,7 @@ def _units(config: FleetConfig) -> Iterator[tuple[str, str]]:
             timeout=_SYSTEMCTL_WITHIN_S,
             check=False,
         )
-        yield part, done.stdout.strip()
+        yield "unit", findings.of_unit(part, done.stdout.strip())
 
 
 def _daemons(config: FleetConfig) -> Found:
@@ -293,9 +296,10 @@ def _wildcard_as_local(endpoint: str) -> str:
 # The network --------------------------------------------------------------------------------------
 
 
-def _network(config: FleetConfig, now_s: float, *, is_usable: bool) -> Found:
+def _network(config: FleetConfig, machine: Machine) -> Found:
     """Look at the routers, and by them at the grippers; the portal's sockets need neither."""
-    if not is_usable:
+    now_s = machine.now_s
+    if config.network.tls is not None and machine.certificate is None:
         yield from _grippers(config, None)
         return
     tls = config.network.tls

@@ -10,7 +10,8 @@ from typing import Any, TypeVar
 from litegrip_client.core.discovery import check_channel
 from litegrip_client.core.sockets import PORTAL_DIRECTORY, STOP_LEVELS
 from litegrip_client.values.errors import ParameterError
-from litegrip_client.values.text import cause, hidden, text_of
+from litegrip_client.values.strict_json import is_finite
+from litegrip_client.values.text import toml_of
 from litegrip_fleet.admin.access import ROLES
 from litegrip_fleet.far.admission import LONGEST_TTL_S, SHORTEST_TTL_S
 from litegrip_fleet.far.far_session import DEFAULT_TTL_S
@@ -94,7 +95,7 @@ class FleetConfig:
 def load(file: str = FILE) -> FleetConfig:
     """Read a configuration; raises `FleetConfigError`."""
     try:
-        text = text_of(Path(file).read_bytes())
+        content = toml_of(Path(file).read_bytes(), tomllib.loads)
     except OSError as error:
         hint = ""
         if isinstance(error, FileNotFoundError) and file == FILE:
@@ -105,12 +106,6 @@ def load(file: str = FILE) -> FleetConfig:
         raise FleetConfigError(f"{file}: {error.strerror}{hint}") from error
     except ValueError as error:
         raise FleetConfigError(f"{file}: {error}") from error
-    try:
-        content = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise FleetConfigError(f"{file}: {error}{cause(text)}") from error
-    if (sign := hidden(content)) is not None:
-        raise FleetConfigError(f"{file}: {sign}")
     try:
         return _config(file, content)
     except (BadNameError, ParameterError) as error:
@@ -294,7 +289,7 @@ def _boolean(value: Any) -> bool | None:
 
 def _number(value: Any) -> float | None:
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    return float(value) if is_number else None
+    return float(value) if is_number and is_finite(value) else None
 
 
 _EXPECTED: Mapping[Any, str] = {
@@ -302,5 +297,5 @@ _EXPECTED: Mapping[Any, str] = {
     _texts: "an array of texts",
     _mapping: "a table",
     _boolean: "true or false",
-    _number: "a number",
+    _number: "a finite number",
 }

@@ -1,15 +1,15 @@
 """What `litegripd-fleet check` finds in the facts that it has gathered; nothing is asked here.
 
-Each function takes facts, and the Unix time where that matters, and returns findings by the name
-of the check. A finding names the command or the edit that repairs what is wrong.
+Each function takes facts, and the Unix time where that matters. A finding names the command or the
+edit that repairs what is wrong.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
 from typing import Any, Literal, TypeAlias
 
-from litegrip_client.ctl.doctor.findings import Finding, error, ok, warning
+from litegrip_client.ctl.findings import Finding, Found, error, ok, warning
 from litegrip_client.line.exchange import PROTOCOL
 from litegrip_fleet.admin.access import ROLES
 from litegrip_fleet.admin.certificates import (
@@ -19,11 +19,9 @@ from litegrip_fleet.admin.certificates import (
     problem_of_dates,
     time_left,
 )
-from litegrip_fleet.admin.config import FleetConfig
+from litegrip_fleet.admin.config import FleetConfig, GatewayConfig, PortalConfig
 from litegrip_fleet.wire.keys import Place
 from litegrip_fleet.wire.lateness import MOTION_COUNTS_S, SET_POINT_COUNTS_S
-
-Found: TypeAlias = "Iterator[tuple[str, Finding]]"
 
 SLOW_WAY_S = 0.1
 """From so long a way (half of the round trip) on, some set-points come too late to count."""
@@ -41,6 +39,8 @@ _LET_READ = (
 
 # The files of TLS ---------------------------------------------------------------------------------
 
+FileKind: TypeAlias = Literal["ca", "certificate", "key"]
+
 
 @dataclass(frozen=True, slots=True)
 class FileFacts:
@@ -49,7 +49,7 @@ class FileFacts:
     `closed_to` are the users of parts that may not.
     """
 
-    kind: Literal["ca", "certificate", "key"]
+    kind: FileKind
     path: str
     problem: str | None = None
     is_missing: bool = False
@@ -57,13 +57,8 @@ class FileFacts:
     closed_to: Sequence[str] = ()
 
 
-def of_files(files: Iterable[FileFacts], *, parts_are_others: bool) -> Found:
-    """Judge the files; `parts_are_others`: the parts run as users of their own."""
-    for file in files:
-        yield file.kind, _of_file(file, parts_are_others=parts_are_others)
-
-
-def _of_file(file: FileFacts, *, parts_are_others: bool) -> Finding:
+def of_file(file: FileFacts, *, parts_are_others: bool) -> Finding:
+    """Judge a file; `parts_are_others`: the parts run as users of their own."""
     folder = file.path.rpartition("/")[0] or "."
     command, advice = _LET_READ
     command = command.format(folder=folder)
@@ -88,19 +83,10 @@ def _of_file(file: FileFacts, *, parts_are_others: bool) -> Finding:
 
 
 def of_certificate(certificate: Certificate | str, now_s: float, file: str) -> Finding:
-    """Judge the own certificate, or say why it cannot be used."""
+    """Judge the own certificate or an authority's; of the own one, say why it cannot be used."""
     if isinstance(certificate, str):
         return error(f"{file} {certificate}", advice=RENEW)
     return _of_dates(certificate, now_s, f"{certificate.common_name}, {file},")
-
-
-def of_authority(found: Sequence[Certificate] | str, now_s: float, file: str) -> Found:
-    """Judge the authority: what it has signed is good for no longer than itself."""
-    if isinstance(found, str):
-        yield "authority", error(found, advice=RENEW)
-        return
-    for one in found:
-        yield "authority", _of_dates(one, now_s, f"{one.common_name}, {file},")
 
 
 def _of_dates(certificate: Certificate, now_s: float, called: str) -> Finding:
@@ -136,37 +122,24 @@ def of_clock(certificates: Iterable[Certificate], now_s: float) -> Finding | Non
     return ok(f"{date(now_s)} agrees with the others' certificates; nothing else needs this clock")
 
 
-def of_identity(config: FleetConfig, name: str) -> Found:
+def of_identity(config: FleetConfig, name: str) -> Sequence[Finding]:
     """Judge whether the certificate's name is the one that the tables have; `name` is its own."""
-    router = config.router
-    if config.portal is not None:
-        user = config.portal.user
-        if user != name:
-            yield (
-                "identity",
-                error(
-                    f"[portal] user is {user!r}, the certificate is that of {name!r}: the router"
-                    " lets nobody ask by another name",
-                    advice=f"copy the certificate of {user} here; only if {name!r} is in the"
-                    f" router's [router.users], set user = {name!r} instead",
-                ),
-            )
-        elif router is not None:
-            yield "identity", _of_user(config, user)
-        else:
-            yield "identity", ok(f"{name} is the user of [portal]")
-    if config.gateway is not None:
-        places = list(config.gateway.places)
-        if router is not None:
-            yield "identity", _of_gateway(config, name, places)
-        else:
-            listed = ", ".join(f'"{place}"' for place in places)
-            yield "identity", ok(f"the router needs {name} = [{listed}] in [router.gateways]")
+    found = [] if config.portal is None else [_of_user(config, config.portal, name)]
+    return found if config.gateway is None else [*found, _of_gateway(config, config.gateway, name)]
 
 
-def _of_user(config: FleetConfig, user: str) -> Finding:
-    users = {} if config.router is None else config.router.users
-    wanted = "operator" if config.portal is None else config.portal.role
+def _of_user(config: FleetConfig, portal: PortalConfig, name: str) -> Finding:
+    user, wanted = portal.user, portal.role
+    if user != name:
+        return error(
+            f"[portal] user is {user!r}, the certificate is that of {name!r}: the router"
+            " lets nobody ask by another name",
+            advice=f"copy the certificate of {user} here; only if {name!r} is in the"
+            f" router's [router.users], set user = {name!r} instead",
+        )
+    if config.router is None:
+        return ok(f"{name} is the user of [portal]")
+    users = config.router.users
     if user not in users:
         return error(
             f"{user} is not in [router.users]",
@@ -180,15 +153,19 @@ def _of_user(config: FleetConfig, user: str) -> Finding:
     return ok(f"{user} is the user of [portal], and {users[user]} by [router.users]")
 
 
-def _of_gateway(config: FleetConfig, name: str, places: Sequence[Place]) -> Finding:
-    allowed = {} if config.router is None else config.router.gateways
-    missing = [str(place) for place in places if place not in allowed.get(name, ())]
+def _of_gateway(config: FleetConfig, gateway: GatewayConfig, name: str) -> Finding:
+    places = list(map(str, gateway.places))
+    if config.router is None:
+        listed = ", ".join(f'"{place}"' for place in places)
+        return ok(f"the router needs {name} = [{listed}] in [router.gateways]")
+    allowed = set(map(str, config.router.gateways.get(name, ())))
+    missing = [place for place in places if place not in allowed]
     if missing:
         return error(
             f"[router.gateways] does not let {name} offer {', '.join(missing)}",
             advice=f"add them in {config.source}, then restart the router",
         )
-    return ok(f"{name} may offer {', '.join(map(str, places))} by [router.gateways]")
+    return ok(f"{name} may offer {', '.join(places)} by [router.gateways]")
 
 
 # The router ---------------------------------------------------------------------------------------
@@ -383,20 +360,22 @@ def of_socket(place: Place, facts: Measured | Unmeasured, version: str) -> Found
         yield "portal", ok(f"{place} answers at the portal's socket")
         yield "versions", _of_versions(place, facts.hello, version)
         yield "time", _of_time(place, facts)
-        return
+    else:
+        yield "portal", _of_no_answer(f"{place}: {facts.problem}", facts)
+
+
+def _of_no_answer(text: str, facts: Unmeasured) -> Finding:
     if facts.is_closed:
         command = "sudo usermod --append --groups litegrip $USER"
-        yield "portal", warning(f"{place}: {facts.problem}", command, "then log in again")
-    elif facts.is_silent:
+        return warning(text, command, "then log in again")
+    if facts.is_silent:
         command = "sudo systemctl enable --now litegripd-fleet@portal"
-        advice = "if it runs, see why: journalctl -u litegripd-fleet@portal"
-        yield "portal", error(f"{place}: {facts.problem}", command, advice)
-    else:
-        advice = (
-            "the portal runs; if nothing else that is found says what is in its way: sudo"
-            " litegripd-fleet check, here, then on the router's and on the gripper's machine"
-        )
-        yield "portal", error(f"{place}: {facts.problem}", advice=advice)
+        return error(text, command, "if it runs, see why: journalctl -u litegripd-fleet@portal")
+    return error(
+        text,
+        advice="the portal runs; if nothing else that is found says what is in its way: sudo"
+        " litegripd-fleet check, here, then on the router's and on the gripper's machine",
+    )
 
 
 def _of_versions(place: Place, hello: Mapping[str, Any], version: str) -> Finding:

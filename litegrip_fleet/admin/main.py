@@ -20,9 +20,10 @@ from typing import Any, NoReturn
 import zenoh
 
 from litegrip_client.core.sockets import SOCKET_VARIABLE, STOP_LEVELS
-from litegrip_client.core.stop import WHY_CHARACTERS
-from litegrip_client.ctl.doctor.findings import as_data, as_text
+from litegrip_client.core.stop import WHY_CHARACTERS, stop_params
+from litegrip_client.ctl.findings import as_data, as_text, is_well
 from litegrip_client.line.exchange import request_line
+from litegrip_client.values.repeats import RepeatsHandler, poll_handlers
 from litegrip_client.values.version import client_version
 from litegrip_fleet.admin import by_portal
 from litegrip_fleet.admin.access import rules
@@ -34,7 +35,6 @@ from litegrip_fleet.far.dead_man import DeadMansSwitch
 from litegrip_fleet.far.gateway import Gateway
 from litegrip_fleet.near.portal import Portal
 from litegrip_fleet.wire.keys import BadNameError, check_name
-from litegrip_fleet.wire.log import RepeatsHandler, poll_handlers
 from litegrip_fleet.wire.network import (
     CONNECT_WITHIN_S,
     Network,
@@ -294,15 +294,10 @@ async def _watched(certificate: Certificate | None) -> None:
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    found = list(examine(arguments.config, time.time()))
-    data = as_data(None, found)
-    if arguments.json:
-        print(
-            json.dumps({"ok": data["ok"], "file": arguments.config, "findings": data["findings"]})
-        )
-    else:
-        print(as_text(found))
-    return EXIT_OK if data["ok"] else EXIT_FAILED
+    found = examine(arguments.config, time.time())
+    as_json = arguments.json
+    print(json.dumps(as_data(found, file=arguments.config)) if as_json else as_text(found))
+    return EXIT_OK if is_well(found) else EXIT_FAILED
 
 
 def _acl(config: FleetConfig, arguments: argparse.Namespace) -> int:
@@ -360,8 +355,7 @@ def _stop(config: FleetConfig, arguments: argparse.Namespace) -> int:
     if _only_by_portal(config) is not None:
         stopped = by_portal.stop_all(part, site, arguments.level, why or None)
         return _report(stopped, arguments)
-    params = {"level": arguments.level} | ({"why": why} if why else {})
-    line = request_line(1, "stop", params)
+    line = request_line(1, "stop", stop_params(arguments.level, why or None))
     with _connected(config, otherwise=_NOT_SENT) as session:
 
         async def stop() -> Stopped:

@@ -22,7 +22,8 @@ MAX_CONTAINERS = 512
 """As the daemon's."""
 
 _LEASES = frozenset({"lease.acquire", "lease.take"})
-_SET_POINT = "stream.set"
+_REFUSED_AS = {"stream.set": "stream.refused", "teleop.receive": "teleop.refused"}
+"""Set-points, with or without an id: how the refusal of one without is reported."""
 
 
 class RefusedError(Exception):
@@ -128,7 +129,7 @@ def _parsed(line: bytes) -> Mapping[str, Any] | None:
 
 
 def _check_age(request: Mapping[str, Any], method: str, at_s: float | None, now_s: float) -> None:
-    counts_s = SET_POINT_COUNTS_S if method == _SET_POINT else MOTION_COUNTS_S
+    counts_s = SET_POINT_COUNTS_S if method in _REFUSED_AS else MOTION_COUNTS_S
     age_s = late_by(at_s, now_s, counts_s)
     if age_s is None:
         return
@@ -164,4 +165,5 @@ def _answer(request: Mapping[str, Any], error: Mapping[str, Any]) -> bytes:
     if "id" in request:
         identity = request["id"]
         return error_line(identity if is_id(identity) else None, error)
-    return refused_line(error) if request["method"] == _SET_POINT else b""
+    name = _REFUSED_AS.get(request["method"])
+    return b"" if name is None else refused_line(name, error)

@@ -37,9 +37,9 @@ def error_line(identity: object, error: Mapping[str, Any]) -> bytes:
     return _line({"jsonrpc": "2.0", "id": identity, "error": error})
 
 
-def refused_line(error: Mapping[str, Any]) -> bytes:
-    """Return the notification of a set-point that was not taken."""
-    return _line({"jsonrpc": "2.0", "method": "stream.refused", "params": error})
+def refused_line(name: str, error: Mapping[str, Any]) -> bytes:
+    """Return the notification of a request without an id that was not taken."""
+    return _line({"jsonrpc": "2.0", "method": name, "params": error})
 
 
 def _line(message: Mapping[str, Any]) -> bytes:

@@ -1,6 +1,6 @@
 /* A dump that is dropped onto the page: its plots and its events. Nothing of it leaves the browser. */
 
-import { inPageWords, time } from "./format.js";
+import { time } from "./format.js";
 import { readDump } from "./mcap.js";
 import { Plots } from "./plots.js";
 
@@ -45,7 +45,7 @@ export async function showDump(file, place, notice) {
     const when = document.createElement("time");
     when.textContent = time(event.time);
     const words = document.createElement("span");
-    words.textContent = inPageWords(event.message);
+    words.textContent = event.message;
     line.append(when, words);
     list.append(line);
   }

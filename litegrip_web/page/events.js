@@ -30,7 +30,7 @@ export class Events {
     const when = document.createElement("time");
     when.textContent = time(event.monotonic_s + offsetS);
     const text = document.createElement("span");
-    text.textContent = inPageWords(event.message);
+    text.textContent = inPageWords(event.message, event.terms?.message);
     line.append(when, text);
     line.dataset.kind = event.kind;
     line.classList.toggle("warning", isWarning(event));
@@ -48,7 +48,7 @@ export class Events {
     }
     const took = job.ended_s === null ? "" : `, ${(job.ended_s - job.started_s).toFixed(1)} s`;
     const how = job.error
-      ? `${job.kind}: ${inPageWords(job.error.message)}`
+      ? `${job.kind}: ${inPageWords(job.error.message, job.error.data.terms?.message)}`
       : outcome(job.kind, job.result ?? {});
     text.textContent = `job ${job.job}, ${how}${took}`;
     line.classList.toggle("warning", job.state === "failed");

@@ -14,7 +14,7 @@ export function owner(program) {
   return program ? `${program.program} (pid ${program.pid})` : "nobody";
 }
 
-/* What the daemon's messages name, as the buttons of this page read. */
+/* Methods that the daemon's messages name, as the buttons of this page read. */
 const BUTTONS = {
   "stop.clear": "Clear the stop",
   "lease.acquire": "Take control",
@@ -29,10 +29,18 @@ const BUTTONS = {
   "calibration.rescale": "Correct the scale only",
   "trajectory.record_stop": "End and keep",
 };
-const NAMED = new RegExp(`\\b(${Object.keys(BUTTONS).join("|").replaceAll(".", "\\.")})\\b`, "g");
 
-export function inPageWords(message) {
-  return message.replace(NAMED, (name) => `“${BUTTONS[name]}”`);
+/* A text of the daemon's with the buttons in the place of methods; `terms` say where those are. */
+export function inPageWords(text, terms = []) {
+  const letters = [...text]; // places are counted in characters, as Python does
+  let words = "";
+  let at = 0;
+  for (const { start, end, method } of terms) {
+    if (!Object.hasOwn(BUTTONS, method)) continue;
+    words += `${letters.slice(at, start).join("")}“${BUTTONS[method]}”`;
+    at = end;
+  }
+  return words + letters.slice(at).join("");
 }
 
 /* What a motion ended with, in words: "grasp: held, 40.1 mm, 10.0 N". */
@@ -42,6 +50,6 @@ export function outcome(kind, result) {
   else if (result.ok !== undefined) parts.push(result.ok ? "done" : "failed");
   if (isNumber(result.width_mm)) parts.push(figure(result.width_mm, 1, "mm"));
   if (isNumber(result.force_n)) parts.push(figure(result.force_n, 1, "N"));
-  if (result.message) parts.push(inPageWords(result.message));
+  if (result.message) parts.push(inPageWords(result.message, result.terms?.message));
   return `${kind}: ${parts.join(", ") || "done"}`;
 }

@@ -2,7 +2,7 @@
 
 import { Control } from "./control.js";
 import { Events } from "./events.js";
-import { figure, isNumber, owner, time } from "./format.js";
+import { figure, inPageWords, isNumber, owner, time } from "./format.js";
 import { Jaws } from "./jaws.js";
 import { Plots } from "./plots.js";
 import { Wire } from "./wire.js";
@@ -196,8 +196,10 @@ export class Panel {
     if (doubt === null) return;
     text.textContent = `The millimetres are probably wrong (${doubt}).`;
     try {
-      const { scale_warning: why } = await this.wire.call("calibration.get");
-      if (why) text.textContent = `The millimetres are probably wrong: ${why}.`;
+      const { scale_warning: why, terms } = await this.wire.call("calibration.get");
+      if (why) {
+        text.textContent = `The millimetres are probably wrong: ${inPageWords(why, terms?.scale_warning)}.`;
+      }
     } catch (error) {
       text.textContent += ` Why is not known: ${error.message}`;
     }
@@ -234,8 +236,10 @@ export class Panel {
     this.#fact("Driver", figure(state?.driver_temperature_c, 0, "°C"));
     this.#fact("Time to the heat limit", isNumber(toLimit) ? figure(toLimit, 0, "s") : heat ? "none" : "--");
     this.#fact("Tick lateness (99 %)", figure(this.#health?.control?.lateness.p99_us, 0, "µs"));
-    const { verdict, reasons, notes = [] } = this.#health ?? {};
-    this.#fact("Health", verdict ? [verdict, ...reasons, ...notes].join(": ") : "--", "wide");
+    const { verdict, reasons, notes = [], terms } = this.#health ?? {};
+    const told = (texts, places) => texts.map((text, row) => inPageWords(text, places?.[row]));
+    const why = () => [...told(reasons, terms?.reasons), ...told(notes, terms?.notes)];
+    this.#fact("Health", verdict ? [verdict, ...why()].join(": ") : "--", "wide");
     this.#fact("Lease", held ? `${owner(held)}${purpose}` : lease ? "free" : "--", "wide");
   }
 

@@ -11,7 +11,7 @@ const CLOSED = {
 
 export class RpcError extends Error {
   constructor({ message, data }) {
-    super(inPageWords(message));
+    super(inPageWords(message, data?.terms?.message));
     this.reason = data?.reason;
     this.hint = data?.hint;
   }

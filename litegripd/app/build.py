@@ -18,6 +18,7 @@ from pathlib import Path
 from secrets import token_urlsafe
 
 from litegrip_client.socketcan.link import BITRATE, rate_text
+from litegrip_client.values.repeats import RepeatsHandler
 from litegripd.app.config import Config
 from litegripd.app.machine import Machine
 from litegripd.control.controller import Controller
@@ -26,9 +27,9 @@ from litegripd.handover.state import OnRestart, RestartMethods, no_restart
 from litegripd.io.can.bus import DIRECT_INTERFACES, SIMULATOR, BusSettings, DirectBus, FrameBus
 from litegripd.io.can.pumped import PumpedBus
 from litegripd.io.helper.child import SharedMemory
+from litegripd.io.helper.files import load_operation
 from litegripd.io.helper.helper import Helper
 from litegripd.io.helper.spawner import Spawner
-from litegripd.io.log import LogHandler
 from litegripd.io.loop import Reactor
 from litegripd.io.realtime import RealtimeRights
 from litegripd.io.server import Server
@@ -295,7 +296,7 @@ class Parts:
         link: LinkWatch,
         disks: DiskWatch,
         rights: RealtimeRights,
-        log: LogHandler,
+        log: RepeatsHandler,
         bitrate: int,
     ) -> None:
         self.reactor = reactor
@@ -444,6 +445,38 @@ def load_at_start(controller: Controller, on_calibration: Callable[[], None]) ->
         )
     )
     controller.tasks.append(HelperTask("calibration.load", wanted, use_calibration))
+
+
+def named_calibration(config: Config) -> Mapping[str, object] | None:
+    """Read and judge, as a daemon does at its start, the file that is named for it.
+
+    `problem` is why it would have no calibration, None if it would. None in all where no file is
+    named: what is searched for then depends on whose daemon it is.
+    """
+    gripper_id, file = config.gripper_id, config.gripper.named_file
+    if file is None:
+        return None
+    controller = Controller(MotionConfig(), 1.0 / config.control.rate_hz, gripper_id)
+    try:
+        wanted = {"channel": config.channel, "mount": gripper_id.mount, "configured": True}
+        result = TaskResult(load_operation(wanted))
+    except (ValueError, OSError, RuntimeError) as error:
+        result = TaskResult(error=str(error))
+    _use_calibration(controller, result)
+    in_use = controller.calibrated
+    problem = None if in_use.geometry is not None else in_use.problem.message
+    if problem is not None and in_use.calibration is not None:
+        problem = f"{file} says that it is none, with calibrated = false: {problem}"
+        _log.error("%s", problem)
+    doubts = controller.calibration_doubts() + controller.work_stroke_doubts()
+    for doubt in doubts:
+        _log.warning("the calibration %s: %s", file, doubt)
+    return {
+        "file": file,
+        "named_by": "[gripper] mount" if gripper_id.mount else "LITEGRIP_CALIB",
+        "problem": problem,
+        "warnings": doubts,
+    }
 
 
 def _use_calibration(controller: Controller, result: TaskResult) -> None:

@@ -11,13 +11,15 @@ import grp
 import math
 import os
 import pwd
+import reprlib
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from litegrip_client.values.text import cause, hidden, text_of
+from litegrip_client.values.strict_json import is_finite
+from litegrip_client.values.text import toml_of
 from litegripd.io.can.bus import SIMULATOR, BusSettings
 from litegripd.io.helper.files import TEMPLATES
 from litegripd.model.gripper import (
@@ -26,6 +28,7 @@ from litegripd.model.gripper import (
     STROKE_MM,
     STROKE_RANGE_MM,
     SUPERSEDED_STROKE_MM,
+    GripperId,
     why_not_driven,
 )
 from litegripd.model.plain import plain_of
@@ -317,7 +320,7 @@ def _gid(key: str, name: str) -> int:
 def _uid(key: str, entry: Entry) -> int:
     if isinstance(entry, int):
         if not 0 <= entry <= _MAX_UID:
-            raise UnknownEntryError(f"{key}: {entry} cannot be a uid")
+            raise UnknownEntryError(f"{key}: {reprlib.repr(entry)} cannot be a uid")
         return entry
     try:
         return pwd.getpwnam(entry).pw_uid
@@ -357,6 +360,12 @@ class GripperConfig:
 
     mount: str | None = None
     stroke_mm: float = STROKE_MM
+
+    @property
+    def named_file(self) -> str | None:
+        """The calibration file that is named here or by LITEGRIP_CALIB, None for what is found."""
+        mount = self.mount or os.environ.get("LITEGRIP_CALIB")
+        return None if mount is None or mount in TEMPLATES else str(Path(mount).expanduser())
 
     @property
     def is_superseded(self) -> bool:
@@ -416,6 +425,19 @@ class Config:
     teleop: TeleopConfig = field(default_factory=TeleopConfig)
     source: Path | None = None
 
+    @property
+    def gripper_id(self) -> GripperId:
+        """The gripper, as the daemon's rooms below know it."""
+        gripper = self.gripper
+        return GripperId(
+            self.channel,
+            self.bus.channel,
+            self.motor.can_id,
+            STROKE_MM if gripper.is_superseded else gripper.stroke_mm,
+            gripper.mount,
+            MOTOR_TYPES[self.motor.type],
+        )
+
     def as_info(self) -> Configuration:
         """Return the part that clients may read, for `info.get` and `litegripd --check`."""
         bus = self.bus
@@ -423,7 +445,10 @@ class Config:
             "file": None if self.source is None else str(self.source),
             "bus": {"interface": bus.interface, "channel": bus.channel, "bitrate": bus.bitrate},
             "control": dataclasses.asdict(self.control),
-            "gripper": {"stroke_mm": self.gripper.stroke_mm},
+            "gripper": {
+                "stroke_mm": self.gripper.stroke_mm,
+                "calibration": self.gripper.named_file,
+            },
             "rpc": {"group": self.rpc.group},
             "trajectories": {
                 "most_per_user": self.trajectories.most_per_user,
@@ -472,17 +497,11 @@ def load(channel: str, path: Path | None) -> Config:
     if path is None:
         return _build(channel, {}, None)
     try:
-        text = text_of(path.read_bytes())
+        content = toml_of(path.read_bytes(), tomllib.loads)
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
     except ValueError as error:
         raise ConfigError(f"{path}: {error}") from error
-    try:
-        content = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # not only by the parser's own class
-        raise ConfigError(f"{path}: not valid TOML: {error}{cause(text)}") from error
-    if (sign := hidden(content)) is not None:
-        raise ConfigError(f"{path}: {sign}")
     return _build(channel, content, path)
 
 
@@ -545,16 +564,20 @@ def _check(where: str, table: str, key: str, value: Any) -> None:
     own = [one.name for one in KEYS if one.table == table]
     if known is None:
         if table == "bus" and key not in _OURS:
-            if not isinstance(value, bool | int | float | str):
-                raise ConfigError(f"{name} is {value!r}, it must be a string, number or boolean")
+            if not isinstance(value, str) and not (
+                isinstance(value, bool | int | float) and is_finite(value)
+            ):
+                shown = reprlib.repr(value)
+                raise ConfigError(f"{name} is {shown}, it must be a string, number or boolean")
             if meant := difflib.get_close_matches(key, own, 1, _MISSPELT):
                 raise ConfigError(f"{name} is unknown; did you mean {meant[0]}?")
             return
         raise ConfigError(f"{name} is unknown; allowed: {_listed(own)}")
-    if not _has_type(value, known.kind):
-        raise ConfigError(f"{name} is {value!r}, it must be {_NAMED[known.kind]}")
-    if known.kind in (int, float) and not known.low <= value <= known.high:
-        raise ConfigError(f"{name} is {value}, it must be {known.low:g} to {known.high:g}")
+    is_number = known.kind in (int, float)
+    if not _has_type(value, known.kind) or (is_number and not known.low <= value <= known.high):
+        within = f", {known.low:.9g} to {known.high:.9g}" if is_number else ""
+        text = f"{name} is {reprlib.repr(value)}, it must be {_NAMED[known.kind]}{within}"
+        raise ConfigError(text)
     if known.choices and value not in known.choices:
         why = known.why_not(value) or f"it must be one of: {_listed(known.choices)}"
         raise ConfigError(f"{name} is {value!r}, {why}")
@@ -582,7 +605,7 @@ def _has_type(value: Any, kind: type) -> bool:
     if isinstance(value, bool):
         return False
     if kind is float:
-        return isinstance(value, int | float) and math.isfinite(value)
+        return isinstance(value, int | float) and is_finite(value)
     if kind is list:
         return isinstance(value, list) and all(
             isinstance(item, int) and not isinstance(item, bool) and 0 <= item < MAX_CPUS

@@ -47,7 +47,7 @@ from litegripd.io.realtime import acquire, give_up_priority
 from litegripd.io.server import MAX_CONNECTIONS, Server
 from litegripd.io.sockets import take_over
 from litegripd.io.stop_socket import StopListener, clients_within_limit
-from litegripd.model.gripper import MOTOR_TYPES, STROKE_MM, GripperId
+from litegripd.model.gripper import MOTOR_TYPES
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.plain import PlainError, value_of
 from litegripd.model.state import Owner, Stop, StopLevel
@@ -78,15 +78,7 @@ class Daemon:
         room = clients_within_limit(MAX_CONNECTIONS)
         self._config = config
         self._places = occupy_places(config) if legacy is None else legacy.places
-        gripper_id = GripperId(
-            config.channel,
-            config.bus.channel,
-            config.motor.can_id,
-            STROKE_MM if config.gripper.is_superseded else config.gripper.stroke_mm,
-            config.gripper.mount,
-            MOTOR_TYPES[config.motor.type],
-        )
-        self._machine = Machine(gripper_id, config.motor.master_id, MotionConfig(), period_s)
+        self._machine = Machine(config.gripper_id, config.motor.master_id, MotionConfig(), period_s)
         self._machine.controller.second_master.is_tolerated = (
             config.motor.second_master == "tolerate"
         )
@@ -161,7 +153,7 @@ class Daemon:
         self._previous_handlers = logging.getLogger().handlers
         self._parts: Parts | None = None
         self._ending = Ending(self._machine)
-        self._greeting = MotorGreeting(gripper_id.motor_type)
+        self._greeting = MotorGreeting(MOTOR_TYPES[config.motor.type])
         self._calibration_is_known = False
         self._began_s: float | None = None
         self._retirement: Retirement | None = None
@@ -210,7 +202,7 @@ class Daemon:
         try:
             self._reactor.run(first_tick_s)
         finally:
-            self._log_handler.finish()
+            self._log_handler.close()
             self._close()
             logging.getLogger().handlers = self._previous_handlers
         if self._retirement is not None:
@@ -281,7 +273,7 @@ class Daemon:
         self._send_tasks()
         for event in self._service.take_events():
             log_event(event)
-        self._log_handler.poll(now_s)
+        self._log_handler.poll()
         self._supervision.tick(now_s, failed=failed)
 
     def _open_when_ready(self, waited_s: float) -> None:

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from litegripd.app.build import named_calibration
 from litegripd.app.config import Config, ConfigError, find, load, override
 from litegripd.app.daemon import Daemon, succeed
 from litegripd.app.status import daemon_version, warn_of_superseded
@@ -56,8 +57,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         config = _config(arguments)
         warn_of_superseded(config)
         if arguments.check:
-            print(json.dumps(config.as_info(), indent=2))
-            return 0
+            calibration = named_calibration(config)
+            print(json.dumps({**config.as_info(), "calibration": calibration}, indent=2))
+            return EXIT_USAGE if calibration and calibration["problem"] else 0
         daemon = Daemon(config, given)
     except ConfigError as error:
         _log.error("%s", error)
@@ -102,7 +104,10 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument("--interface", metavar="NAME", help="python-can interface (socketcan)")
     parser.add_argument("--simulate", action="store_true", help="a simulated gripper, no hardware")
     parser.add_argument(
-        "--check", action="store_true", help="check the configuration, print what it says, and end"
+        "--check",
+        action="store_true",
+        help="check the configuration and the calibration file that it or LITEGRIP_CALIB names,"
+        " print what they say, and end",
     )
     parser.add_argument(SUCCESSOR_OPTION, action="store_true", help=argparse.SUPPRESS)
     parser.add_argument("--version", action="version", version=f"litegripd {daemon_version()}")

@@ -9,8 +9,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import cast
 
-from litegrip_client.values.repeats import REPEATS
+from litegrip_client.values.repeats import REPEATS, RepeatsHandler
 from litegripd.app.build import Parts
 from litegripd.app.config import Config
 from litegripd.app.machine import Machine
@@ -19,10 +20,11 @@ from litegripd.control.calibration import CalibrationInUse
 from litegripd.control.controller import Controller
 from litegripd.control.events import weak_text
 from litegripd.io.can.bus import SIMULATOR
-from litegripd.io.log import FIELDS, JournalSink, LogHandler, goes_to_journal
+from litegripd.io.log import FIELDS, JournalSink, goes_to_journal
 from litegripd.io.server import MAX_CONNECTIONS, MAX_CONNECTIONS_PER_UID
 from litegripd.model.gripper import STROKE_MM, MotorType
 from litegripd.model.motor import UNANSWERED, MotorIdentity, MotorPhase
+from litegripd.model.sentence import with_terms
 from litegripd.model.state import Event, EventKind, is_warning
 from litegripd.motor.identity import STILL_READ, warnings
 from litegripd.motor.phases import RESTING
@@ -77,11 +79,11 @@ class _Complaints:
     notes: list[str] = field(default_factory=list)
 
 
-def make_log_handler(channel: str, post: Callable[[str], bool]) -> LogHandler:
+def make_log_handler(channel: str, post: Callable[[str], bool]) -> RepeatsHandler:
     """Return a log handler that never waits: it writes to the journal, or passes text to `post`."""
     if goes_to_journal():
-        return LogHandler(JournalSink(channel))
-    handler = LogHandler(lambda _record, text: post(text + "\n"))
+        return RepeatsHandler(JournalSink(channel))
+    handler = RepeatsHandler(lambda _record, text: post(text + "\n"))
     form = "%(asctime)s %(levelname)-7s %(message)s"
     handler.setFormatter(logging.Formatter(form, "%H:%M:%S"))
     return handler
@@ -391,11 +393,14 @@ def _process_complaints(parts: Parts) -> list[str]:
 
 def _calibration(controller: Controller) -> CalibrationFacts:
     """Return the origin of the calibration; `saved_s` is the file's date, in Unix time."""
-    calibration = controller.calibrated.calibration
-    return {
+    calibration, problem = controller.calibrated.calibration, controller.calibrated.problem
+    facts: CalibrationFacts = {
         "file": controller.calibrated.file,
         "nominal": calibration is not None and calibration.nominal,
         "channel": None if calibration is None else calibration.channel,
         "saved_s": None if calibration is None else calibration.saved_s,
         "foreign": controller.foreign_doubt,
+        "work_stroke": next(iter(controller.work_stroke_doubts()), None),
+        "problem": problem.message if problem.reason == "calibration_unreadable" else None,
     }
+    return cast("CalibrationFacts", with_terms(facts))

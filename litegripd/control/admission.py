@@ -15,6 +15,7 @@ from litegripd.model.gripper import (
 )
 from litegripd.model.motion_config import Conflict
 from litegripd.model.motor import MotorPhase, MotorView
+from litegripd.model.sentence import Sentence, method_name, parameter_name, sentence
 from litegripd.model.state import Job, JobKind, JobState
 
 IMPLAUSIBLE_OUTSIDE_RAD = 1.0
@@ -28,8 +29,8 @@ NO_FEEDBACK = Refusal("motor_silent", "no feedback has come yet: try again")
 
 NOT_ENABLED = Refusal(
     "not_enabled",
-    "the motor is not enabled: enable it first (motor.enable)",
-    {"hint": "motor.enable"},
+    sentence("the motor is not enabled: enable it first ({motor.enable})"),
+    {"hint": method_name("motor.enable")},
 )
 
 FAULTLESS = Refusal(
@@ -40,7 +41,7 @@ NOT_CALIBRATED = Refusal(
     "not_calibrated",
     "no calibration is loaded, so the closing direction would be a guess: configure"
     ' mount = "normal" or "reverse", or a calibration file, in [gripper]',
-    {"hint": "choose a mount: calibration.load with template, then calibration.zero"},
+    {"hint": sentence("choose a mount: {calibration.load with template}, then {calibration.zero}")},
 )
 
 CALIBRATION_COMING = Refusal(
@@ -50,19 +51,22 @@ CALIBRATION_COMING = Refusal(
 
 ZERO_MOVED = Refusal(
     "not_calibrated",
-    "the motor's zero was moved, so the calibration is no longer valid: calibrate again"
-    " (calibration.zero with a mount, or by hand)",
-    {"hint": "calibration.zero with a mount"},
+    sentence(
+        "the motor's zero was moved, so the calibration is no longer valid: calibrate again"
+        " ({calibration.zero with a mount}, or by hand)"
+    ),
+    {"hint": sentence("{calibration.zero with a mount}")},
 )
 
 
 _BUSY_BY: Mapping[JobKind, str] = {"teleop": "teleop_busy"}
-_ENDED_BY: Mapping[JobKind, str] = {
-    "teleop": "end it by teleop.stop",
-    "record": "end it by trajectory.record_stop",
+_ENDED_BY: Mapping[JobKind, Sentence] = {
+    "teleop": sentence("end it by {teleop.stop}"),
+    "record": sentence("end it by {trajectory.record_stop}"),
 }
 """How to end a job that does not end by itself. A recording outlasts its job if that is cancelled,
 and then refuses what it has refused before."""
+_ENDS_ITSELF = sentence("wait for it ({job.wait}), cancel it ({job.cancel}) or stop")
 
 
 def busy_refusal(running: Job | None) -> Refusal | None:
@@ -73,11 +77,19 @@ def busy_refusal(running: Job | None) -> Refusal | None:
 def busy_with(running: Job) -> Refusal:
     """Return a refusal that names the running job, or the next one, and its owner."""
     owner = running.owner
-    how = _ENDED_BY.get(running.kind, "wait for it (job.wait), cancel it (job.cancel) or stop")
+    how = _ENDED_BY.get(running.kind, _ENDS_ITSELF)
     does = "is about to begin" if running.state is JobState.QUEUED else "is running"
     return Refusal(
         _BUSY_BY.get(running.kind, "busy"),
-        f"job {running.number}, {running.kind} by {owner.program} (pid {owner.pid}), {does}: {how}",
+        sentence(
+            "job {number}, {kind} by {program} (pid {pid}), {does}: {how}",
+            number=running.number,
+            kind=running.kind,
+            program=owner.program,
+            pid=owner.pid,
+            does=does,
+            how=how,
+        ),
         {
             "job": running.number,
             "kind": running.kind,
@@ -99,7 +111,12 @@ def stopped_under_way(running: Job, stopped: Refusal) -> Refusal:
     """Return the reason for a job that a stop ended; it must not read as if it never began."""
     return Refusal(
         stopped.reason,
-        f"job {running.number}, {running.kind}, was broken off: {stopped.message}",
+        sentence(
+            "job {number}, {kind}, was broken off: {why}",
+            number=running.number,
+            kind=running.kind,
+            why=stopped.message,
+        ),
         {**stopped.data, "job": running.number, "kind": running.kind},
     )
 
@@ -150,8 +167,13 @@ def target_refusal(target: Target, geometry: Geometry) -> Refusal | None:
         return None
     return Refusal(
         "out_of_limits",
-        f"{target.quantity} is {target.value:g}, the calibrated travel is {at_least(low)} to"
-        f" {at_most(high)}",
+        sentence(
+            "{what} is {value:g}, the calibrated travel is {low} to {high}",
+            what=parameter_name(target.quantity),
+            value=target.value,
+            low=at_least(low),
+            high=at_most(high),
+        ),
         {"field": target.quantity, "requested": target.value, "limit": [low, high]},
     )
 
@@ -160,8 +182,12 @@ def duration_refusal(duration_s: float, shortest_s: float, distance_mm: float) -
     """Return a refusal because a time is too short for its distance."""
     return Refusal(
         "out_of_limits",
-        f"duration_s is {duration_s:g}, for {distance_mm:.1f} mm it must be at least"
-        f" {at_least(shortest_s, 3)}",
+        sentence(
+            "{.duration_s} is {duration_s:g}, for {distance_mm:.1f} mm it must be at least {least}",
+            duration_s=duration_s,
+            distance_mm=distance_mm,
+            least=at_least(shortest_s, 3),
+        ),
         {"field": "duration_s", "requested": duration_s, "limit": shortest_s},
     )
 
@@ -177,9 +203,15 @@ def stroke_refusal(stroke_mm: float | None, gripper_id: GripperId) -> Refusal | 
         return None
     return Refusal(
         "out_of_limits",
-        f"stroke_mm is {stroke_mm:g}, and the configured stroke is {configured_mm:g} mm: they may"
-        f" differ by {SCALE_TOLERANCE:.0%}; measure how far the jaws open (caliper), and if it is"
-        f" {stroke_mm:g} mm, set stroke_mm = {written_mm:g} in [gripper]",
+        sentence(
+            "{.stroke_mm} is {stroke_mm:g}, and the configured stroke is {configured_mm:g} mm: they"
+            " may differ by {tolerance:.0%}; measure how far the jaws open (caliper), and if it is"
+            " {stroke_mm:g} mm, set stroke_mm = {written_mm:g} in [gripper]",
+            stroke_mm=stroke_mm,
+            configured_mm=configured_mm,
+            tolerance=SCALE_TOLERANCE,
+            written_mm=written_mm,
+        ),
         {"field": "stroke_mm", "requested": stroke_mm, "limit": configured_mm},
     )
 
@@ -191,9 +223,29 @@ def force_refusal(force_n: float, geometry: Geometry, motor_type: MotorType) -> 
         return None
     return Refusal(
         "out_of_limits",
-        f"force_n is {force_n:g}, with the calibration's {geometry.nm_to_n:g} N per N·m it must be"
-        f" at most {at_most(most_n, 3)}: a grip may have {motor_type.holding_nm:g} N·m",
+        sentence(
+            "{.force_n} is {force_n:g}, with the calibration's {nm_to_n:g} N per N·m it must be"
+            " at most {most}: a grip may have {most_nm:g} N·m",
+            force_n=force_n,
+            nm_to_n=geometry.nm_to_n,
+            most=at_most(most_n, 3),
+            most_nm=motor_type.holding_nm,
+        ),
         {"field": "force_n", "requested": force_n, "limit": most_n},
+    )
+
+
+def push_refusal(push_nm: float, geometry: Geometry, motor_type: MotorType) -> Refusal | None:
+    """Return a refusal if a push has more torque than a grip may have, or more force."""
+    most_nm = min(motor_type.holding_nm, geometry.torque_nm(motor_type.most_force_n))
+    if abs(push_nm) <= most_nm:
+        return None
+    return Refusal(
+        "out_of_limits",
+        f"push_nm is {push_nm:g}, it must be at most {at_most(most_nm, 3)} either way: a grip may"
+        f" have {motor_type.holding_nm:g} N·m and {motor_type.most_force_n:g} N, and the"
+        f" calibration has {geometry.nm_to_n:g} N per N·m",
+        {"field": "push_nm", "requested": push_nm, "limit": [-most_nm, most_nm]},
     )
 
 
@@ -219,14 +271,19 @@ def position_refusal(motor: MotorView, geometry: Geometry) -> Refusal | None:
     outside_rad = max(low_rad - position_rad, position_rad - high_rad)
     if outside_rad <= IMPLAUSIBLE_OUTSIDE_RAD:
         return None
-    remedy = (
+    remedy = sentence(
         "power-cycle the motor with the jaws inside the travel; if it is still off, calibrate again"
-        " (calibration.zero with a mount)"
+        " ({calibration.zero with a mount})"
     )
     return Refusal(
         "out_of_limits",
-        f"the motor says that it is at {position_rad:.3f} rad, but the calibrated travel is"
-        f" {low_rad:.3f} to {high_rad:.3f} rad: it may have lost its count of turns in a"
-        f" power cycle; {remedy}",
+        sentence(
+            "the motor says that it is at {at:.3f} rad, but the calibrated travel is {low:.3f} to"
+            " {high:.3f} rad: it may have lost its count of turns in a power cycle; {remedy}",
+            at=position_rad,
+            low=low_rad,
+            high=high_rad,
+            remedy=remedy,
+        ),
         {"requested": position_rad, "limit": [low_rad, high_rad], "hint": remedy},
     )

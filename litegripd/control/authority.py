@@ -8,6 +8,7 @@ from typing import Literal, TypeAlias, TypedDict
 from litegripd.model.errors import Refusal
 from litegripd.model.motor import RegisterWrite
 from litegripd.model.plain import Carried
+from litegripd.model.sentence import method_name, sentence
 from litegripd.model.state import STOP_LEVELS, Event, OnLost, Owner, Stop, StopLevel, User
 
 
@@ -69,9 +70,13 @@ class StopLatch:
         why = "" if stop.why is None else f": {stop.why}"
         return Refusal(
             "stopped",
-            f"a stop ({stop.level}) by {_stopper(stop)} is latched{why}; clear it with stop.clear"
-            " first",
-            {"level": stop.level, "hint": "stop.clear"},
+            sentence(
+                "a stop ({level}) by {who} is latched{why}; clear it with {stop.clear} first",
+                level=stop.level,
+                who=_stopper(stop),
+                why=why,
+            ),
+            {"level": stop.level, "hint": method_name("stop.clear")},
         )
 
     def clearing_refusal(self, lease_held: Refusal) -> Refusal:
@@ -83,13 +88,18 @@ class StopLatch:
         known = [user for user in self.stopped_by if user is not None]
         whose = "" if self.latched is None else f", by {_stopper(self.latched)},"
         who = [f"{user}, who stopped it, " for user in known]
-        why = f"; {lease_held.message}"
+        why = sentence("; {why}", why=lease_held.message)
         if isinstance(owner, dict):
             who = [f"{owner['program']} (pid {owner['pid']}), who has the lease, ", *who]
-            why = ""
+            why = sentence("")
         return Refusal(
             lease_held.reason,
-            f"the stop{whose} may be cleared by {''.join(who)}or an admin{why}",
+            sentence(
+                "the stop{whose} may be cleared by {who}or an admin{why}",
+                whose=whose,
+                who="".join(who),
+                why=why,
+            ),
             {**lease_held.data, "may_clear_uids": [user.uid for user in known]},
         )
 
@@ -346,7 +356,10 @@ class Lease:
         if holder is not None:
             return held_refusal(holder)
         if self._waiting:
-            text = f"{len(self._waiting)} are waiting for the lease already: wait, too (wait_s)"
+            text = sentence(
+                "{count} are waiting for the lease already: wait, too ({.wait_s})",
+                count=len(self._waiting),
+            )
             return Refusal("lease_held", text, {"waiting": len(self._waiting)})
         return self._grant(owner, options, now_s)
 
@@ -384,9 +397,9 @@ class Lease:
         """Grant a lapsed lease again for its number, if nobody has acquired one since."""
         lapsed = self._lapsed
         if lapsed is None or not self.may_resume(number):
-            text = (
+            text = sentence(
                 "the lease of this token cannot be resumed: it was given back, or somebody has had"
-                " the lease since; acquire it again (lease.acquire)"
+                " the lease since; acquire it again ({lease.acquire})"
             )
             return Refusal("lease_lost", text)
         return self._grant(owner, lapsed.options, now_s)
@@ -470,8 +483,13 @@ def held_refusal(holder: Grant) -> Refusal:
     what = "" if purpose is None else f" for {purpose}"
     return Refusal(
         "lease_held",
-        f"{owner.program} (pid {owner.pid}) has the gripper{what}: wait for it (lease.acquire"
-        " with wait_s), or take it over (lease.take)",
+        sentence(
+            "{program} (pid {pid}) has the gripper{what}: wait for it"
+            " ({lease.acquire with wait_s}), or take it over ({lease.take})",
+            program=owner.program,
+            pid=owner.pid,
+            what=what,
+        ),
         {"owner": _owner_data(holder)},
     )
 
@@ -480,9 +498,12 @@ def _lost_refusal(loss: Loss, holder: Grant | None) -> Refusal:
     """Return who has taken the lease of a connection, or how else it was lost."""
     return Refusal(
         "lease_lost",
-        f"the lease of this connection is lost: {loss.text}; nothing moves for it until it asks"
-        " for the gripper again (lease.acquire)",
-        {**loss.data, **_held_by(holder), "hint": "lease.acquire"},
+        sentence(
+            "the lease of this connection is lost: {how}; nothing moves for it until it asks for"
+            " the gripper again ({lease.acquire})",
+            how=loss.text,
+        ),
+        {**loss.data, **_held_by(holder), "hint": method_name("lease.acquire")},
     )
 
 

@@ -1,7 +1,7 @@
 """The calibration in use, and how a new one is saved."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from litegripd.control.admission import CALIBRATION_COMING, NOT_CALIBRATED, ZERO_MOVED
@@ -16,10 +16,27 @@ from litegripd.model.calibration import (
 )
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import Geometry, GripperId
-from litegripd.model.motion_config import damping_conflict
+from litegripd.model.motion_config import MotionConfig, damping_conflict
 from litegripd.model.motor import MotorView, ZeroView
 from litegripd.model.plain import Carried
 from litegripd.model.state import HelperTask, TaskResult, ZeroOutcome, ZeroResult
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """What a motion, and the hold or grip that it leaves, counts on until the next motion.
+
+    Another calibration or configuration must not move jaws that nobody has asked to move: a
+    pressed stop would spring back by 1 mm when other limits are loaded under a latched stop.
+    """
+
+    geometry: Geometry | None
+    """The calibrated travel, None without a calibration."""
+    work_opening_mm: float | None
+    """The opening to which `open` goes, None for the open stop."""
+    gains: Gains
+    """The gains of holds and of what follows set-points."""
+    config: MotionConfig
 
 
 class CalibrationInUse:
@@ -69,18 +86,31 @@ class CalibrationInUse:
 
         `by` is the client that has loaded it, None for the daemon itself.
         """
-        self.calibration, self.file = calibration, file
+        self.gains = DEFAULT_GAINS if calibration is None else self._gains_of(calibration, by)
+        self.calibration, self.file, self._by = calibration, file, by
         self.problem = problem or NOT_CALIBRATED
-        before = self.gains if by == self._by else self._own_gains
-        self.gains, self._by = DEFAULT_GAINS, by
-        if calibration is None:
-            return
-        gains = gains_of(calibration, before)
-        if damping_conflict(gains.kp_nm_rad, gains.kd_nm_s_rad) is not None:
-            gains = gains_of(calibration, DEFAULT_GAINS)  # one was given; take the default other
-        self.gains = gains
-        if by is None:
-            self._own_gains = gains
+        if by is None and calibration is not None:
+            self._own_gains = self.gains
+
+    def terms(self, config: MotionConfig) -> Terms:
+        """Return what a motion counts on that brings no calibration of its own."""
+        return Terms(self.geometry, self.work_opening_mm, self.gains, config)
+
+    def terms_of(self, given: Calibration, by: int, config: MotionConfig) -> Terms:
+        """Return what a motion counts on for which the client `by` has given a calibration.
+
+        What that cannot say is this gripper's: a measured force per torque.
+        """
+        if self.calibration is not None:
+            given = given.with_force_of(self.calibration)
+        return Terms(given.geometry, given.work_opening_mm, self._gains_of(given, by), config)
+
+    def _gains_of(self, calibration: Calibration, by: int | None) -> Gains:
+        """Return the gains of a calibration that the client `by` brings."""
+        gains = gains_of(calibration, self.gains if by == self._by else self._own_gains)
+        if damping_conflict(gains.kp_nm_rad, gains.kd_nm_s_rad) is None:
+            return gains
+        return gains_of(calibration, DEFAULT_GAINS)  # one was given; take the default other
 
     def note_saved(self, calibration: Calibration, channel: str, file: str, saved_s: float) -> None:
         """Note that `calibration`, if still in use, is now in the file of `channel`."""

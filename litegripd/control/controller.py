@@ -7,7 +7,7 @@ only through `step`.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Protocol
 
 from litegripd.control import events
@@ -31,7 +31,7 @@ from litegripd.control.authority import (
     StopLatch,
     held_refusal,
 )
-from litegripd.control.calibration import CalibrationInUse, content_of, save_task
+from litegripd.control.calibration import CalibrationInUse, Terms, content_of, save_task
 from litegripd.control.detectors import PressWatch
 from litegripd.control.events import (
     NOW,
@@ -59,6 +59,7 @@ from litegripd.model.calibration import (
     scale_doubt,
     scale_warning,
     unfitting,
+    work_stroke_warning,
 )
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import Geometry, GripperId
@@ -77,6 +78,7 @@ from litegripd.model.motor import (
     ZeroView,
 )
 from litegripd.model.plain import Carried
+from litegripd.model.sentence import method_name, sentence
 from litegripd.model.state import (
     DisableResult,
     Event,
@@ -124,18 +126,6 @@ class Recording(Protocol):
         jobs: JobBook,
     ) -> None:
         """Take a tick's measurement, and the present grip."""
-
-
-@dataclass(frozen=True, slots=True)
-class Terms:
-    """What a motion, and the hold or grip that it leaves, counts on until the next motion.
-
-    Another calibration or configuration must not move jaws that nobody has asked to move: a
-    pressed stop would spring back by 1 mm when other limits are loaded under a latched stop.
-    """
-
-    geometry: Geometry | None
-    config: MotionConfig
 
 
 class Controller:
@@ -195,7 +185,7 @@ class Controller:
         self.gripper_id = gripper_id or GripperId()
         self.motor = MotorView(MotorPhase.UNKNOWN)
         self.calibrated = CalibrationInUse()
-        self.in_force = Terms(None, config)
+        self.in_force = self.terms
         self.second_master = SecondMaster()
         self.jobs = JobBook()
         self.lease = Lease()
@@ -232,10 +222,20 @@ class Controller:
         return self.calibrated.gains
 
     @property
+    def terms(self) -> Terms:
+        """What a motion counts on that brings nothing of its own."""
+        return self.calibrated.terms(self.config)
+
+    @property
     def grip(self) -> Grip | None:
         """The present hold by force, of a running grasp or after one; None without one."""
         idle = self.idle if self.action is None else self.action.idle_after()
         return idle if isinstance(idle, Grip) else None
+
+    @property
+    def _is_pushed(self) -> bool:
+        """True while the running motion drives the jaws by a torque that its caller has set."""
+        return self.action is not None and self.action.by_force
 
     def grip_at(self, turn: Turn) -> Grip | None:
         """Return the hold by force that a motion which begins at its turn would find, or None."""
@@ -314,6 +314,14 @@ class Controller:
         found = (scale_warning(calibration, self.gripper_id.stroke_mm), self.foreign_doubt)
         return [doubt for doubt in found if doubt is not None]
 
+    def work_stroke_doubts(self) -> list[str]:
+        """Return that the calibration in use has `open` go beyond the travel; else nothing."""
+        calibration = self.calibrated.calibration
+        if calibration is None or not calibration.calibrated:
+            return []
+        beyond = work_stroke_warning(calibration)
+        return [] if beyond is None else [beyond]
+
     @property
     def foreign_doubt(self) -> str | None:
         """Why the calibration in use is probably another gripper's, or None."""
@@ -339,9 +347,22 @@ class Controller:
         why = unfitting(calibration, self.gripper_id.stroke_mm, ranges.position_rad)
         return None if why is None else self._unfitting(why, file)
 
+    def terms_of(self, given: Calibration, by: Owner, config: MotionConfig) -> Terms | Refusal:
+        """Return what a motion counts on for which a client has given a calibration.
+
+        It is judged as one that is loaded, and nothing of it stays.
+        """
+        refusal = self.why_unfitting(given, None)
+        return refusal or self.calibrated.terms_of(given, by.client, config)
+
     def _unfitting(self, why: str, file: str | None) -> Refusal:
         kept = "; the calibration in use stays in force" if self.geometry is not None else ""
-        text = f"the calibration {file or 'that was given'} cannot be this gripper's: {why}{kept}"
+        text = sentence(
+            "the calibration {file} cannot be this gripper's: {why}{kept}",
+            file=file or "that was given",
+            why=why,
+            kept=kept,
+        )
         return Refusal("calibration_unreadable", text, {"file": file})
 
     def note_bus(self, bus: BusCondition) -> None:
@@ -373,26 +394,31 @@ class Controller:
         if refusal is None and (self.jobs.queue or self.must_disable):
             refusal = Refusal("busy", "a motion, or disabling the motor, is about to begin")
         if refusal is None and self.capture is not None and self.capture.would_be_lost:
-            text = "a recording is not kept yet: end it (trajectory.record_stop)"
-            refusal = Refusal("trajectory_busy", text, {"hint": "trajectory.record_stop"})
+            refusal = _recording("not kept yet")
         return refusal
 
     def recording_refusal(self) -> Refusal | None:
         """Return a refusal while a recording is under way: replay and teleoperation exclude it."""
         if self.capture is None or self.capture.is_over:
             return None
-        text = "a recording is under way: end it (trajectory.record_stop)"
-        return Refusal("trajectory_busy", text, {"hint": "trajectory.record_stop"})
+        return _recording("under way")
 
     # Jobs
 
     def begin(
-        self, kind: JobKind, action: Action, owner: Owner, detached: bool, turn: Turn = NOW
+        self,
+        kind: JobKind,
+        action: Action,
+        owner: Owner,
+        detached: bool,
+        turn: Turn = NOW,
+        *,
+        terms: Terms | None = None,
     ) -> Job:
-        """Begin a job; the caller has checked that it may begin at this turn."""
+        """Begin a job on these terms; the caller has checked that it may begin at this turn."""
         self._end_replaced(turn)
         if kind not in _SAFE_JOBS:
-            self._put_in_force()
+            self.put_in_force(terms or self.terms)
         job = self._new_job(kind, owner, detached, turn)
         self.jobs.begin(job, self.now_s)
         self.action, self.has_stepped = action, False
@@ -402,18 +428,32 @@ class Controller:
         return job
 
     def settle(
-        self, kind: JobKind, idle: Idle, owner: Owner, result: Result, turn: Turn = NOW
+        self,
+        kind: JobKind,
+        idle: Idle,
+        owner: Owner,
+        result: Result,
+        turn: Turn = NOW,
+        *,
+        terms: Terms | None = None,
     ) -> Job:
-        """Change at once what idle jaws do; the job has ended when this returns."""
+        """Change at once what idle jaws do; the job has ended when this returns.
+
+        Slack jaws that are let go again, perhaps 50 times a second, are no news.
+        """
         self._end_replaced(turn)
+        is_news = not (isinstance(idle, Slack) and isinstance(self.idle, Slack))
         if isinstance(idle, Grip) and kind == "set_force":
             self._moved_by = kind
-        self._put_in_force()
+        self.put_in_force(terms or self.terms)
         self.idle = idle
         job = self._new_job(kind, owner, detached=True, turn=turn)
         self.jobs.begin(job, self.now_s)
-        self.events.append(events.job_started(job))
-        self.end(result)
+        self.jobs.end(job, result, self.now_s)
+        if is_news:
+            self.events += [events.job_started(job), *events.job_ended(job, result)]
+        else:
+            self.jobs.forget_like(job)
         return job
 
     def queue(self, kind: JobKind, owner: Owner, detached: bool, start: Start) -> Job | Refusal:
@@ -481,9 +521,13 @@ class Controller:
         if turn.replaces is not None:
             self.end(turn.replaces)
 
-    def _put_in_force(self) -> None:
-        """Let the present calibration and configuration count for what the jaws do from now on."""
-        self.in_force = Terms(self.geometry, self.config)
+    def put_in_force(self, terms: Terms) -> None:
+        """Let these terms count for what the jaws do from now on.
+
+        The configuration of a request is its motion's alone: what bounds all commands, and how hard
+        a hold may press for long, is the daemon's.
+        """
+        self.in_force = replace(terms, config=self.config)
 
     def _left(self, *, by_defect: bool = False) -> Idle:
         """Return what the jaws would do if the running action ended now."""
@@ -491,12 +535,12 @@ class Controller:
         if action is None or feedback is None or not (action.needs_power and self.has_stepped):
             return self.idle
         idle = None if by_defect else action.idle_after()
-        return idle or self.hold_here(feedback)
+        return idle or self.hold_here(feedback, self.in_force)
 
-    def hold_here(self, feedback: Feedback) -> Hold:
+    def hold_here(self, feedback: Feedback, terms: Terms) -> Hold:
         """Return a hold for the jaws where they are; running ones are held where they can stop."""
         motor_type = self.gripper_id.motor_type
-        return Hold.here(feedback, self.gains, self.period_s, motor_type)
+        return Hold.here(feedback, terms.gains, self.period_s, motor_type)
 
     def _ease_at_once(self) -> None:
         """Lower what a motion that has ended leaves pressing; a hold that presses nothing resists.
@@ -771,7 +815,7 @@ class Controller:
             running = self.jobs.running
             by = None if running is None else running.owner.client
             self.use_calibration(step.adopted.calibration, file=step.adopted.file, by=by)
-            self._put_in_force()
+            self.put_in_force(self.terms)
         if step.outcome is not None:
             self.end(step.outcome)
         return step.command, step.request
@@ -808,7 +852,8 @@ class Controller:
         grip, running, geometry = self.grip, self.jobs.running, self.in_force.geometry
         is_held = grip is not None and grip.is_holding
         self.pressing.see(feedback, is_held=is_held)
-        if is_held or geometry is None or self._rests_at_stop(feedback, geometry):
+        is_wanted = is_held or self._is_pushed
+        if is_wanted or geometry is None or self._rests_at_stop(feedback, geometry):
             return
         lasting = self.pressing.take_lasting(now_s, self._moved_by)
         if lasting is not None:
@@ -834,10 +879,10 @@ class Controller:
         return command
 
     def _note_moved_object(self, feedback: Feedback) -> None:
-        grip, geometry = self.grip, self.geometry
+        grip = self.grip
         moved_mm = None if grip is None else grip.take_moved_mm()
-        if grip is not None and grip.is_holding and moved_mm is not None and geometry is not None:
-            width_mm = geometry.opening_mm(feedback.position_rad)
+        if grip is not None and grip.is_holding and moved_mm is not None:
+            width_mm = grip.geometry.opening_mm(feedback.position_rad)
             self.events.append(events.object_moved(moved_mm, width_mm))
 
     def _send(self, now_s: float, command: MitCommand, feedback: Feedback) -> MitCommand | None:
@@ -847,7 +892,9 @@ class Controller:
         own_bounds = None if action is None else action.bounds
         bounds = own_bounds or bounds_of(self.in_force.geometry, self.in_force.config)
         grip = self.grip
-        change = self.output.send(now_s, command, feedback, bounds, ranges, grips=grip is not None)
+        change = self.output.send(
+            now_s, command, feedback, bounds, ranges, grips=grip is not None or self._is_pushed
+        )
         if change is not None:
             self.events.append(events.heat_changed(change))
         if grip is not None:
@@ -878,7 +925,7 @@ class Controller:
     def _note_zero(self, zero: ZeroView) -> None:
         useless = self.calibrated.note_zero(zero)
         if useless is not None:
-            self._put_in_force()
+            self.put_in_force(self.terms)
             content = content_of(useless, self.gripper_id, self.gains, self.motor)
             self.tasks.append(save_task(self.gripper_id, content, self._saved))
             self.events.append(events.calibrated(useless, self.calibrated.file, ()))
@@ -898,7 +945,7 @@ class Controller:
         if why is not None:
             file = self.calibrated.file
             self.use_calibration(None)
-            self._put_in_force()
+            self.put_in_force(self.terms)
             self.calibrated.problem = refusal = self._unfitting(why, file)
             self.events.append(Event("calibration", refusal.message, {"error": refusal.reason}))
             if self.action is not None and self.action.needs_power:
@@ -956,7 +1003,7 @@ class Controller:
             return
         idle, here_rad = self.idle, motor.feedback.position_rad
         if before is not MotorPhase.SILENT:
-            self._put_in_force()
+            self.put_in_force(self.terms)
             self.swing.renew()
             self.idle, self._moved_by = Hold(here_rad, self.gains), "enable"
         elif isinstance(idle, Grip):
@@ -983,7 +1030,7 @@ class Controller:
             self._held = None
         if isinstance(self.idle, Grip) and not is_silent and motor.phase is not MotorPhase.ENABLED:
             at = motor.feedback
-            self.idle = Slack() if at is None else Hold(at.position_rad, self.gains)
+            self.idle = Slack() if at is None else Hold(at.position_rad, self.in_force.gains)
 
 
 def _defect(job: Job, error: Exception) -> Refusal:
@@ -1012,3 +1059,9 @@ def _finite(motor: MotorView) -> MotorView:
         return motor
     total = feedback.position_rad + feedback.velocity_rad_s + feedback.torque_nm
     return motor if math.isfinite(total) else motor._replace(feedback=None)
+
+
+def _recording(how: str) -> Refusal:
+    """Return why a recording is in the way."""
+    text = sentence("a recording is {how}: end it ({trajectory.record_stop})", how=how)
+    return Refusal("trajectory_busy", text, {"hint": method_name("trajectory.record_stop")})

@@ -14,7 +14,7 @@ from litegripd.control.authority import Grant, Loss, LossCause
 from litegripd.control.detectors import Pressing
 from litegripd.control.heat import HeatChange, HeatGuard
 from litegripd.control.made_torque import MadeTorque
-from litegripd.model.calibration import Calibration
+from litegripd.model.calibration import USUAL_RAD_TO_MM, Calibration, work_stroke_warning
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import Geometry
 from litegripd.model.motor import (
@@ -29,6 +29,7 @@ from litegripd.model.motor import (
     remedy,
 )
 from litegripd.model.plain import Carried
+from litegripd.model.sentence import joined, sentence
 from litegripd.model.state import (
     Event,
     GraspResult,
@@ -157,6 +158,14 @@ class JobBook:
             job.result = outcome
             job.state = JobState.DONE
 
+    def forget_like(self, job: Job) -> None:
+        """Forget the job before this one if it was the same: repeats leave room for the others."""
+        before = self._jobs.get(job.number - 1)
+        if before is None or before.is_running or before.key is not None:
+            return
+        if (before.kind, before.owner) == (job.kind, job.owner):
+            del self._jobs[before.number]
+
     def take_ended(self) -> list[Job]:
         """Return the jobs that have ended since the last call."""
         ended, self._ended = self._ended, []
@@ -223,18 +232,24 @@ def job_started(job: Job) -> Event:
     return Event("job_started", text, {**data, "detached": job.detached})
 
 
-NO_STOP = (
+NO_STOP = sentence(
     ": no stop is where the calibration has one: its limits are too wide, or the motor's zero has"
-    " shifted while it was disabled; measure again (litegripctl zero)"
+    " shifted while it was disabled; measure again ({calibration.zero})"
 )
 
 
 def job_ended(job: Job, outcome: Result | Refusal) -> list[Event]:
     """Report how a job ended, and the loss of a gripped object."""
     how = outcome.message if isinstance(outcome, Refusal) else _worded(outcome)
-    text = f"job {job.number}: {job.kind} {job.state.value}: {how}"
-    if isinstance(outcome, MoveResult) and outcome.outcome == "no_stop":
-        text += NO_STOP
+    is_stopless = isinstance(outcome, MoveResult) and outcome.outcome == "no_stop"
+    text = sentence(
+        "job {number}: {kind} {state}: {how}{more}",
+        number=job.number,
+        kind=job.kind,
+        state=job.state.value,
+        how=how,
+        more=NO_STOP if is_stopless else "",
+    )
     reason = outcome.reason if isinstance(outcome, Refusal) else None
     data = {"job": job.number, "state": job.state.value, "reason": reason}
     ended = Event("job_ended", text, data)
@@ -278,12 +293,14 @@ def released_by_fault(held: HeldObject, motor: MotorView) -> Event:
     is_certain = motor.phase is not MotorPhase.SILENT
     what = f"what was held with {held.force_n:g} N, at {held.width_mm:.1f} mm,"
     if is_certain:
-        text = f"{what} has been let go: {why.message}"
+        text = sentence("{what} has been let go: {why}", what=what, why=why.message)
     else:
-        text = (
-            f"{what} must be taken for let go: the motor has not answered for"
-            f" {RELEASES_WITHIN_S:g} s, and without power or commands it lets go by itself:"
-            f" {why.message}"
+        text = sentence(
+            "{what} must be taken for let go: the motor has not answered for {within_s:g} s, and"
+            " without power or commands it lets go by itself: {why}",
+            what=what,
+            within_s=RELEASES_WITHIN_S,
+            why=why.message,
         )
     data = {"force_n": held.force_n, "width_mm": round(held.width_mm, 2), "certain": is_certain}
     return Event("released_by_fault", text, {**data, "reason": why.reason})
@@ -300,9 +317,13 @@ def pressing(lasting: Pressing, geometry: Geometry, kind: JobKind, running: Job 
     most_n = abs(geometry.force_n(lasting.most_nm))
     lowered = f" ({most_n:.1f} N before)" if most_n > pressing_n * 1.05 else ""
     state = "has left them there" if running is None else "continues"
-    text = (
-        f"the jaws press with {pressing_n:.1f} N{lowered} on what is in their way: {kind} {state};"
-        " open them, or let them go with zero_gravity"
+    text = sentence(
+        "the jaws press with {pressing_n:.1f} N{lowered} on what is in their way: {kind} {state};"
+        " open them, or let them go ({motion.zero_gravity})",
+        pressing_n=pressing_n,
+        lowered=lowered,
+        kind=kind,
+        state=state,
     )
     number = None if running is None else running.number
     data = {"pressing_n": round(pressing_n, 1), "most_n": round(most_n, 1), "kind": kind}
@@ -361,15 +382,26 @@ def calibrated(calibration: Calibration, file: str | None, doubts: Sequence[str]
         f"calibration {file or 'given by a client'}: mount {geometry.mount}, closing by {turning}"
         f" radians, {geometry.travel_mm:.1f} mm of travel{usable}"
     )
-    if calibration.work_stroke_mm >= geometry.travel_mm:
-        text += (
-            f"; its work_stroke_mm {calibration.work_stroke_mm:g} is beyond the travel: open goes"
-            " to the stop"
-        )
+    beyond = work_stroke_warning(calibration)
+    if beyond is not None:
+        text += f"; its {beyond}"
     data: dict[str, object] = {"mount": geometry.mount, "file": file}
     if doubts:
-        text, data = "; ".join([text, *doubts]), {**data, "warning": True}
+        text, data = joined("; ", [text, *doubts]), {**data, "warning": True}
     return Event("calibration", text, data)
+
+
+def doubted(given: Calibration, stroke_mm: float, by: Owner) -> Event:
+    """Report a client whose motions bring a calibration with a scale that is probably wrong."""
+    geometry, (low, high) = given.geometry, USUAL_RAD_TO_MM
+    text = (
+        f"{by.program} (pid {by.pid}) moves by a calibration of its own, with"
+        f" {geometry.rad_to_mm:.4g} mm/rad and {geometry.travel_mm:.4g} mm of travel: grippers of"
+        f" {low:g} to {high:g} mm/rad were seen, and these jaws open {stroke_mm:g} mm by the"
+        " configuration. Its lengths and speeds in mm are probably wrong: correct its limits or its"
+        " rad_to_mm"
+    )
+    return Event("calibration", text, {"pid": by.pid, "warning": True})
 
 
 def not_saved(error: str) -> Event:
@@ -485,12 +517,12 @@ def motor_changed(before: MotorView, now: MotorView) -> list[Event]:
     events = []
     fault, problem = now.fault, now.problem
     if now.phase is not before.phase or (fault is not None and fault != before.fault):
-        text = f"motor: {before.phase.value} -> {now.phase.value}"
+        texts = [f"motor: {before.phase.value} -> {now.phase.value}"]
         data: dict[str, object] = {"phase": now.phase.value}
         if fault is not None:
-            text += f": {fault.message}"
+            texts.append(fault.message)
             data |= {"error": fault.message, **fault.data}
-        events.append(Event("motor", text, data))
+        events.append(Event("motor", joined(": ", texts), data))
     if problem is not None and now.has_jumped and before.phase is MotorPhase.ENABLED:
         events.append(Event("implausible", problem.message, problem.data))
     if before.identity is not None and now.identity is not None:

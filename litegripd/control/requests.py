@@ -1,7 +1,7 @@
 """Requests for motions and calibrations: rejected at once, or made into a job of the controller.
 
-A motion's `config` is the caller's own; it counts for this motion only. The calibration never
-changes while a motion runs: the travel would change its meaning under that motion.
+A motion's `terms` are the daemon's own, with what the caller brings for this motion only. The
+calibration in use never changes while a motion runs: the travel would change its meaning under it.
 """
 
 import math
@@ -21,10 +21,11 @@ from litegripd.control.admission import (
     heat_refusal,
     motor_refusal,
     position_refusal,
+    push_refusal,
     stroke_refusal,
     target_refusal,
 )
-from litegripd.control.calibration import Saving, content_of, save_task
+from litegripd.control.calibration import Saving, Terms, content_of, save_task
 from litegripd.control.controller import Controller
 from litegripd.control.events import NOW, Turn
 from litegripd.control.holds import Grip, GripSettings, Hold, Slack
@@ -32,7 +33,8 @@ from litegripd.control.limiter import DEFAULT_GAINS, Gains
 from litegripd.control.motions.base import ClearFault, Disable, Enable, SetZero
 from litegripd.control.motions.calibrate import Calibrate, CalibrateByHand, Side
 from litegripd.control.motions.grasp import BUDGET_NM, Grasp, GraspRequest
-from litegripd.control.motions.move import Direction, MoveTo, MoveToStop, SetPoint, Stream
+from litegripd.control.motions.move import Direction, MoveTo, MoveToStop
+from litegripd.control.motions.stream import Push, SetPoint, Stream
 from litegripd.model.calibration import Calibration, of_stroke
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import Geometry, MotorType, Mount
@@ -44,6 +46,7 @@ from litegripd.model.motion_config import (
     slow_conflict,
 )
 from litegripd.model.motor import EnableMotor, Feedback, MotorPhase
+from litegripd.model.sentence import method_name, sentence
 from litegripd.model.state import (
     ForceResult,
     HoldResult,
@@ -103,7 +106,9 @@ class MotionRequests:
         controller = self._controller
         running = controller.jobs.running
         if running is not None and running.owner.client == owner.client:
-            controller.end(Refusal("cancelled", "ended by motor.disable of the same client"))
+            controller.end(
+                Refusal("cancelled", sentence("ended by {motor.disable} of the same client"))
+            )
         refusal = busy_refusal(controller.jobs.running)
         if refusal is not None:
             return refusal
@@ -122,7 +127,7 @@ class MotionRequests:
         self,
         direction: Direction,
         owner: Owner,
-        config: MotionConfig,
+        terms: Terms,
         speed_mm_s: float | None,
         *,
         detached: bool,
@@ -133,7 +138,7 @@ class MotionRequests:
         With a work stroke, opening is a plain move to that opening, and never meets the stop. Jaws
         that hold something wider let go of it: they open as far as they can, and press nowhere.
         """
-        controller, geometry = self._controller, self._ready(turn)
+        controller, geometry, config = self._controller, self._ready(terms, turn), terms.config
         if isinstance(geometry, Refusal):
             return geometry
         speed = config.speed_mm_s if speed_mm_s is None else speed_mm_s
@@ -142,7 +147,7 @@ class MotionRequests:
         if refusal is not None:
             return refusal
         held, feedback = self._held(turn), controller.motor.feedback
-        work_mm = controller.calibrated.work_opening_mm
+        work_mm = terms.work_opening_mm
         if direction == "open" and work_mm is not None:
             if held is not None and feedback is not None:
                 is_wider = geometry.opening_mm(feedback.position_rad) >= work_mm
@@ -157,7 +162,7 @@ class MotionRequests:
                 period_s=controller.period_s,
                 limit_rad=geometry.open_rad,
             )
-            return controller.begin(direction, opening, owner, detached, turn)
+            return controller.begin(direction, opening, owner, detached, turn, terms=terms)
         action = MoveToStop(
             direction,
             speed,
@@ -167,20 +172,21 @@ class MotionRequests:
             period_s=controller.period_s,
         )
         if held is not None and direction == "close":
-            return controller.settle("close", held, owner, self._blocked(action.target_rad), turn)
-        return controller.begin(direction, action, owner, detached, turn)
+            blocked = self._blocked(action.target_rad, geometry)
+            return controller.settle("close", held, owner, blocked, turn, terms=terms)
+        return controller.begin(direction, action, owner, detached, turn, terms=terms)
 
     def grasp(
         self,
         request: GraspRequest,
         owner: Owner,
-        config: MotionConfig,
+        terms: Terms,
         *,
         detached: bool,
         turn: Turn,
     ) -> Job | Refusal:
         """Begin to close until something is gripped; an object that is held already stays held."""
-        controller, geometry = self._controller, self._ready(turn)
+        controller, geometry, config = self._controller, self._ready(terms, turn), terms.config
         if isinstance(geometry, Refusal):
             return geometry
         is_default = request.speed_mm_s == config.grasp_speed_mm_s
@@ -205,13 +211,13 @@ class MotionRequests:
             motor_type=motor_type,
             held=held,
         )
-        return controller.begin("grasp", action, owner, detached, turn)
+        return controller.begin("grasp", action, owner, detached, turn, terms=terms)
 
     def move_to(
         self,
         target: Target,
         owner: Owner,
-        config: MotionConfig,
+        terms: Terms,
         *,
         pace: "Pace",
         gains: Gains,
@@ -219,7 +225,7 @@ class MotionRequests:
         turn: Turn,
     ) -> Job | Refusal:
         """Begin to move to a position; stiffer gains than the calibration's press no harder."""
-        controller, geometry = self._controller, self._ready(turn)
+        controller, geometry, config = self._controller, self._ready(terms, turn), terms.config
         feedback = controller.motor.feedback
         if isinstance(geometry, Refusal) or feedback is None:
             return geometry if isinstance(geometry, Refusal) else NO_FEEDBACK
@@ -234,7 +240,8 @@ class MotionRequests:
         held = self._held(turn)
         closes = (target_rad - feedback.position_rad) * geometry.close_sign > 0.0
         if held is not None and closes:
-            return controller.settle("move", held, owner, self._blocked(target_rad), turn)
+            blocked = self._blocked(target_rad, geometry)
+            return controller.settle("move", held, owner, blocked, turn, terms=terms)
         action = MoveTo(
             target_rad,
             geometry.to_rad(speed),
@@ -244,20 +251,22 @@ class MotionRequests:
             travel_nm=config.travel_nm_at(speed),
             period_s=controller.period_s,
         )
-        return controller.begin("move", action, owner, detached, turn)
+        return controller.begin("move", action, owner, detached, turn, terms=terms)
 
-    def hold(self, owner: Owner) -> Job | Refusal:
+    def hold(self, owner: Owner, terms: Terms) -> Job | Refusal:
         """Hold from now on: the present object or hold, otherwise the measured position."""
         controller, feedback = self._controller, self._powered()
         if isinstance(feedback, Refusal):
             return feedback
         idle = controller.idle
         if isinstance(idle, Slack):  # a new hold would lose the force of the present one
-            idle = controller.hold_here(feedback)
-        elif isinstance(idle, Grip):
+            idle = controller.hold_here(feedback, terms)
+        else:
+            terms = controller.in_force  # other limits would move what is held
+        if isinstance(idle, Grip):
             idle.stay()
         position_rad = idle.position_rad if isinstance(idle, Hold) else feedback.position_rad
-        return controller.settle("hold", idle, owner, HoldResult(position_rad))
+        return controller.settle("hold", idle, owner, HoldResult(position_rad), terms=terms)
 
     def zero_gravity(self, owner: Owner, turn: Turn) -> Job | Refusal:
         """Release the jaws: enabled, but without stiffness, damping and torque."""
@@ -267,14 +276,14 @@ class MotionRequests:
         result = SlackResult(feedback.position_rad)
         return self._controller.settle("zero_gravity", Slack(), owner, result, turn)
 
-    def set_force(self, force_n: float, owner: Owner, config: MotionConfig) -> Job | Refusal:
+    def set_force(self, force_n: float, owner: Owner, terms: Terms) -> Job | Refusal:
         """Squeeze with `force_n` from now on: the present object, or from where the jaws are.
 
         A running grasp of the owner continues with the new force; another client's is not changed.
         """
         controller, grip = self._controller, self._controller.grip
         running, motor_type = controller.jobs.running, controller.gripper_id.motor_type
-        geometry = controller.geometry if grip is None else grip.geometry
+        geometry = terms.geometry if grip is None else grip.geometry
         refusal = controller.stop_latch.refusal()
         if refusal is None and geometry is not None:
             refusal = force_refusal(force_n, geometry, motor_type)
@@ -283,20 +292,22 @@ class MotionRequests:
         if grip is not None and running is not None and running.owner.client == owner.client:
             grip.squeeze(force_n)
             return running
-        ready, feedback = self._ready(), controller.motor.feedback
+        ready, feedback = self._ready(terms), controller.motor.feedback
         if isinstance(ready, Refusal) or feedback is None:
             return ready if isinstance(ready, Refusal) else NO_FEEDBACK
         if grip is None:
+            config = terms.config
             settings = GripSettings.of(ready, config, config.grasp_speed_mm_s, "torque")
             in_flight_nm = min(ready.close_sign * feedback.torque_nm, ready.torque_nm(force_n))
             grip = Grip(settings, force_n, in_flight_nm, motor_type, watched=False)
         grip.squeeze(force_n)
-        return controller.settle("set_force", grip, owner, ForceResult(force_n))
+        return controller.settle("set_force", grip, owner, ForceResult(force_n), terms=terms)
 
     def stream(
         self,
         target: Target,
         owner: Owner,
+        terms: Terms,
         *,
         valid_until_s: float,
         speed_mm_s: float | None,
@@ -304,19 +315,11 @@ class MotionRequests:
         gains: Gains,
     ) -> Job | Refusal:
         """Take a set-point that is valid until `valid_until_s`; the first one begins the motion."""
-        controller = self._controller
-        running, action = controller.jobs.running, controller.action
-        is_own = running is not None and running.owner.client == owner.client
-        if not (is_own and isinstance(action, Stream)):
-            running, action = None, Stream(controller.period_s)
-        geometry = (
-            self._ready()
-            if running is None
-            else controller.geometry or controller.calibrated.problem
-        )
+        controller, own = self._controller, self._own_stream(owner)
+        geometry = self._travel(own, terms)
         if isinstance(geometry, Refusal):
             return geometry
-        speed = controller.config.speed_mm_s if speed_mm_s is None else speed_mm_s
+        speed = terms.config.speed_mm_s if speed_mm_s is None else speed_mm_s
         refusal = target_refusal(target, geometry) or conflict_refusal(
             fast_conflict(speed, geometry, controller.gripper_id.motor_type)
         )
@@ -325,21 +328,73 @@ class MotionRequests:
         point = SetPoint(
             target.position_rad(geometry), valid_until_s, geometry.to_rad(speed), torque_nm, gains
         )
+        return self._go_on(own, point, owner, terms)
+
+    def push(
+        self, push_nm: float, owner: Owner, terms: Terms, *, valid_until_s: float
+    ) -> Job | Refusal:
+        """Take a set-point of torque; the first one begins the motion. With 0 the jaws are slack.
+
+        Slack jaws need no calibration, and may be anywhere.
+        """
+        controller, own, geometry = self._controller, self._own_stream(owner), terms.geometry
+        if push_nm == 0.0:
+            free = self._powered() if own is None else None
+            refusal = free if isinstance(free, Refusal) else None
+        else:
+            ready = self._travel(own, terms)
+            refusal = (
+                ready
+                if isinstance(ready, Refusal)
+                else push_refusal(push_nm, ready, controller.gripper_id.motor_type)
+            )
+        if refusal is not None:
+            return refusal
+        push = Push(push_nm, valid_until_s, geometry, terms.config, terms.gains)
+        return self._go_on(own, push, owner, terms)
+
+    def _own_stream(self, owner: Owner) -> tuple[Job, Stream] | None:
+        """Return the stream that runs, if it is the owner's."""
+        running, action = self._controller.jobs.running, self._controller.action
+        is_own = running is not None and running.owner.client == owner.client
+        return (running, action) if running and is_own and isinstance(action, Stream) else None
+
+    def _travel(self, own: tuple[Job, Stream] | None, terms: Terms) -> Geometry | Refusal:
+        """Return the travel of a set-point; another one in a stream must fit the jaws, too."""
+        controller, geometry = self._controller, terms.geometry
+        if own is None:
+            return self._ready(terms)
+        if geometry is None:
+            return controller.calibrated.problem
+        is_known = geometry == controller.in_force.geometry
+        refusal = None if is_known else position_refusal(controller.motor, geometry)
+        return refusal or geometry
+
+    def _go_on(
+        self, own: tuple[Job, Stream] | None, point: SetPoint | Push, owner: Owner, terms: Terms
+    ) -> Job:
+        """Give the stream another set-point, and begin one if there is none."""
+        controller = self._controller
+        if own is None:
+            action = Stream(controller.gripper_id.motor_type, controller.period_s)
+            action.set(point)
+            return controller.begin("stream", action, owner, detached=False, terms=terms)
+        running, action = own
         action.set(point)
-        return running or controller.begin("stream", action, owner, detached=False)
+        controller.put_in_force(terms)
+        return running
 
     def _held(self, turn: Turn) -> Grip | None:
         """Return the hold of an object, None without one."""
         grip = self._controller.grip_at(turn)
         return grip if grip is not None and grip.is_holding else None
 
-    def _blocked(self, target_rad: float) -> MoveResult:
+    def _blocked(self, target_rad: float, geometry: Geometry) -> MoveResult:
         """Return the result of a closing that is rejected because an object is held.
 
         It would crush the object, and then let go of it.
         """
-        geometry, feedback = self._controller.geometry, self._controller.motor.feedback
-        limit_rad = target_rad if geometry is None else geometry.closed_rad
+        feedback = self._controller.motor.feedback
         return MoveResult(
             ok=False,
             outcome="blocked",
@@ -347,7 +402,7 @@ class MotionRequests:
             stalled=True,
             protected=False,
             target_rad=target_rad,
-            limit_rad=limit_rad,
+            limit_rad=geometry.closed_rad,
             final_command_rad=target_rad if feedback is None else feedback.position_rad,
             steps=0,
         )
@@ -357,13 +412,12 @@ class MotionRequests:
         refusal = self._controller.why_busy(turn) or motor_refusal(self._controller.motor)
         return refusal or self._controller.motor.feedback or NO_FEEDBACK
 
-    def _ready(self, turn: Turn = NOW) -> Geometry | Refusal:
+    def _ready(self, terms: Terms, turn: Turn = NOW) -> Geometry | Refusal:
         """Return the travel if a motion in it may begin, otherwise a refusal."""
-        controller = self._controller
+        controller, geometry = self._controller, terms.geometry
         refusal = controller.why_busy(turn)
         if refusal is not None:
             return refusal
-        geometry = controller.geometry
         if geometry is None:
             return controller.calibrated.problem
         refusal = motor_refusal(controller.motor) or position_refusal(controller.motor, geometry)
@@ -491,7 +545,8 @@ class CalibrationRequests:
         try:
             rescaled = calibration.rescaled(stroke_mm)
         except ValueError as error:
-            return Refusal("out_of_limits", f"stroke_mm is {stroke_mm:g}: {error}")
+            text = sentence("{.stroke_mm} is {value:g}: {error}", value=stroke_mm, error=error)
+            return Refusal("out_of_limits", text)
         return self.load(rescaled, controller.calibrated.file, owner)
 
     def save(self, on_saved: OnSaved, uid: int | None = None) -> Refusal | None:
@@ -528,6 +583,6 @@ class CalibrationRequests:
 
 _NOT_BY_HAND = Refusal(
     "not_calibrated",
-    "no calibration by hand is under way: begin one (calibration.manual)",
-    {"hint": "calibration.manual"},
+    sentence("no calibration by hand is under way: begin one ({calibration.manual})"),
+    {"hint": method_name("calibration.manual")},
 )

@@ -131,7 +131,7 @@ def snapshot(controller: Controller, now_s: float, period_s: float) -> GripperSt
     grip = controller.grip
     held = grip if grip is not None and grip.is_holding and enabled else None
     may_hold = grip is not None and grip.is_holding and motor.phase is MotorPhase.SILENT
-    detected_from_n = _loss_detected_from_n(held, geometry, feedback)
+    detected_from_n = _loss_detected_from_n(held, feedback)
     keeps_force = motor.phase in (MotorPhase.ENABLED, MotorPhase.SILENT)
     return GripperState(
         seq=controller.ticks,
@@ -169,7 +169,7 @@ def snapshot(controller: Controller, now_s: float, period_s: float) -> GripperSt
             else detected_from_n is not None and held.force_n >= detected_from_n
         ),
         loss_detection_from_n=detected_from_n,
-        pressing_n=_pressing_n(controller, geometry),
+        pressing_n=_pressing_n(controller),
         calibrated=geometry is not None,
         mount=None if geometry is None else geometry.mount,
         work_stroke_mm=controller.calibrated.work_opening_mm,
@@ -180,17 +180,16 @@ def snapshot(controller: Controller, now_s: float, period_s: float) -> GripperSt
     )
 
 
-def _loss_detected_from_n(
-    held: Grip | None, geometry: Geometry | None, feedback: Feedback | None
-) -> float | None:
+def _loss_detected_from_n(held: Grip | None, feedback: Feedback | None) -> float | None:
     """Return the smallest force with which a loss of the object is noticed, or None."""
-    if held is None or geometry is None or feedback is None:
+    if held is None or feedback is None:
         return None
-    return held.loss_detected_from_n(geometry.opening_mm(feedback.position_rad))
+    return held.loss_detected_from_n(held.geometry.opening_mm(feedback.position_rad))
 
 
-def _pressing_n(controller: Controller, geometry: Geometry | None) -> float | None:
-    torque_nm = controller.pressing.torque_nm
+def _pressing_n(controller: Controller) -> float | None:
+    geometry, torque_nm = controller.geometry, controller.pressing.torque_nm
+    geometry = geometry or controller.in_force.geometry
     return None if geometry is None or torque_nm is None else abs(geometry.force_n(torque_nm))
 
 

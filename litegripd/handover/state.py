@@ -18,12 +18,13 @@ from litegripd.model.errors import Refusal
 from litegripd.model.gripper import MotorType
 from litegripd.model.motor import MotorPhase
 from litegripd.model.plain import TYPE_KEY, PlainError, memory, plain_of, restore, value_of
+from litegripd.model.sentence import sentence
 from litegripd.model.state import Job, Restarted
 from litegripd.motor.motor import Motor
 from litegripd.rpc.method import Answer, Call, Deferred, Method, Param
 from litegripd.rpc.service import RpcService
 
-FORMAT = 9
+FORMAT = 10
 """The number of the format of what is handed over. A successor rejects any other."""
 
 SETTLED = (MotorPhase.ENABLED, MotorPhase.DISABLED, MotorPhase.FAULT)
@@ -143,8 +144,10 @@ OnRestart: TypeAlias = Callable[[OnRestarted], Refusal | None]
 
 _PLAIN = Refusal(
     "invalid_params",
-    "daemon.restart only holds through a restart (hold_through_restart true); a restart that"
-    " disables the motor is done by the service manager: systemctl restart, or SIGTERM",
+    sentence(
+        "{daemon.restart} only holds through a restart ({.hold_through_restart} true); a restart"
+        " that disables the motor is done by the service manager: systemctl restart, or SIGTERM"
+    ),
     {"parameter": "hold_through_restart"},
 )
 

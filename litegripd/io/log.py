@@ -14,10 +14,7 @@ import socket
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
 from typing import TYPE_CHECKING, TextIO
-
-from litegrip_client.values.repeats import Repeats
 
 STUCK_AFTER_S = 1.0
 """A line that has waited this long for its reader counts as stuck."""
@@ -145,50 +142,6 @@ _DEBUG_PRIORITY = 7
 
 FIELDS = "journal_fields"
 """The attribute of a log record that maps names of fields to values: `extra={FIELDS: {...}}`."""
-
-
-class LogHandler(logging.Handler):
-    """Hands each line to a sink that never waits; it returns True if it took the line.
-
-    Of lines that repeat it writes what `Repeats` says. Call `poll` often, so that it can say how
-    often they came, and `finish` before the end.
-    """
-
-    def __init__(
-        self,
-        sink: Callable[[logging.LogRecord, str], bool],
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
-        super().__init__()
-        self.dropped = 0
-        self._sink = sink
-        self._clock = clock
-        self._repeats = Repeats()
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """Send one line, or count it; a line that cannot be made or sent is counted as dropped."""
-        try:
-            lines = self._repeats.take(record, self._clock())
-        except Exception:  # noqa: BLE001 - a badly written log call must not end a tick
-            self.dropped += 1
-            return
-        self._send(lines)
-
-    def poll(self, now_s: float) -> None:
-        """Write how often lines have repeated, where that is due."""
-        self._send(self._repeats.due(now_s))
-
-    def finish(self) -> None:
-        """Write how often lines have repeated since that was written last."""
-        self._send(self._repeats.rest(self._clock()))
-
-    def _send(self, lines: list[logging.LogRecord]) -> None:
-        for line in lines:
-            try:
-                taken = self._sink(line, self.format(line))
-            except Exception:  # noqa: BLE001 - as above
-                taken = False
-            self.dropped += not taken
 
 
 class PriorityFormatter(logging.Formatter):

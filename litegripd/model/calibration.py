@@ -3,7 +3,6 @@
 Files are interchangeable with the SDK's, so unknown keys are kept.
 """
 
-import math
 import reprlib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
@@ -12,14 +11,18 @@ from typing import Any, Literal, TypeAlias, TypedDict
 from litegrip_client.values import strict_json
 from litegripd.model.gripper import (
     FORCE_PER_TORQUE_N_NM,
+    LARGEST_LIMIT_RAD,
     MOTOR_TYPES,
+    NM_TO_N_RANGE,
     NUMBERED_TYPES,
+    RAD_TO_MM_RANGE,
     SPAN_INSET_MM,
     SUPERSEDED_STROKE_MM,
     Geometry,
     why_not_driven,
 )
 from litegripd.model.motor import KD_MAX_NM_S_RAD, KP_MAX_NM_RAD
+from litegripd.model.sentence import sentence
 
 
 class Saved(TypedDict):
@@ -44,6 +47,15 @@ _GAIN_RANGES = {"kp": (1.0, KP_MAX_NM_RAD), "kd": (0.0, KD_MAX_NM_S_RAD)}
 """The upper ends are what a command frame can carry. Without stiffness nothing would be held. Any
 damping will do, none too: a hold has its own (`SwingGuard.bound`), and what follows set-points has
 what its stiffness needs (`Gains.following`)."""
+
+_ALLOWED = {
+    **dict.fromkeys(_KNOWN_NUMBERS[:2], f"-{LARGEST_LIMIT_RAD:g} to {LARGEST_LIMIT_RAD:g}"),
+    "rad_to_mm": "{:g} to {:.9g}".format(*RAD_TO_MM_RANGE),
+    "nm_to_n": "{:g} to {:g}".format(*NM_TO_N_RANGE),
+    "work_stroke_mm": "the opening to which open goes, in mm, or 0 for the open stop",
+    **{key: f"{low:g} to {high:g}" for key, (low, high) in _GAIN_RANGES.items()},
+}
+"""What the numbers that count must be, for the message about one that is not finite."""
 
 _MAX_NESTING = 16
 """The depth to which objects and arrays of a file may be nested. The SDK's files have one level.
@@ -277,13 +289,20 @@ def unfitting(calibration: Calibration, stroke_mm: float, position_rad: float) -
     span_mm = stroke_mm + SPAN_INSET_MM
     if fits_stroke(geometry.travel_mm, stroke_mm) or calibration.is_superseded:
         return None
-    return (
-        f"its limits are {geometry.travel_rad:.4g} rad apart, with {geometry.rad_to_mm:.4g} mm/rad"
-        f" that is {geometry.travel_mm:.4g} mm of travel, and the configured stroke is"
-        f" {stroke_mm:g} mm ({span_mm:g} between the limits): they may differ by"
-        f" {SCALE_TOLERANCE:.0%}. Measure how far the jaws open (caliper). If the file is wrong,"
-        f" correct its rad_to_mm ({span_mm / geometry.travel_rad:.4g} for these limits), or measure"
-        " again (calibration.zero with a mount). If the stroke is wrong, set stroke_mm in [gripper]"
+    return sentence(
+        "its limits are {travel_rad:.4g} rad apart, with {rad_to_mm:.4g} mm/rad that is"
+        " {travel_mm:.4g} mm of travel, and the configured stroke is {stroke_mm:g} mm ({span_mm:g}"
+        " between the limits): they may differ by {tolerance:.0%}. Measure how far the jaws open"
+        " (caliper). If the file is wrong, correct its rad_to_mm ({fitting:.4g} for these limits),"
+        " or measure again ({calibration.zero with a mount}). If the stroke is wrong, set stroke_mm"
+        " in [gripper]",
+        travel_rad=geometry.travel_rad,
+        rad_to_mm=geometry.rad_to_mm,
+        travel_mm=geometry.travel_mm,
+        stroke_mm=stroke_mm,
+        span_mm=span_mm,
+        tolerance=SCALE_TOLERANCE,
+        fitting=span_mm / geometry.travel_rad,
     )
 
 
@@ -306,19 +325,36 @@ def scale_warning(calibration: Calibration, stroke_mm: float) -> str | None:
     if doubt is None:
         return None
     if doubt == "superseded":
-        factor = geometry.travel_mm / (stroke_mm + SPAN_INSET_MM)
-        return (
-            f"the calibration takes the jaws' travel for {geometry.travel_mm:.4g} mm, as earlier"
-            f" versions did; by the configuration they open {stroke_mm:g} mm, so every length and"
-            f" speed in mm reads {factor:.2f} times too large: litegripctl calibration rescale"
-            " corrects it, without another measurement"
+        return sentence(
+            "the calibration takes the jaws' travel for {travel_mm:.4g} mm, as earlier versions"
+            " did; by the configuration they open {stroke_mm:g} mm, so every length and speed in mm"
+            " reads {factor:.2f} times too large: {calibration.rescale} corrects it, without"
+            " another measurement",
+            travel_mm=geometry.travel_mm,
+            stroke_mm=stroke_mm,
+            factor=geometry.travel_mm / (stroke_mm + SPAN_INSET_MM),
         )
     low, high = USUAL_RAD_TO_MM
+    return sentence(
+        "the calibration has {rad_to_mm:.4g} mm/rad, and grippers of {low:g} to {high:g} mm/rad"
+        " were seen: its limits are probably wrong, so measure the travel again"
+        " ({calibration.zero}). If a caliper says that the jaws do not open {stroke_mm:g} mm, give"
+        " what it says: {calibration.rescale with stroke_mm}",
+        rad_to_mm=geometry.rad_to_mm,
+        low=low,
+        high=high,
+        stroke_mm=stroke_mm,
+    )
+
+
+def work_stroke_warning(calibration: Calibration) -> str | None:
+    """Return a warning that `open` is to go beyond the travel, or None."""
+    work_mm, travel_mm = calibration.work_stroke_mm, calibration.geometry.travel_mm
+    if work_mm < travel_mm:
+        return None
     return (
-        f"the calibration has {geometry.rad_to_mm:.4g} mm/rad, and grippers of {low:g} to"
-        f" {high:g} mm/rad were seen: its limits are probably wrong, so measure the travel again"
-        " (litegripctl zero). If a caliper says that the jaws do not open"
-        f" {stroke_mm:g} mm: litegripctl calibration rescale --stroke-mm MM"
+        f"work_stroke_mm is {work_mm:g}, beyond the {travel_mm:.1f} mm of travel, so that open goes"
+        " to the stop: write a smaller one into the calibration's file, or 0 for the stop"
     )
 
 
@@ -349,10 +385,11 @@ def foreign_warning(
         marks.append(f"motor_type {reprlib.repr(file_type)}, and this motor is a {motor_type}")
     if not marks:
         return None
-    return (
-        f"the calibration is probably another gripper's: it has {'; '.join(marks)}. Its limits, and"
-        " the direction in which it closes, may be wrong here: measure again (calibration.zero), or"
-        " load this gripper's own. If it is this gripper's, correct those keys in the file"
+    return sentence(
+        "the calibration is probably another gripper's: it has {marks}. Its limits, and the"
+        " direction in which it closes, may be wrong here: measure again ({calibration.zero}), or"
+        " load this gripper's own. If it is this gripper's, correct those keys in the file",
+        marks="; ".join(marks),
     )
 
 
@@ -407,9 +444,9 @@ _CARRIED = (
 def parse_calibration(text: str) -> Calibration:
     """Return the calibration in a file's text; raises `CalibrationError` with the reason."""
     try:
-        content = strict_json.decode(text)
-    except (ValueError, RecursionError) as error:
-        raise CalibrationError(f"not valid JSON: {error}") from None
+        content = strict_json.decode_file(text, _ALLOWED)
+    except ValueError as error:
+        raise CalibrationError(str(error)) from None
     return read_content(content)
 
 
@@ -419,13 +456,16 @@ def read_content(content: object) -> Calibration:
         raise CalibrationError("not a JSON object")
     if _is_nested_deeper(content, _MAX_NESTING):
         raise CalibrationError(f"objects and arrays nested more than {_MAX_NESTING} deep")
+    try:
+        strict_json.check_numbers(content, _ALLOWED)
+    except ValueError as error:
+        raise CalibrationError(str(error)) from None
     closed_rad, open_rad, rad_to_mm = (_number(content, key) for key in _KNOWN_NUMBERS)
     nm_to_n = _optional(content, "nm_to_n", FORCE_PER_TORQUE_N_NM)
     work_stroke_mm = _optional(content, "work_stroke_mm", 0.0)
     if work_stroke_mm < 0.0:
         raise CalibrationError(
-            f"work_stroke_mm is {work_stroke_mm:g}, it must be the opening to which open goes,"
-            " in mm, or 0 for the open stop"
+            f"work_stroke_mm is {work_stroke_mm:g}, it must be {_ALLOWED['work_stroke_mm']}"
         )
     try:
         geometry = Geometry(closed_rad, open_rad, rad_to_mm, nm_to_n)
@@ -441,6 +481,22 @@ def read_content(content: object) -> Calibration:
         work_stroke_mm=work_stroke_mm,
         content=content,
     )
+
+
+GIVEN_KEYS = (*_KNOWN_NUMBERS, "work_stroke_mm", "kp", "kd")
+"""What a request may bring for its own motion. All else in a file is of the gripper or its bus, and
+a motion changes neither."""
+
+
+def read_given(content: Mapping[str, Any]) -> Calibration:
+    """Return the calibration that a request brings for its own motion.
+
+    Raises `KeyError` with a key that no request may bring, else as `read_content`.
+    """
+    unknown = next((key for key in content if key not in GIVEN_KEYS), None)
+    if unknown is not None:
+        raise KeyError(unknown)
+    return read_content(content)
 
 
 def _check_motor_type(motor_type: str | None) -> None:
@@ -463,13 +519,7 @@ def _number(content: Mapping[str, Any], key: str) -> float:
     value = content[key]
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise CalibrationError(f"{key} is {reprlib.repr(value)}, not a number")
-    try:
-        number = float(value)
-    except OverflowError:
-        number = math.inf
-    if not math.isfinite(number):
-        raise CalibrationError(f"{key} is not a finite number")
-    return number
+    return float(value)
 
 
 def _optional(content: Mapping[str, Any], key: str, default: float) -> float:

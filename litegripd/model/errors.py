@@ -11,6 +11,8 @@ from math import isfinite
 from types import MappingProxyType
 from typing import TypeAlias
 
+from litegripd.model.sentence import Sentence
+
 
 def at_most(limit: float, digits: int = 6) -> str:
     """Return an upper limit as it is told, never rounded up: who gives what is told is accepted."""
@@ -28,7 +30,7 @@ def _rounded(limit: float, digits: int, how: str) -> str:
     return f"{float(Context(digits, how).create_decimal(Decimal(limit))):.{digits}g}"
 
 
-ErrorData: TypeAlias = Mapping[str, object]
+ErrorData: TypeAlias = Mapping[str, Sentence | object]
 _NO_DATA: ErrorData = MappingProxyType({})
 
 
@@ -162,7 +164,7 @@ ERROR_TABLE: tuple[ErrorKind, ...] = (
         "TrajectoryNotFoundError",
         4,
         False,
-        "No trajectory of that name, and no such upload or recording, or no longer kept.",
+        "No trajectory of that name, or a temporary one that has ended.",
     ),
     ErrorKind(
         "trajectory_unreadable",
@@ -262,7 +264,8 @@ ERROR_TABLE: tuple[ErrorKind, ...] = (
         "TeleopNotReady",
         4,
         False,
-        "Teleoperation needs a calibrated gripper whose motor is enabled.",
+        "Teleoperation needs a calibrated gripper whose motor is enabled; what a client brings for"
+        " it, one that the same connection has begun.",
     ),
     ErrorKind("not_enabled", -32030, "NotInitializedError", 5, False, "The motor is not enabled."),
     ErrorKind(
@@ -342,7 +345,7 @@ class Refusal:
     """
 
     reason: str
-    message: str
+    message: Sentence | str
     data: ErrorData = field(default_factory=lambda: _NO_DATA)
 
     def __post_init__(self) -> None:

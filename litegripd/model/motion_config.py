@@ -8,6 +8,7 @@ from typing import Any
 
 from litegripd.model.errors import at_least, at_most
 from litegripd.model.gripper import DM4310, FASTEST_MM_S, MOTOR_TYPES, Geometry, MotorType
+from litegripd.model.sentence import parameter_name, sentence
 
 
 class MotionConfigError(ValueError):
@@ -304,7 +305,13 @@ def fast_conflict(
             f": the motor turns at no more than {motor_type.fastest_rad_s:g} rad/s, and the"
             f" calibration has {geometry.rad_to_mm:.4g} mm/rad"
         )
-    text = f"{field} is {speed_mm_s:g}, it must be at most {at_most(most_mm_s, 4)}{because}"
+    text = sentence(
+        "{field} is {speed_mm_s:g}, it must be at most {most}{because}",
+        field=parameter_name(field),
+        speed_mm_s=speed_mm_s,
+        most=at_most(most_mm_s, 4),
+        because=because,
+    )
     return Conflict(field, speed_mm_s, most_mm_s, text)
 
 
@@ -326,7 +333,15 @@ def slow_conflict(
         field,
         speed_mm_s,
         slowest,
-        f"{field} is {speed_mm_s:g}, at least {at_least(slowest, 3)} goes with stop_lead_mm"
-        f" {config.stop_lead_mm:g} and stall_delta {config.stall_delta:g} in a stall window of"
-        f" {window_s:g} s: a slower motion would look like a stall",
+        sentence(
+            "{field} is {speed_mm_s:g}, at least {slowest} goes with stop_lead_mm {lead_mm:g} and"
+            " stall_delta {delta:g} in a stall window of {window_s:g} s: a slower motion would look"
+            " like a stall",
+            field=parameter_name(field),
+            speed_mm_s=speed_mm_s,
+            slowest=at_least(slowest, 3),
+            lead_mm=config.stop_lead_mm,
+            delta=config.stall_delta,
+            window_s=window_s,
+        ),
     )

@@ -17,6 +17,8 @@ from functools import cache
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
+from litegripd.model.sentence import Sentence, Term
+
 TYPE_KEY = "is"
 """The key of an object's class name; no field has this name."""
 
@@ -30,6 +32,8 @@ def plain_of(value: Any) -> Any:
 
     Numbers that are not finite stay: both ends use Python's own `json`.
     """
+    if isinstance(value, Sentence) and value.terms:
+        return {TYPE_KEY: Sentence.__name__, "text": str(value), "terms": value.terms}
     if value is None or isinstance(value, bool | int | float | str):
         return value.name if isinstance(value, Enum) else value
     if isinstance(value, Enum):
@@ -58,8 +62,8 @@ Reader = Callable[[Any, str], Any]
 @cache
 def _reader(kind: Any) -> Reader:
     """Return the function that reads a type; made once for each type."""
-    if kind in (Any, object):
-        return lambda plain, _where: plain
+    if kind in _READERS:
+        return _READERS[kind]
     if kind in _PRIMITIVES:
         return _primitive(kind)
     origin, arguments = get_origin(kind), get_args(kind)
@@ -98,6 +102,19 @@ def _primitive(kind: Any) -> Reader:
         return plain
 
     return read
+
+
+def _sentence(plain: Any, where: str) -> Sentence:
+    check_object(plain, Sentence.__name__, {TYPE_KEY, "text", "terms"}, where)
+    rows = value_of(plain["terms"], tuple[tuple[int, int, str | None, str | None], ...], where)
+    return Sentence(value_of(plain["text"], str, where), [Term(*row) for row in rows])
+
+
+def _as_it_is(plain: Any, _where: str) -> Any:
+    return plain
+
+
+_READERS: Mapping[Any, Reader] = {Any: _as_it_is, object: _as_it_is, Sentence: _sentence}
 
 
 def _union(members: tuple[Any, ...]) -> Reader:

@@ -8,6 +8,9 @@ small, but a double in the other byte order looks like that, and would close the
 A follower's frame, 40 bytes of our own, carries the force at its jaws to the leader's hand. It has
 its own key, and a length and a mark that no leader's frame has, so neither can be mistaken for the
 other.
+
+A follower's ready frame is one byte on a key of its own, as other stacks send and read it: 0 for
+not ready, anything else for ready.
 """
 
 import math
@@ -18,12 +21,15 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 TeleopMode: TypeAlias = Literal["master", "slave"]
-LinkKind: TypeAlias = Literal["zenoh", "udp", "none"]
+LinkKind: TypeAlias = Literal["zenoh", "udp", "client", "none"]
 
 DEFAULT_PORT = 17448
 DEFAULT_GRIP_ID = "gripA"
 DEFAULT_WATCHDOG_S = 0.2
 DEFAULT_DQ_MAX_RAD_S = 10.0
+DEFAULT_READY_TIMEOUT_S = 10.0
+DEFAULT_READY_TOLERANCE_MM = 2.0
+DEFAULT_READY_PERIOD_S = 0.1
 DEFAULT_REFLECT_GAIN = 0.5
 """The vendor's defaults. The two ends of a link must share those that matter to both. The vendor
 has no reflection, so the last one is ours."""
@@ -33,7 +39,8 @@ has no reflection, so the last one is ours."""
 class LinkOptions:
     """The link to open. `host` is the other end's: a follower's leader, or the receiver of UDP.
 
-    `bind` is the address at which a follower over UDP listens, None for all.
+    `bind` is the address at which a follower over UDP listens, None for all. With "client" the
+    client that has begun teleoperation carries the bytes.
 
     A leader sends UDP to one address or several (see `udp_targets`). With `reflects` the followers'
     forces travel the other way.
@@ -56,6 +63,16 @@ class LinkOptions:
     def force_topic(self) -> str:
         """The key under which followers report their force; no other stack uses it."""
         return f"{self.topic}_force"
+
+    @property
+    def ready_topic(self) -> str:
+        """The key under which a follower says whether it is ready."""
+        return f"litearm/v4/{self.grip_id}/gripper_ready"
+
+    @property
+    def has_ready(self) -> bool:
+        """True if a follower's ready frames can reach a leader: over UDP they have no way."""
+        return self.kind in ("zenoh", "client")
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,8 +123,9 @@ class LinkStatus:
 
     `matching` is True if another end listens to a leader, None if nobody can know; `dropped` counts
     what came faster than any leader sends, or from an unexpected sender. `is_protected` is True if
-    only ends that the configuration names can take part, None before it is open. `reach` is how
-    far this end has come to the other one, None of an end that cannot know.
+    only ends that the configuration names can take part, None before it is open, and where only a
+    client knows. `reach` is how far this end has come to the other one, None of an end that cannot
+    know.
     """
 
     state: LinkState = "opening"
@@ -126,6 +144,10 @@ class TeleopSettings:
     `force_limit_n` None a follower eases to the torque of a press; `MOST_PUSH_NM` bounds it in any
     case. Gains that are None are the calibration's.
     A leader pushes back with the share `reflect_gain` of its followers' force, `reflect_n` at most.
+    With `require_ready` its jaws hold until a follower is ready, `ready_timeout_s` at most (0: for
+    ever). A follower is ready while its jaws are within `ready_tolerance_mm` of where it follows
+    to, and says so every `ready_period_s`. Without `align` it follows at once, wherever its leader
+    is.
     """
 
     rate_hz: float | None = None
@@ -137,6 +159,11 @@ class TeleopSettings:
     dq_max_rad_s: float = DEFAULT_DQ_MAX_RAD_S
     reflect_n: float = 0.0
     reflect_gain: float = DEFAULT_REFLECT_GAIN
+    require_ready: bool = True
+    ready_timeout_s: float = DEFAULT_READY_TIMEOUT_S
+    ready_tolerance_mm: float = DEFAULT_READY_TOLERANCE_MM
+    ready_period_s: float = DEFAULT_READY_PERIOD_S
+    align: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,12 +171,18 @@ class TeleopStatus:
     """How teleoperation is going; names as in the vendor's SDK, and some more.
 
     `openness`, `position_mm` and `force_n` are a master's own; a slave that follows has its
-    leader's. `torque_nm` is this gripper's own torque. `frames` counts those sent, or followed.
+    leader's; they are 0 while `frames` is 0. `torque_nm` is this gripper's own torque. `frames`
+    counts those sent, or followed.
     `rejected` counts what was no frame, `out_of_order` frames that were older than one before,
     `other_leaders` those of a second leader, or of a clock that was set back; all are dropped.
     `send_failed` counts frames that could not be sent, or, of a slave, ticks whose command the
     motor did not answer. `fault` names the motor's status if it is not "enabled", or why everything
-    ended.
+    ended; else it is empty.
+
+    `ready` is what a slave says of itself: it follows, and its jaws are where the leader's are. At
+    a master it is true once a slave has said so: from then on the jaws are slack, until the end.
+    `ready_rx` counts what a master has heard of that, `ready_pubs` what a slave has sent.
+    `ready_timed_out` is true if a master's jaws went slack though nobody was ready in time.
 
     `host` and `port` are the link's: where a slave's leader is, with UDP also where a master sends
     to; None without a network. `link_protected` is False if anyone who reaches the link can take
@@ -180,9 +213,9 @@ class TeleopStatus:
     frames: int = 0
     last_frame_age_ms: float | None = None
     stale: bool = False
-    openness: float | None = None
-    position_mm: float | None = None
-    force_n: float | None = None
+    openness: float = 0.0
+    position_mm: float = 0.0
+    force_n: float = 0.0
     dq_cmd: float = 0.0
     loop_hz: float = 0.0
     rejected: int = 0
@@ -190,10 +223,14 @@ class TeleopStatus:
     other_leaders: int = 0
     dropped: int = 0
     send_failed: int = 0
-    fault: str | None = None
-    torque_nm: float | None = None
+    fault: str = ""
+    torque_nm: float = 0.0
     over_torque: bool = False
     torque_trips: int = 0
+    ready: bool = False
+    ready_rx: int = 0
+    ready_pubs: int = 0
+    ready_timed_out: bool = False
     force_limited: bool = False
     reflects: bool = False
     reflected_n: float | None = None
@@ -277,6 +314,19 @@ def decode_frame(payload: bytes) -> TeleopFrame | None:
 
 def _is_subnormal(value: float) -> bool:
     return 0.0 < abs(value) < sys.float_info.min
+
+
+READY_FRAME_BYTES = 1
+
+
+def encode_ready(is_ready: bool) -> bytes:
+    """Return the one byte."""
+    return bytes([is_ready])
+
+
+def decode_ready(payload: bytes) -> bool | None:
+    """Return True for any byte but 0, or None for another length."""
+    return any(payload) if len(payload) == READY_FRAME_BYTES else None
 
 
 MAGIC = b"LGFORCE1"

@@ -19,6 +19,7 @@ from litegripd.model.errors import Refusal
 from litegripd.model.gripper import DM4310, MOTOR_TYPES, MotorType
 from litegripd.model.motor import SOONEST_DISARM_S, CanFrame, MotorIdentity, Ranges
 from litegripd.model.plain import Carried
+from litegripd.model.sentence import method_name, sentence
 from litegripd.motor.codec import (
     ANSWER_WITHIN_S,
     CAN_ID,
@@ -150,10 +151,11 @@ def is_usable_range(limit: float) -> bool:
     return SMALLEST_RANGE <= limit <= LARGEST_RANGE
 
 
-_CORRECT = (
+_CORRECT = sentence(
     "correct the configuration and start the daemon again; or correct the register with the maker's"
-    " tool, then motor.clear_fault reads it again"
+    " tool, then {motor.clear_fault} reads it again"
 )
+_AGAIN = method_name("motor.clear_fault")
 
 
 def unsuitable(
@@ -166,17 +168,27 @@ def unsuitable(
     if configured_master_id not in (None, identity.master_id):
         return Refusal(
             "motor_unsuitable",
-            f"the motor answers on 0x{identity.master_id:02X} (register MST_ID), but"
-            f" [motor] master_id is 0x{configured_master_id:02X}: {_CORRECT}",
-            {"register": "MST_ID", "value": identity.master_id, "hint": "motor.clear_fault"},
+            sentence(
+                "the motor answers on 0x{found:02X} (register MST_ID), but [motor] master_id is"
+                " 0x{configured:02X}: {correct}",
+                found=identity.master_id,
+                configured=configured_master_id,
+                correct=_CORRECT,
+            ),
+            {"register": "MST_ID", "value": identity.master_id, "hint": _AGAIN},
         )
     listens_to = identity.registers.get(CAN_ID.name)
     if listens_to not in (None, identity.can_id):
         return Refusal(
             "motor_unsuitable",
-            f"the motor's register ESC_ID holds {listens_to}, but [motor] can_id is"
-            f" 0x{identity.can_id:02X}: {_CORRECT}",
-            {"register": "ESC_ID", "value": listens_to, "hint": "motor.clear_fault"},
+            sentence(
+                "the motor's register ESC_ID holds {found}, but [motor] can_id is 0x{can_id:02X}:"
+                " {correct}",
+                found=listens_to,
+                can_id=identity.can_id,
+                correct=_CORRECT,
+            ),
+            {"register": "ESC_ID", "value": listens_to, "hint": _AGAIN},
         )
     return None
 
@@ -186,27 +198,37 @@ def uncontrollable(identity: MotorIdentity) -> Refusal | None:
     if identity.master_id == identity.can_id:
         return Refusal(
             "motor_unsuitable",
-            f"the motor answers on 0x{identity.can_id:02X}, the id of its own commands (registers"
-            " MST_ID and ESC_ID are equal), so answers and commands collide on the bus: set MST_ID"
-            " to another id, 0x18 for instance, with the maker's tool; then motor.clear_fault"
-            " reads it again",
-            {"register": "MST_ID", "value": identity.master_id, "hint": "motor.clear_fault"},
+            sentence(
+                "the motor answers on 0x{can_id:02X}, the id of its own commands (registers MST_ID"
+                " and ESC_ID are equal), so answers and commands collide on the bus: set MST_ID to"
+                " another id, 0x18 for instance, with the maker's tool; then {motor.clear_fault}"
+                " reads it again",
+                can_id=identity.can_id,
+            ),
+            {"register": "MST_ID", "value": identity.master_id, "hint": _AGAIN},
         )
     if identity.control_mode != MIT_MODE:
         return Refusal(
             "motor_unsuitable",
-            f"the motor is in control mode {identity.control_mode} (register CTRL_MODE); set it"
-            f" to {MIT_MODE}, MIT, with the maker's tool; then motor.clear_fault reads it again",
-            {"register": "CTRL_MODE", "value": identity.control_mode, "hint": "motor.clear_fault"},
+            sentence(
+                "the motor is in control mode {mode} (register CTRL_MODE); set it to {mit}, MIT,"
+                " with the maker's tool; then {motor.clear_fault} reads it again",
+                mode=identity.control_mode,
+                mit=MIT_MODE,
+            ),
+            {"register": "CTRL_MODE", "value": identity.control_mode, "hint": _AGAIN},
         )
     if not has_usable_ranges(identity):
         ranges = identity.ranges
         limits = (ranges.position_rad, ranges.velocity_rad_s, ranges.torque_nm)
         return Refusal(
             "motor_unsuitable",
-            f"the motor's ranges PMAX, VMAX, TMAX are {limits}: set them with the"
-            " maker's tool; then motor.clear_fault reads them again",
-            {"register": "PMAX", "hint": "motor.clear_fault"},
+            sentence(
+                "the motor's ranges PMAX, VMAX, TMAX are {limits}: set them with the maker's tool;"
+                " then {motor.clear_fault} reads them again",
+                limits=limits,
+            ),
+            {"register": "PMAX", "hint": _AGAIN},
         )
     return None
 
@@ -232,16 +254,23 @@ def wrong_type(identity: MotorIdentity, motor_type: MotorType) -> Refusal | None
     )
     return Refusal(
         "motor_unsuitable",
-        f"the motor is no {motor_type.name}, the configured type: its Gr, PMAX, VMAX, TMAX are"
-        f" {_figures(ratio, identity.ranges)} (hw_ver {hardware}, sw_ver {software}), a"
-        f" {motor_type.name} has {_figures(motor_type.gear_ratio, motor_type.ranges)}: {other}"
-        f"connect a {motor_type.name}; then motor.clear_fault reads it again",
+        sentence(
+            "the motor is no {name}, the configured type: its Gr, PMAX, VMAX, TMAX are {found}"
+            " (hw_ver {hardware}, sw_ver {software}), a {name} has {usual}: {other}connect a"
+            " {name}; then {motor.clear_fault} reads it again",
+            name=motor_type.name,
+            found=_figures(ratio, identity.ranges),
+            hardware=hardware,
+            software=software,
+            usual=_figures(motor_type.gear_ratio, motor_type.ranges),
+            other=other,
+        ),
         {
             "register": register.name,
             "value": value,
             "motor_type": motor_type.name,
             "fits": fits,
-            "hint": "motor.clear_fault",
+            "hint": _AGAIN,
         },
     )
 

@@ -6,6 +6,7 @@ from types import MappingProxyType
 
 from litegripd.model.errors import Refusal
 from litegripd.model.motor import Feedback, MotorPhase, Status, status_name
+from litegripd.model.sentence import sentence
 
 REMEDIES: Mapping[int, str] = {
     Status.OVER_VOLTAGE: "lower the supply voltage (24 V nominal, 32 V at most), then enable again",
@@ -67,14 +68,18 @@ def fault_refusal(feedback: Feedback, stood_still_s: float | None = None) -> Ref
 
 def implausible_refusal(jump_rad: float) -> Refusal:
     """Return a refusal because of an implausible position, with what to do about it."""
-    remedy = (
+    remedy = sentence(
         "look where the jaws are, and power-cycle the motor if what is shown is wrong; then"
-        " motor.clear_fault, and calibrate again if it is still wrong"
+        " {motor.clear_fault}, and calibrate again if it is still wrong"
     )
     return Refusal(
         "implausible_feedback",
-        f"the motor's position jumped by {jump_rad:.3f} rad, as no jaw can move: the motor was"
-        f" disabled; {remedy}",
+        sentence(
+            "the motor's position jumped by {jump_rad:.3f} rad, as no jaw can move: the motor was"
+            " disabled; {remedy}",
+            jump_rad=jump_rad,
+            remedy=remedy,
+        ),
         {"jump_rad": jump_rad, "hint": remedy},
     )
 

@@ -15,7 +15,7 @@ import io
 import json
 import re
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -112,12 +112,14 @@ def read(memory: bytes) -> Recording:
     if magic != recorder.MAGIC:
         raise ValueError("this is no recorder's memory, or of another version")
     parts = recorder.parts(memoryview(memory), slots)
-    _header, description, tick_part, event_part, refusal_part = parts
+    _header, description, tick_part, *event_parts = parts
     ticks = tuple(map(_tick, records(tick_part, recorder.TICK.size)))
-    events = [*_texts(event_part), *_texts(refusal_part)]
-    about = next((text.content["data"] for text in _texts(description)), None)
-    if about is None:
+    kept = {record for part in event_parts for record in records(part, recorder.TEXT_RECORD_BYTES)}
+    events = sorted(map(_text, kept), key=lambda event: (event.at_s, event.number))
+    described = records(description, recorder.TEXT_RECORD_BYTES)
+    if not described:
         raise ValueError("the recorder's memory does not say whose it is")
+    about = _text(described[0]).content["data"]
     programs = {
         event.content["data"]["client"]: event.content["data"]["program"]
         for event in events
@@ -127,9 +129,7 @@ def read(memory: bytes) -> Recording:
     return Recording(
         about=about,
         ticks=ticks,
-        events=tuple(
-            sorted((e for e in events if e.at_s >= began_s), key=lambda e: (e.at_s, e.number))
-        ),
+        events=tuple(event for event in events if event.at_s >= began_s),
         programs=programs,
     )
 
@@ -138,11 +138,10 @@ def _tick(record: bytes) -> Tick:
     return Tick._make(recorder.TICK.unpack(record))
 
 
-def _texts(part: memoryview) -> Iterable[RecordedEvent]:
-    for record in records(part, recorder.TEXT_RECORD_BYTES):
-        number, at_s, length = recorder.TEXT.unpack_from(record)
-        text = record[recorder.TEXT.size : recorder.TEXT.size + length]
-        yield RecordedEvent(number, at_s, json.loads(text, parse_constant=lambda _name: None))
+def _text(record: bytes) -> RecordedEvent:
+    number, at_s, length = recorder.TEXT.unpack_from(record)
+    text = record[recorder.TEXT.size : recorder.TEXT.size + length]
+    return RecordedEvent(number, at_s, json.loads(text, parse_constant=lambda _name: None))
 
 
 _NUMBER, _TEXT, _TRUTH = {"type": "number"}, {"type": "string"}, {"type": "boolean"}

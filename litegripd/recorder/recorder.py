@@ -17,7 +17,7 @@ from litegripd.model.calibration import Dumped
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import Geometry
 from litegripd.model.motor import CanFrame, Feedback, MitCommand, MotorPhase
-from litegripd.model.state import Event, HelperTask, JobKind, Owner, TaskResult
+from litegripd.model.state import Event, EventKind, HelperTask, JobKind, Owner, TaskResult
 from litegripd.motor.motor import Motor
 from litegripd.motor.phases import Phase
 from litegripd.rpc.method import Answer, Call, Deferred, Method, Param
@@ -68,9 +68,12 @@ KEPT_S = 60.0
 EVENTS = 1024
 REFUSALS = 256
 """Rejected requests have a ring of their own: a flood of them must not displace other events."""
+OF_KIND = 8
+"""So many of each kind are kept besides: what flaps displaces nothing of another kind."""
+_EVENT_KINDS: tuple[EventKind, ...] = get_args(EventKind)
 
 HEADER = struct.Struct("<8sI")
-MAGIC = b"LGREC\x00\x00\x01"
+MAGIC = b"LGREC\x00\x00\x02"
 TICK = struct.Struct("<QdfQBBBBB8s3f3B4f2d2fQQIII")
 """Number, time, lateness in µs, lost ticks, flags, two phases, frames, kind of the job, payload;
 ranges, feedback, requested command, geometry; unanswered requests, lost frames, job, its owner's
@@ -113,6 +116,7 @@ def part_bytes(slots: int) -> tuple[int, ...]:
         slots * tick_bytes,
         EVENTS * text_bytes,
         REFUSALS * text_bytes,
+        len(_EVENT_KINDS) * OF_KIND * text_bytes,
     )
 
 
@@ -134,10 +138,15 @@ class Recorder:
     """
 
     def __init__(self, memory: memoryview, slots: int, about: Mapping[str, object]) -> None:
-        header, description, ticks, events, refusals = parts(memory, slots)
+        header, description, ticks, events, refusals, of_kinds = parts(memory, slots)
         self._ticks = Ring(ticks, TICK.size)
         self._events = Ring(events, TEXT_RECORD_BYTES)
         self._refusals = Ring(refusals, TEXT_RECORD_BYTES)
+        share = len(of_kinds) // len(_EVENT_KINDS)
+        self._of_kinds = {
+            kind: Ring(of_kinds[n * share : (n + 1) * share], TEXT_RECORD_BYTES)
+            for n, kind in enumerate(_EVENT_KINDS)
+        }
         self._owner = _NOBODY
         self._named: tuple[int, str] | None = None
         self._phase = PHASES[0]
@@ -245,7 +254,7 @@ class Recorder:
         """Record one event; one that is too long for its slot is cut, and marked as cut."""
         ring = self._refusals if event.kind == "refused" else self._events
         head = {"kind": event.kind, "message": event.message}
-        _put_text(ring, now_s, head, event.data)
+        self._of_kinds[event.kind].put(_put_text(ring, now_s, head, event.data))
 
     def _flags(self, controller: Controller) -> int:
         flags = self._geometry_flag
@@ -280,14 +289,16 @@ class Recorder:
 
 def _put_text(
     ring: Ring, now_s: float, head: Mapping[str, str], data: Mapping[str, object]
-) -> None:
-    """Write a text; one that is too long loses its data, then the end of its message."""
+) -> bytes:
+    """Write a text and return its record; what is too long loses data, then the message's end."""
     text = json.dumps({**head, "data": dict(data)}, default=str).encode()
     message = head.get("message", "")
     while len(text) > TEXT_BYTES:
         text = json.dumps({**head, "message": message, "is_cut": True}).encode()
         message = message[: len(message) * 3 // 4]
-    ring.put(TEXT.pack(ring.next_number, now_s, len(text)) + text.ljust(TEXT_BYTES, b"\0"))
+    record = TEXT.pack(ring.next_number, now_s, len(text)) + text.ljust(TEXT_BYTES, b"\0")
+    ring.put(record)
+    return record
 
 
 Cause: TypeAlias = Literal[

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, TypeAlias, TypedDict, cast
 
 from litegrip_client.values import strict_json
 from litegripd.model.errors import Refusal
+from litegripd.model.sentence import TermViews, terms_of
 from litegripd.model.state import STOP_LEVELS, StopLevel
 
 MAX_LINE_BYTES = 16_384
@@ -27,11 +28,18 @@ _MEMBERS = frozenset({"jsonrpc", "id", "method", "params"})
 _encoder = json.JSONEncoder(allow_nan=False, separators=(",", ":"))
 
 
-class ErrorData(TypedDict):
-    """The reason that programs compare; the data of an error has more members for some reasons."""
-
+class _ErrorData(TypedDict):
     reason: str
     retryable: bool
+
+
+class ErrorData(_ErrorData, total=False):
+    """The reason that programs compare; the data of an error has more members for some reasons.
+
+    `terms` are those of the message and of the texts here, for example of `hint`.
+    """
+
+    terms: TermViews
 
 
 class ErrorObject(TypedDict):
@@ -130,6 +138,9 @@ def error_object(refusal: Refusal) -> ErrorObject:
     """Return a refusal's form on the wire."""
     kind = refusal.kind
     data = {"reason": kind.reason, "retryable": kind.retryable, **refusal.data}
+    terms = terms_of({"message": refusal.message, **data})
+    if terms:
+        data["terms"] = terms
     return {"code": kind.code, "message": refusal.message, "data": cast(ErrorData, data)}
 
 

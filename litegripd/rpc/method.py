@@ -22,8 +22,18 @@ from typing import (
 )
 
 from litegripd.control.admission import conflict_refusal
-from litegripd.control.events import NOW, Turn
+from litegripd.control.calibration import Terms
+from litegripd.control.controller import Controller
+from litegripd.control.events import NOW, Turn, doubted
 from litegripd.control.limiter import Gains
+from litegripd.model.calibration import (
+    GIVEN_KEYS,
+    Calibration,
+    CalibrationError,
+    of_stroke,
+    read_given,
+    scale_doubt,
+)
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import DM4310, MotorType
 from litegripd.model.motion_config import (
@@ -35,6 +45,7 @@ from litegripd.model.motion_config import (
     damping_conflict,
     ranges_of,
 )
+from litegripd.model.sentence import method_name, parameter_name, sentence
 from litegripd.model.state import Job, Owner
 from litegripd.rpc.reports import JobNumber
 from litegripd.rpc.sessions import Role, Session
@@ -146,20 +157,37 @@ class Param:
 
 
 def check(method: str, declared: Mapping[str, Param], given: Mapping[str, Any]) -> Refusal | None:
-    """Return a refusal for a parameter that is unknown, missing, mistyped or out of range."""
+    """Return a refusal for a parameter that is unknown, missing, mistyped or out of range.
+
+    By the words for what is unknown a newer client finds that this daemon is older.
+    """
     for name, value in given.items():
         param = declared.get(name)
         if param is None:
-            allowed = ", ".join(declared) or "none"
-            text = f"{method} has no parameter {_shown(name)}; it has: {allowed}"
+            text = sentence(
+                "{method} has no parameter {given}; it has: {allowed}",
+                method=method_name(method),
+                given=_shown(name),
+                allowed=", ".join(declared) or "none",  # unmarked: so many take too long
+            )
             return Refusal("invalid_params", text, {"parameter": name[:64]})
         problem = param.problem(value)
         if problem is not None:
-            text = f"{method}: {name} {problem}"
+            text = sentence(
+                "{method}: {name} {problem}",
+                method=method_name(method),
+                name=parameter_name(name),
+                problem=problem,
+            )
             return Refusal("invalid_params", text, {"parameter": name})
     for name, param in declared.items():
         if param.required and name not in given:
-            text = f"{method} needs the parameter {param.name}: {param.description}"
+            text = sentence(
+                "{method} needs the parameter {name}: {description}",
+                method=method_name(method),
+                name=parameter_name(param.name),
+                description=param.description,
+            )
             return Refusal("invalid_params", text, {"parameter": param.name})
     return None
 
@@ -336,16 +364,60 @@ class Call(NamedTuple):
             raise Refused(refusal)
         return Gains(kp, kd).usual()
 
-    def config(self, base: MotionConfig, period_s: float, motor_type: MotorType) -> MotionConfig:
-        """Return `base` with the changes that the caller wants."""
-        given = self.params.get("config")
+    def terms(self, controller: Controller) -> Terms:
+        """Return what its motion counts on: the daemon's, but for what the caller brings."""
+        terms, given = controller.terms, self.params.get("calibration")
+        if "config" in self.params:
+            terms = replace(terms, config=self.config(controller))
+        if given is None:
+            return terms
+        return self._given_terms(given, terms.config, controller)
+
+    def config(self, controller: Controller) -> MotionConfig:
+        """Return the daemon's configuration with the changes that the caller wants."""
+        given, base = self.params.get("config"), controller.config
         if given is None:
             return base
         try:
-            return base.changed(given, period_s, motor_type)
+            return base.changed(given, controller.period_s, controller.gripper_id.motor_type)
         except MotionConfigError as error:
             data = {"parameter": "config", "field": error.field}
-            raise Refused(Refusal("invalid_params", f"config: {error}", data)) from None
+            text = sentence("{name}: {error}", name=parameter_name("config"), error=error)
+            raise Refused(Refusal("invalid_params", text, data)) from None
+
+    def _given_terms(
+        self, content: Mapping[str, Any], config: MotionConfig, controller: Controller
+    ) -> Terms:
+        """Return the terms of the calibration that the caller brings; tell a doubt of it once.
+
+        A stream brings the same one with each set-point: it is read once.
+        """
+        session, stroke_mm = self.session, controller.gripper_id.stroke_mm
+        given = session.calibration
+        if given is None or given.content != content:
+            given = of_stroke(_read(content), stroke_mm)
+        terms = accepted(controller.terms_of(given, self.owner, config))
+        if given is session.calibration:
+            return terms
+        session.calibration, doubt = given, scale_doubt(given, stroke_mm)
+        if doubt is not None and doubt not in session.doubts:
+            session.doubts.add(doubt)
+            controller.events.append(doubted(given, stroke_mm, self.owner))
+        return terms
+
+
+def _read(content: Mapping[str, Any]) -> Calibration:
+    """Return the calibration that a request brings; raise `Refused` if it cannot be used."""
+    try:
+        return read_given(content)
+    except KeyError as error:
+        name = str(error.args[0])[:64]
+        text = f"calibration has no key {_shown(name)}; it has: {', '.join(GIVEN_KEYS)}"
+        data = {"parameter": "calibration", "field": name}
+        raise Refused(Refusal("invalid_params", text, data)) from None
+    except CalibrationError as error:
+        text, data = f"calibration: {error}", {"parameter": "calibration"}
+        raise Refused(Refusal("calibration_unreadable", text, data)) from None
 
 
 @dataclass(frozen=True, slots=True)
@@ -426,8 +498,17 @@ CONFIG = Param(
     "object",
     "Fields of the motion configuration (config.get lists them) that count for this call only.",
 )
+CALIBRATION = Param(
+    "calibration",
+    "object",
+    "A calibration that counts for this call only, and for what it leaves the jaws doing:"
+    f" {', '.join(GIVEN_KEYS[:3])}, and if wanted {', '.join(GIVEN_KEYS[3:])}, as in a calibration"
+    " file. It is checked as calibration.load checks one (default: the calibration in use).",
+)
 RUN_PARAMS = (CONFIG, WAIT, PROGRESS, DETACH, IF_BUSY, KEY)
 """What every lasting motion takes."""
+MOTION_PARAMS = (CALIBRATION, *RUN_PARAMS)
+"""What one takes that goes by a calibration."""
 
 F = TypeVar("F", bound=Callable[..., Answer])
 _ROW = "_method"
@@ -441,7 +522,8 @@ class Method:
     of a caller; `needs_lease` marks methods that only the holder of the lease may call, while there
     is one; `stop_voids` those that a later stop makes void; `waits` those whose answer comes when a
     job has ended; `may_notify` those that may be sent without an id; `lifts_stop` the one that is
-    also for the client that has stopped and for admins, with any role and any holder of the lease.
+    also for the client that has stopped and for admins, with any role and any holder of the lease;
+    `of_older` returns what the parameters of an older client are now called.
     """
 
     name: str
@@ -455,6 +537,7 @@ class Method:
     waits: bool = False
     may_notify: bool = False
     lifts_stop: bool = False
+    of_older: Callable[[Mapping[str, Any]], Mapping[str, Any]] | None = None
     declared: Mapping[str, Param] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -467,6 +550,11 @@ class Method:
         """Attach this row to the function below it, as a decorator."""
         setattr(function, _ROW, self)
         return function
+
+    @property
+    def refused_as(self) -> str:
+        """The notification that reports the refusal of a request without an id."""
+        return f"{self.name.partition('.')[0]}.refused"
 
     def with_motor(self, motor_type: MotorType) -> "Method":
         """Return the row for a type of motor, which has its own limits."""
@@ -504,16 +592,16 @@ def speed_param(default: str) -> Param:
     return config_param("speed_mm_s", text)
 
 
-def config_param(name: str, description: str) -> Param:
-    """Return a parameter with the range of the configuration's field of the same name."""
-    low, high = ranges_of(DM4310)[name]
+def config_param(field: str, description: str, name: str | None = None) -> Param:
+    """Return a parameter with the range of a field of the configuration, and its name."""
+    low, high = ranges_of(DM4310)[field]
     return Param(
-        name,
+        name or field,
         "number",
         description,
         minimum=low,
         maximum=high,
-        maximum_of=lambda motor_type: ranges_of(motor_type)[name][1],
+        maximum_of=lambda motor_type: ranges_of(motor_type)[field][1],
     )
 
 

@@ -55,6 +55,13 @@ class StateBatch(_Sample):
     rows: list[list[object]]
 
 
+class Payload(TypedDict):
+    """What is to be sent under a key of teleoperation, in hexadecimal digits."""
+
+    topic: str
+    payload: str
+
+
 class Loser(TypedDict):
     """Who has lost the lease."""
 
@@ -89,6 +96,17 @@ NOTIFICATIONS: tuple[Notification, ...] = (
         "stream.refused",
         "A `stream.set` without an `id` that was refused. Only the first of several with the same"
         " reason is reported, and again after one that was taken.",
+        ErrorObject,
+    ),
+    Notification(
+        "teleop.send",
+        "With `link` `client`: what the client that has begun teleoperation is to send over its own"
+        " link. A client that does not read gets none meanwhile.",
+        Payload,
+    ),
+    Notification(
+        "teleop.refused",
+        "A `teleop.receive` without an `id` that was refused; as `stream.refused`.",
         ErrorObject,
     ),
     Notification(

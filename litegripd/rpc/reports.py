@@ -13,6 +13,7 @@ from litegripd.control.snapshot import GripperState, JobSummary, snapshot
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import Mount
 from litegripd.model.motor import BusState
+from litegripd.model.sentence import TermViews, with_terms
 from litegripd.model.state import (
     EventKind,
     Job,
@@ -122,7 +123,9 @@ class Hello(TypedDict):
 class CalibrationFacts(TypedDict):
     """Where the calibration came from; `saved_s` is the file's date, in Unix time.
 
-    `foreign` says why it is probably another gripper's, None if it bears no such mark.
+    `foreign` says why it is probably another gripper's, None if it bears no such mark;
+    `work_stroke` that its work stroke is beyond the travel; `problem` why a file that is there is
+    not used.
     """
 
     file: str | None
@@ -130,6 +133,8 @@ class CalibrationFacts(TypedDict):
     channel: str | None
     saved_s: float | None
     foreign: str | None
+    work_stroke: str | None
+    problem: str | None
 
 
 class BusFacts(TypedDict):
@@ -154,9 +159,10 @@ class TrajectoryLimits(TypedDict):
 
 
 class StrokeFacts(TypedDict):
-    """The stroke, as configured."""
+    """The stroke, as configured, and the calibration file that is named, None for none."""
 
     stroke_mm: float
+    calibration: str | None
 
 
 class Configuration(TypedDict):
@@ -413,14 +419,18 @@ class JobEnd(TypedDict):
     result: Result | None
 
 
-class NumberedEvent(TypedDict):
-    """An event; `data` is other for each kind."""
-
+class _NumberedEvent(TypedDict):
     seq: int
     monotonic_s: float
     kind: EventKind
     message: str
     data: Mapping[str, object]
+
+
+class NumberedEvent(_NumberedEvent, total=False):
+    """An event; `data` is other for each kind, and `terms` are those of the message."""
+
+    terms: TermViews
 
 
 class ProgressHead(JobNumber):
@@ -468,7 +478,7 @@ def owner_view(owner: Owner) -> OwnerView:
 
 def encode_result(job: Job, result: Result, state: bytes) -> bytes:
     """Encode a job's result, with the encoded state in which the job ended."""
-    return _with(encode({"job": job.number, **_plain(result)}), b"state", state)
+    return _with(encode(with_terms({"job": job.number, **_plain(result)})), b"state", state)
 
 
 def encode_job(job: Job, phase: str | None, result: bytes | None) -> bytes:

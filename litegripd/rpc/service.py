@@ -9,6 +9,7 @@ from litegripd.control.controller import Controller
 from litegripd.control.events import Turn
 from litegripd.model.errors import Refusal
 from litegripd.model.plain import Carried
+from litegripd.model.sentence import sentence, with_terms
 from litegripd.model.state import Event, Job, JobKind, Owner
 from litegripd.rpc.jsonrpc import (
     BadRequest,
@@ -82,6 +83,8 @@ class Requests:
     ) -> Call | Refusal:
         """Return a request as its function takes it, or a refusal."""
         self._controller.lease.renew(session.identity, now_s)
+        if method.of_older is not None:
+            request = request._replace(params=method.of_older(request.params))
         refusal = _malformed(session, request, method)
         if refusal is None and method.stop_voids:
             refusal = self._void(session, request, received_s)
@@ -382,7 +385,9 @@ class RpcService:
     ) -> None:
         method = self._methods.get(request.method)
         if method is None:
-            text = f"there is no method {request.method[:64]!r}; rpc.discover lists them"
+            text = sentence(
+                "there is no method {asked!r}; {rpc.discover} lists them", asked=request.method[:64]
+            )
             self._refuse(session, request.identity, Refusal("unknown_method", text))
             return
         call = self._requests.admit(session, request, method, now_s, received_s)
@@ -397,7 +402,7 @@ class RpcService:
             )
         else:
             if method.may_notify and not isinstance(answer, Refusal):
-                session.stream_refused = None
+                session.turned_down.pop(method.name, None)
             self._answer(session, request, answer)
 
     def _answer(self, session: Session, request: Request, answer: Answer) -> None:
@@ -409,7 +414,7 @@ class RpcService:
             session.unanswered += 1
             answer.then(lambda result: self._answer_deferred(session, request, result))
         elif request.identity is not None:
-            result = answer if isinstance(answer, bytes) else encode(answer)
+            result = answer if isinstance(answer, bytes) else encode(with_terms(answer))
             session.write(result_line(request.identity, result))
 
     def _answer_deferred(self, session: Session, request: Request, result: Result) -> None:
@@ -435,7 +440,9 @@ class RpcService:
         why = asked.why or "a stop request that was not understood"
         self._controller.stop(asked.level, session.owner, why, now_s)
         self.reporter.refresh()
-        text = f"{refusal.message}; stopped ({asked.level}) all the same"
+        text = sentence(
+            "{why}; stopped ({level}) all the same", why=refusal.message, level=asked.level
+        )
         return replace(refusal, message=text)
 
     def _refuse(self, session: Session, identity: RequestId, refusal: Refusal) -> None:
@@ -446,7 +453,13 @@ class RpcService:
     def _log_refusal(self, session: Session, refusal: Refusal) -> None:
         self.refused += 1
         peer = session.peer
-        text = f"refused {session.name} (pid {peer.pid}, uid {peer.uid}): {refusal.message}"
+        text = sentence(
+            "refused {name} (pid {pid}, uid {uid}): {why}",
+            name=session.name,
+            pid=peer.pid,
+            uid=peer.uid,
+            why=refusal.message,
+        )
         self._collect_events(self._now_s)  # earlier events
         data = {"reason": refusal.reason, "client": session.identity, "pid": peer.pid}
         self._note(Event("refused", text, data), self._now_s)
@@ -460,12 +473,13 @@ class RpcService:
                 self._refuse(session, request.identity, refusal)
             return
         session.counters.refused += refusal is not None
-        before = session.stream_refused
-        session.stream_refused = None if refusal is None else refusal.reason
-        if refusal is None or refusal.reason == before:
+        before = session.turned_down.pop(method.name, None)
+        if refusal is None:
             return
-        self._log_refusal(session, refusal)
-        session.write(notification_line("stream.refused", encode(error_object(refusal))))
+        session.turned_down[method.name] = refusal.reason
+        if refusal.reason != before:
+            self._log_refusal(session, refusal)
+            session.write(notification_line(method.refused_as, encode(error_object(refusal))))
 
     def _collect_events(self, now_s: float) -> None:
         """Take the gripper's events since the last call."""

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal, Protocol, TypeAlias
 
+from litegripd.model.calibration import Calibration, ScaleDoubt
 from litegripd.model.state import Owner
 from litegripd.rpc.jsonrpc import encode
 
@@ -57,14 +58,18 @@ class Session:
     `write` queues a line to be sent, and calls `on_write` for the first one. `congested` is kept by
     the transport: true while the client has not read all it was sent, so that its samples are
     dropped instead of queued. `unanswered` counts the requests that wait for a motion,
-    `subscriptions` what it gets unrequested. `stream_refused` is the reason why its latest
-    set-point was rejected. `is_orphaned`: the process that opened it has ended, or the connection.
-    `is_gateway`: it may speak for users of other machines, `remote` is for whom it does.
+    `subscriptions` what it gets unrequested. `turned_down` has, by method, why the latest request
+    without an id was rejected. `is_orphaned`: the process that opened it has ended, or the
+    connection. `is_gateway`: it may speak for users of other machines, `remote` is for whom it
+    does. `calibration` is the latest that one of its requests has brought, `doubts` why such were
+    probably wrong, as far as that was told.
     """
 
     __slots__ = (
+        "calibration",
         "congested",
         "counters",
+        "doubts",
         "identity",
         "is_gateway",
         "is_orphaned",
@@ -76,8 +81,8 @@ class Session:
         "peer",
         "remote",
         "role",
-        "stream_refused",
         "subscriptions",
+        "turned_down",
         "unanswered",
     )
 
@@ -94,7 +99,9 @@ class Session:
         self.outgoing: list[bytes] = []
         self.congested = False
         self.unanswered = 0
-        self.stream_refused: str | None = None
+        self.turned_down: dict[str, str] = {}
+        self.calibration: Calibration | None = None
+        self.doubts: set[ScaleDoubt] = set()
         self.is_orphaned = False
         self.on_write: Callable[[], None] | None = None
 

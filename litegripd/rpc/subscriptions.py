@@ -9,6 +9,7 @@ from typing import TypedDict, get_args
 from litegripd.control.snapshot import GripperState
 from litegripd.model.errors import Refusal
 from litegripd.model.plain import Carried
+from litegripd.model.sentence import with_terms
 from litegripd.model.state import Event, EventKind
 from litegripd.rpc.jsonrpc import encode, notification_line
 from litegripd.rpc.reports import NumberedEvent, state_view
@@ -52,6 +53,8 @@ UNASKED_KINDS: tuple[str, ...] = tuple(kind for kind in EVENT_KINDS if kind != "
 """The kinds of a subscription that names none: refusals are other clients' mistakes."""
 
 KEPT_EVENTS = 32
+KEPT_OF_KIND = 4
+"""So many of each kind a new subscriber gets, too: a fault that flaps hides no loss and no stop."""
 
 
 class _Numbered:
@@ -74,9 +77,9 @@ class _Numbered:
                 "monotonic_s": self._at_s,
                 "kind": event.kind,
                 "message": event.message,
-                "data": dict(event.data),
+                "data": with_terms(event.data),
             }
-            self._encoded = encode(view)[1:-1]
+            self._encoded = encode(with_terms(view))[1:-1]
         return self._encoded
 
 
@@ -119,10 +122,16 @@ class EventStream:
             self._next_row.append(numbered)
 
     def latest(self, kinds: Iterable[str]) -> bytes:
-        """Return the last `KEPT_EVENTS` of these kinds as a JSON array, the oldest first."""
-        kept = chain.from_iterable(self._kept[kind] for kind in kinds)
-        latest = sorted(kept, key=lambda numbered: numbered.sequence)[-KEPT_EVENTS:]
-        return b"[%b]" % b",".join(b"{%b}" % numbered.members() for numbered in latest)
+        """Return the last events of these kinds as a JSON array, the oldest first.
+
+        They are the last `KEPT_EVENTS`, and of each kind the last `KEPT_OF_KIND`.
+        """
+        rows = [self._kept[kind] for kind in kinds]
+        kept = sorted(chain.from_iterable(rows), key=lambda numbered: numbered.sequence)
+        told = {one.sequence for row in rows for one in list(row)[-KEPT_OF_KIND:]}
+        told.update(one.sequence for one in kept[-KEPT_EVENTS:])
+        latest = [one.members() for one in kept if one.sequence in told]
+        return b"[%b]" % b",".join(b"{%b}" % members for members in latest)
 
     def add(self, number: int, session: Session, kinds: Iterable[str]) -> None:
         """Begin a subscription to future events."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypedDict
 
 from litegripd.model.errors import Refusal
 from litegripd.model.motor import Status, is_fault
+from litegripd.model.sentence import parameter_name, sentence
 from litegripd.rpc.method import Answer, Call, Method, Param
 
 if TYPE_CHECKING:  # the plant takes time to import, and most daemons have none
@@ -111,7 +112,10 @@ class SimMethods:
         if width_mm is None:
             given = sorted({"stiffness_nm_rad", "slip_mm_s"} & params.keys())
             if given:
-                text = f"{given[0]} belongs to an object: give its width_mm, too"
+                text = sentence(
+                    "{name} belongs to an object: give its {.width_mm}, too",
+                    name=parameter_name(given[0]),
+                )
                 return Refusal("invalid_params", text, {"parameter": given[0]})
             return self._do(lambda gripper: gripper.remove_object())
         return self._do(

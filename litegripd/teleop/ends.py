@@ -53,6 +53,9 @@ class Endpoint(Protocol):
     def reply(self, payload: bytes, to: str) -> None:
         """Send from a follower to the leader whose frames have come; raises as `publish`."""
 
+    def tell(self, payload: bytes) -> None:
+        """Send from a follower to all leaders whether it is ready; raises as `publish`."""
+
     @property
     def matching(self) -> bool | None:
         """True if somebody listens; None if this is unknown."""
@@ -142,7 +145,7 @@ class UdpLeader:
         since_s = time.monotonic() - _SILENT_AFTER_S
         for address, (first_s, last_s) in tuple(self._refused_s.items()):
             if last_s >= since_s:
-                why = f"{_where(address)} refuses what is sent: nobody listens at that port"
+                why = f"{name_of(address)} refuses what is sent: nobody listens at that port"
                 return Reach("sending", why, first_s)
         return Reach("sending")
 
@@ -154,6 +157,9 @@ class UdpLeader:
             raise failed
 
     def reply(self, _payload: bytes, _to: str) -> None:
+        """Do nothing: a leader publishes."""
+
+    def tell(self, _payload: bytes) -> None:
         """Do nothing: a leader publishes."""
 
     def close(self) -> None:
@@ -187,6 +193,7 @@ class UdpLeader:
 class UdpFollower:
     """Listens at the port on all addresses, or that of `bind`, or only to `host` if it is given.
 
+    All addresses are those of IPv4 and IPv6: a leader may know this machine by either.
     Raises `OSError` if the port is taken, the host is unknown or the address is none of here.
     """
 
@@ -202,20 +209,9 @@ class UdpFollower:
         self._since_s = time.monotonic()  # of the last frame, or since it listens
         self._is_heard = False
         self._stranger: tuple[str, float] | None = None
-        family, address = socket.AF_INET, ""
-        if options.bind is not None:
-            own = _resolved(options.bind, options.port)[0]
-            family, address = own[0], str(own[4][0])
         if options.host is not None:
-            found = _resolved(options.host, None)
-            family = found[0][0] if options.bind is None else family
-            self._hosts = {str(entry[4][0]) for entry in found if entry[0] == family}
-        self._socket = socket.socket(family, socket.SOCK_DGRAM)
-        try:
-            self._socket.bind((address, options.port))
-        except OSError:
-            self._socket.close()
-            raise
+            self._hosts = {str(entry[4][0]) for entry in _resolved(options.host, None)}
+        self._socket = _bound(options.bind, options.port)
         self._listener = UdpListener(self._socket, self._hear)
 
     @property
@@ -248,13 +244,17 @@ class UdpFollower:
         if failed is not None and not isinstance(failed, ConnectionRefusedError):
             raise failed
 
+    def tell(self, _payload: bytes) -> None:
+        """Do nothing: a datagram has no topic that tells it from a frame."""
+
     def close(self) -> None:
         """Stop listening, and release the port."""
         self._listener.close()
 
     def _hear(self, payload: bytes, sender: Address) -> None:
-        if self._hosts is not None and sender[0] not in self._hosts:
-            self._stranger = (str(sender[0]), time.monotonic())
+        host = _plain(sender[0])
+        if self._hosts is not None and host not in self._hosts:
+            self._stranger = (host, time.monotonic())
             self._refuse()
             return
         self._since_s, self._is_heard = time.monotonic(), True
@@ -279,14 +279,34 @@ def _resolved(host: str, port: int | None) -> list[Any]:
         raise UnresolvedError(f"the name {host} does not resolve: {text}") from error
 
 
-def _where(address: Address) -> str:
-    host, port = address[0], address[1]
-    return f"[{host}]:{port}" if ":" in str(host) else f"{host}:{port}"
+def _bound(host: str | None, port: int) -> socket.socket:
+    """Return a socket at a port of one address, or of all that this machine has."""
+    family, address = socket.AF_INET, ""
+    if host is not None:
+        found = _resolved(host, port)[0]
+        family, address = found[0], str(found[4][0])
+    elif socket.has_dualstack_ipv6():
+        family = socket.AF_INET6
+    own = socket.socket(family, socket.SOCK_DGRAM)
+    try:
+        if host is None and family == socket.AF_INET6:
+            own.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 0)
+        own.bind((address, port))
+    except OSError:
+        own.close()
+        raise
+    return own
 
 
-def name_of(sender: Address) -> str:
-    """Return a sender's name, which distinguishes it from others."""
-    return f"{sender[0]}:{sender[1]}"
+def _plain(host: object) -> str:
+    """Return an address of IPv4 as such, which a socket for both shows as one of IPv6."""
+    return str(host).removeprefix("::ffff:")
+
+
+def name_of(address: Address) -> str:
+    """Return an address as people write it, with its port."""
+    host, port = _plain(address[0]), address[1]
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
 def _sent(own: socket.socket, payload: bytes, address: Address) -> OSError | None:
@@ -424,7 +444,8 @@ class ZenohLeaders:
                 self._session = None
             config = _config(file)
             self._is_protected = _is_protected(config, leads=True)
-            _listen(config, [f"{_protocol(config)}/0.0.0.0:{options.port}"])
+            every = "[::]" if socket.has_dualstack_ipv6() else "0.0.0.0"  # noqa: S104 - as asked
+            _listen(config, [f"{_protocol(config)}/{every}:{options.port}"])
             self._session = zenoh.open(config)
             self._made_for = (options.port, file)
         return ZenohLeader(self._session, options, deliver, is_protected=self._is_protected)
@@ -441,13 +462,13 @@ class ZenohLeader:
         self.is_protected = is_protected
         self._publisher = _publisher(session, options.topic)
         self._in_use = threading.Lock()  # zenoh undeclares nothing that is in use
-        self._forces = None
-        if options.reflects:
-            # Called from zenoh's thread: a subscriber whose thread waits cannot be undeclared, and
-            # the session stays.
-            self._forces = session.declare_subscriber(
-                options.force_topic, lambda sample: _deliver(sample, deliver)
-            )
+        # Called from zenoh's thread: a subscriber whose thread waits cannot be undeclared, and the
+        # session stays.
+        topics = (options.ready_topic, *([options.force_topic] if options.reflects else ()))
+        self._subscribers = [
+            session.declare_subscriber(topic, lambda sample: _deliver(sample, deliver))
+            for topic in topics
+        ]
 
     @property
     def matching(self) -> bool | None:
@@ -463,12 +484,15 @@ class ZenohLeader:
     def reply(self, _payload: bytes, _to: str) -> None:
         """Do nothing: a leader publishes."""
 
+    def tell(self, _payload: bytes) -> None:
+        """Do nothing: a leader publishes."""
+
     def close(self) -> None:
         """Stop publishing; the session stays."""
         with self._in_use:
             self._publisher.undeclare()
-        if self._forces is not None:
-            self._forces.undeclare()
+        for subscriber in self._subscribers:
+            subscriber.undeclare()
 
 
 class ZenohFollower:
@@ -492,6 +516,7 @@ class ZenohFollower:
         self._session = zenoh.open(config)
         self._in_use = threading.Lock()
         self._forces = _publisher(self._session, options.force_topic) if options.reflects else None
+        self._ready: zenoh.Publisher | None = _publisher(self._session, options.ready_topic)
         self._deliver = deliver
         self._subscriber = self._session.declare_subscriber(
             options.topic, zenoh.handlers.RingChannel(_QUEUED_AT_MOST)
@@ -514,11 +539,17 @@ class ZenohFollower:
             if self._forces is not None:
                 self._forces.put(payload)
 
+    def tell(self, payload: bytes) -> None:
+        """Send whether this follower is ready."""
+        with self._in_use:
+            if self._ready is not None:
+                self._ready.put(payload)
+
     def close(self) -> None:
         """Disconnect, which also ends the listening."""
         self._reaching.close()
         with self._in_use:
-            self._forces = None
+            self._forces = self._ready = None
             self._session.close()
         self._thread.join(_END_WITHIN_S)
 

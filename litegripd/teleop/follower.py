@@ -44,6 +44,7 @@ from litegripd.model.teleop import (
 )
 from litegripd.teleop.intake import MOST_ROUND_TRIP_S, Intake
 from litegripd.teleop.link import Link, ReportEvent, TeleopAction
+from litegripd.teleop.ready import ReadySender
 
 _SAMPLES = 3
 """A measured velocity is a tick or two old. Used at once, it would make the jaws shake from tick to
@@ -119,7 +120,8 @@ class FollowerCommand:
         )
         most_rad_s = min(most_rad_s + SPEED_UP_RAD_S2 * self._period_s, FASTEST_RAD_S)
         velocity_rad_s = min(max(velocity_rad_s, -most_rad_s), most_rad_s)
-        here_rad, before_rad = feedback.position_rad, self.commanded_rad
+        here_rad = feedback.position_rad
+        before_rad = here_rad if self.hold is None else self.hold.position_rad
         self._measured.append(feedback.velocity_rad_s)
         gains, lead_rad = self._bounds(wanted_rad, velocity_rad_s, here_rad)
         lead_rad = self._eased(feedback, wanted_rad, gains, lead_rad)
@@ -127,9 +129,7 @@ class FollowerCommand:
         if self.is_limited and self._limit_nm is None:  # they must not creep behind their leader
             gains = Gains(gains.kp_nm_rad, min(gains.kd_nm_s_rad, CALM_KD_NM_S_RAD))
         most_rad = min(lead_rad, FASTEST_RAD_S * self._period_s)
-        step_to_rad = (
-            wanted_rad if before_rad is None else clamp_lead(wanted_rad, before_rad, most_rad)
-        )
+        step_to_rad = clamp_lead(wanted_rad, before_rad, most_rad)
         commanded_rad = clamp_lead(step_to_rad, here_rad, lead_rad)
         if self._limit_nm is None:
             ahead_rad = commanded_rad - here_rad
@@ -303,6 +303,7 @@ class TeleopFollower(TeleopAction):
         self._intake = Intake(course.settings.watchdog_s)
         self._guard = PressGuard(course.settings.torque_limit_nm)
         self._force_reporter = ForceReporter(link, course.sender)
+        self._ready = ReadySender(link, course.settings.ready_period_s)
         self._phase: Phase = "waiting"
         self._reference_rad: float | None = None
         self._ahead_rad = 0.0
@@ -339,9 +340,15 @@ class TeleopFollower(TeleopAction):
         elapsed_s = max(now_s - self._stepped_s, 0.0) if self._reference_rad is not None else 0.0
         self._stepped_s = now_s
         command = self._command(now_s, elapsed_s, feedback)
+        self._ready.step(now_s, is_ready=self._is_ready(feedback.position_rad))
         if self.options.reflects and is_new:
             self._report_force(now_s, feedback)
         return Step(command)
+
+    def close(self) -> None:
+        """Tell the leader that nobody follows now, and release the link."""
+        self._ready.end(self._stepped_s)
+        super().close()
 
     def idle_after(self) -> Idle | None:
         """Finished, it holds the jaws where they are; interrupted, it keeps what they press on.
@@ -383,9 +390,9 @@ class TeleopFollower(TeleopAction):
             frames=intake.frames,
             last_frame_age_ms=None if age_s is None else age_s * 1e3,
             stale=intake.is_stale(now_s),
-            openness=None if frame is None else frame.openness,
-            position_mm=None if frame is None else frame.position_mm,
-            force_n=None if frame is None else frame.force_n,
+            openness=0.0 if frame is None else frame.openness,
+            position_mm=0.0 if frame is None else frame.position_mm,
+            force_n=0.0 if frame is None else frame.force_n,
             dq_cmd=self._leading.velocity_rad_s,
             rejected=intake.rejected,
             out_of_order=intake.out_of_order,
@@ -393,6 +400,8 @@ class TeleopFollower(TeleopAction):
             late=intake.late,
             over_torque=self._guard.is_tripped,
             torque_trips=self._guard.trips,
+            ready=self._ready.is_ready,
+            ready_pubs=self._ready.sent,
             force_limited=self._leading.is_limited,
             reflected_n=self._force_reporter.reported_n,
         )
@@ -439,16 +448,18 @@ class TeleopFollower(TeleopAction):
             self._enter("stale")
             return lead(self._reference_rad, 0.0, feedback)
         target_rad = self._target_rad(openness)
+        aligns = self._course.settings.align
         if self._intake.begins != self._begins:
             self._begins, self._ahead_rad = self._intake.begins, 0.0
             self._align_rad_s = 0.0
-            self._enter("aligning")
-        if self._phase != "following":
+            self._enter("aligning" if aligns else "following")
+        if aligns and self._phase != "following":
             if self._phase != "aligning":
                 self._ahead_rad = self._align_rad_s = 0.0
             self._enter("aligning")
             velocity_rad_s = self._align(target_rad, elapsed_s, here_rad)
             return lead(self._reference_rad, velocity_rad_s, feedback)
+        self._enter("following")
         self._reference_rad = target_rad
         return lead(target_rad, self._velocity_rad_s(now_s), feedback)
 
@@ -485,6 +496,13 @@ class TeleopFollower(TeleopAction):
         velocity_rad_s = -geometry.close_sign * rate_1_s * geometry.travel_rad
         return min(max(velocity_rad_s, -most_rad_s), most_rad_s)
 
+    def _is_ready(self, here_rad: float) -> bool:
+        """Return True if the jaws follow, and are where the leader's are."""
+        if self._phase != "following" or self._reference_rad is None:
+            return False
+        apart_mm = abs(self._reference_rad - here_rad) * self._course.geometry.rad_to_mm
+        return apart_mm <= self._course.settings.ready_tolerance_mm
+
     # Reports
 
     def _report_force(self, now_s: float, feedback: Feedback) -> None:
@@ -517,7 +535,8 @@ class TeleopFollower(TeleopAction):
         elif phase == "aligning":
             self.report("the leader is heard: aligning", phase=phase)
         elif phase == "following":
-            self.report("aligned: following", phase=phase)
+            how = "aligned" if self._course.settings.align else "the leader is heard"
+            self.report(f"{how}: following", phase=phase)
 
     def _report_guard(self, torque_nm: float, openness: float) -> None:
         if self._guard.is_tripped:

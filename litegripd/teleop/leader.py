@@ -1,5 +1,8 @@
 """The leader: its jaws are slack, a hand moves them, and their openness is published.
 
+Until a follower is ready they hold where they are (`ready.py`), with the command and the bounds of
+a follower that waits for its leader.
+
 A frame leaves in the tick in which its measurement came, and never twice: a leader whose motor does
 not answer is silent, so that its followers know.
 
@@ -26,8 +29,10 @@ from litegripd.model.teleop import (
     TeleopStatus,
     encode_frame,
 )
+from litegripd.teleop.follower import FollowerCommand
 from litegripd.teleop.intake import ForceIntake
 from litegripd.teleop.link import Link, ReportEvent, TeleopAction
+from litegripd.teleop.ready import ReadyGate
 
 MOST_N = 10.0
 """No leader pushes back with more, on any request: a finger holds it without effort."""
@@ -125,10 +130,18 @@ class TeleopLeader(TeleopAction):
         geometry: Geometry,
         rate_hz: float,
         settings: TeleopSettings,
+        holding: FollowerCommand,
     ) -> None:
+        """Store the collaborators; `holding` makes the commands until a follower is ready."""
         super().__init__(link, options, report)
         self._geometry = geometry
         self._every_s = 1.0 / rate_hz
+        self._settings = settings
+        self._gate = ReadyGate(
+            settings.ready_timeout_s, is_required=settings.require_ready and options.has_ready
+        )
+        self._holding = holding
+        self._held_rad: float | None = None
         self._forces = ForceIntake()
         self._push = PushBack(settings.reflect_n, settings.reflect_gain, geometry)
         self._due_s: float | None = None
@@ -137,19 +150,22 @@ class TeleopLeader(TeleopAction):
         self._frames = 0
 
     def step(self, now_s: float, motor: MotorView) -> Step:
-        """Keep the jaws slack, except for the felt force, and publish the measurement."""
+        """Hold the jaws, or keep them slack except for the felt force; publish the measurement."""
         feedback = motor.feedback
         if feedback is None:
             return Step()
         self.loop.tick(now_s)
         for arrival in self.link.receive(now_s):  # this also brings the link's status
-            self._forces.take(arrival, now_s)
+            if not (self.options.has_ready and self._gate.take(arrival.payload)):
+                self._forces.take(arrival, now_s)
         self.note_link()
         is_new = self.feedback is None or feedback.at_s > self.feedback.at_s
         self.feedback = feedback
         may_leave = self.link.status.state != "opening"
         if is_new and may_leave and self._is_due(now_s):
             self._publish(now_s, feedback)
+        if self._gate.step(now_s):
+            self._report_open()
         return Step(self._command(now_s, feedback))
 
     def progress(self) -> Progress | None:
@@ -157,7 +173,7 @@ class TeleopLeader(TeleopAction):
         feedback = self.feedback
         if feedback is None:
             return None
-        return progress_of("leading", self._frames, 0, feedback.position_rad, feedback)
+        return progress_of(self._phase, self._frames, 0, feedback.position_rad, feedback)
 
     def result(self) -> TeleopResult:
         """Return the result so far."""
@@ -171,7 +187,10 @@ class TeleopLeader(TeleopAction):
         reach = self.link.status.reach
         status = replace(
             status,
-            phase="leading",
+            phase=self._phase,
+            ready=self._gate.is_ready,
+            ready_rx=self._gate.heard,
+            ready_timed_out=self._gate.has_timed_out,
             rejected=forces.rejected,
             link_reach=None if reach is None else reach.state,
             link_unreached=None if reach is None else reach.problem(now_s),
@@ -198,10 +217,27 @@ class TeleopLeader(TeleopAction):
         )
 
     def _command(self, now_s: float, feedback: Feedback) -> MitCommand:
-        """Return slack jaws, or jaws that push back with the followers' force."""
+        """Return jaws that hold, slack ones, or those that push back with the followers' force."""
+        if not self._gate.is_open:
+            self._held_rad = feedback.position_rad if self._held_rad is None else self._held_rad
+            return self._holding.command(self._held_rad, 0.0, feedback)
         if not self.options.reflects:
             return Slack().command(now_s, feedback)
         return self._push.step(now_s, self._forces.force_n(now_s), feedback)
+
+    @property
+    def _phase(self) -> str:
+        return "leading" if self._gate.is_open else "waiting"
+
+    def _report_open(self) -> None:
+        if not self._gate.has_timed_out:
+            self.report("a follower is ready: the jaws are slack now", ready=True)
+            return
+        text = (
+            f"no follower was ready within {self._settings.ready_timeout_s:g} s: the jaws are slack"
+            " now; there is none, it has not aligned, or it is too old to say so"
+        )
+        self.report(text, warning=True, ready=False)
 
     def _is_due(self, now_s: float) -> bool:
         """Keep the rate on average; missed frames are not made up for."""

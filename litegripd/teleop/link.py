@@ -2,8 +2,8 @@
 
 Nothing here waits: opening, connecting and resolving names happen elsewhere. The first letter of a
 packet is its kind. To the process: `o`, open this link in place of the present one; `c`, close it;
-`f`, a frame to publish; `r`, a frame for the leader of those that came. From it: `f`, a frame that
-has come; `s`, the link's status.
+`f`, a frame to publish; `r`, a frame for the leader of those that came; `y`, a follower's byte that
+says whether it is ready. From it: `f`, a frame that has come; `s`, the link's status.
 """
 
 import json
@@ -27,6 +27,8 @@ from litegripd.model.teleop import (
     TeleopMode,
     TeleopStatus,
 )
+from litegripd.rpc.jsonrpc import encode, notification_line
+from litegripd.rpc.sessions import Session
 
 _QUEUED_AT_MOST = 32
 
@@ -43,6 +45,9 @@ class Link(Protocol):
 
     def reply(self, payload: bytes, to: str, now_s: float) -> bool:
         """Send from a follower to its leader, the `source` of the frames; as `publish`."""
+
+    def tell(self, payload: bytes, now_s: float) -> bool:
+        """Send from a follower to all leaders whether it is ready; as `publish`."""
 
     def receive(self, now_s: float) -> Sequence[Arrival]:
         """Return what has arrived since the last call, the oldest first."""
@@ -88,8 +93,8 @@ class InProcessLinks:
         return self._others("slave", options)
 
     def leaders(self, options: LinkOptions) -> "list[InProcessLink]":
-        """Return a follower's leaders that listen to forces."""
-        return [end for end in self._others("master", options) if end.options.reflects]
+        """Return a follower's leaders."""
+        return self._others("master", options)
 
     def _others(self, mode: TeleopMode, options: LinkOptions) -> "list[InProcessLink]":
         return [
@@ -124,9 +129,20 @@ class InProcessLink:
         return True
 
     def reply(self, payload: bytes, _to: str, now_s: float) -> bool:
-        """Put a payload into the queue of each leader that listens."""
+        """Put a payload into the queue of each leader that listens to forces."""
+        return self._deliver(payload, now_s, lambda options: options.reflects)
+
+    def tell(self, payload: bytes, now_s: float) -> bool:
+        """Put a payload into the queue of each leader that listens to it."""
+        has_way = self.options.has_ready
+        return has_way and self._deliver(payload, now_s, lambda options: options.has_ready)
+
+    def _deliver(
+        self, payload: bytes, now_s: float, listens: Callable[[LinkOptions], bool]
+    ) -> bool:
         for leader in self._links.leaders(self.options):
-            leader.deliver(Arrival(payload, now_s))
+            if listens(leader.options):
+                leader.deliver(Arrival(payload, now_s))
         return True
 
     def deliver(self, arrival: Arrival) -> None:
@@ -144,7 +160,61 @@ class InProcessLink:
         self._links.forget(self)
 
 
-OPEN, CLOSE, FRAME, REPLY, STATUS = b"o", b"c", b"f", b"r", b"s"
+class ClientLink:
+    """A link of the client that has begun teleoperation: it carries the bytes to and fro.
+
+    The newest frames count, a client that does not read gets none. It may bring anything.
+    """
+
+    def __init__(self, session: Session, options: LinkOptions) -> None:
+        self.session = session
+        self._options = options
+        self._listens_to = options.ready_topic if options.mode == "master" else options.topic
+        self._arrived: deque[Arrival] = deque(maxlen=_QUEUED_AT_MOST)
+        self._dropped = 0
+
+    @property
+    def status(self) -> LinkStatus:
+        """It is open from the start; what is behind it is only known to the client."""
+        return LinkStatus("open", dropped=self._dropped)
+
+    def publish(self, payload: bytes, _now_s: float) -> bool:
+        """Have the client send a frame, if it reads."""
+        return self._send(self._options.topic, payload)
+
+    def reply(self, _payload: bytes, _to: str, _now_s: float) -> bool:
+        """Do nothing: forces are not carried."""
+        return False
+
+    def tell(self, payload: bytes, _now_s: float) -> bool:
+        """Have the client send whether this follower is ready, if it reads."""
+        return self._send(self._options.ready_topic, payload)
+
+    def take(self, topic: str, payload: bytes, at_s: float) -> None:
+        """Take what the client has brought; of another topic, or too much, it is dropped."""
+        self._dropped += topic != self._listens_to or len(self._arrived) == _QUEUED_AT_MOST
+        if topic == self._listens_to:
+            self._arrived.append(Arrival(payload[:MAX_PAYLOAD_BYTES], at_s))
+
+    def receive(self, _now_s: float) -> Sequence[Arrival]:
+        """Empty the queue."""
+        arrived = tuple(self._arrived)
+        self._arrived.clear()
+        return arrived
+
+    def close(self) -> None:
+        """Do nothing: the connection is the client's."""
+
+    def _send(self, topic: str, payload: bytes) -> bool:
+        if self.session.congested or self.session.is_orphaned:
+            return False
+        self.session.write(
+            notification_line("teleop.send", encode({"topic": topic, "payload": payload.hex()}))
+        )
+        return True
+
+
+OPEN, CLOSE, FRAME, REPLY, READY, STATUS = b"o", b"c", b"f", b"r", b"y", b"s"
 _ARRIVED = struct.Struct("<IdB")  # generation, when it came, bytes of the source's name
 MAX_PAYLOAD_BYTES = max(FRAME_BYTES, FORCE_FRAME_BYTES) + 1
 """Anything longer is no frame; one more byte is enough to know that."""
@@ -303,7 +373,10 @@ class TeleopAction(PlainAction, ABC):
 
     def complaint(self) -> str | None:
         """Return what the daemon's health should report, including the link, or None."""
-        return None
+        reach = self.link.status.reach
+        if reach is None or reach.why is None:
+            return None
+        return f"teleoperation: {self._other} is not reached: {reach.why}"
 
     def report(self, text: str, *, warning: bool = False, **data: object) -> None:
         """Report an event."""
@@ -332,8 +405,12 @@ class TeleopAction(PlainAction, ABC):
                 self._unreached.clear()
         elif reach.why not in self._unreached:
             self._unreached.add(reach.why)
-            whom = "a follower" if self.options.mode == "master" else "the leader"
-            self.report(f"{whom} is not reached: {reach.why}", warning=True, link=status.state)
+            text = f"{self._other} is not reached: {reach.why}"
+            self.report(text, warning=True, link=status.state)
+
+    @property
+    def _other(self) -> str:
+        return "a follower" if self.options.mode == "master" else "the leader"
 
     def base_status(self) -> TeleopStatus:
         """Return the part of the status that is the same for both ends."""
@@ -344,7 +421,7 @@ class TeleopAction(PlainAction, ABC):
             topic=self.options.topic,
             link=self.options.kind,
             host=self.options.host,
-            port=None if self.options.kind == "none" else self.options.port,
+            port=self.options.port if self.options.kind in ("zenoh", "udp") else None,
             link_state=link.state,
             link_error=link.error,
             link_protected=link.is_protected,
@@ -353,15 +430,15 @@ class TeleopAction(PlainAction, ABC):
             dropped=link.dropped,
             send_failed=self.send_failed,
             loop_hz=round(self.loop.hz, 1),
-            torque_nm=None if feedback is None else feedback.torque_nm,
+            torque_nm=0.0 if feedback is None else feedback.torque_nm,
             fault=fault_of(feedback),
         )
 
 
-def fault_of(feedback: Feedback | None) -> str | None:
-    """Return the motor's status if it is not "enabled"."""
+def fault_of(feedback: Feedback | None) -> str:
+    """Return the motor's status if it is not "enabled", else nothing."""
     if feedback is None or feedback.status == Status.ENABLED:
-        return None
+        return ""
     return status_name(feedback.status)
 
 

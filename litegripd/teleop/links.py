@@ -11,6 +11,7 @@ from litegripd.model.teleop import Arrival, LinkOptions, LinkStatus
 from litegripd.teleop.link import (
     CLOSE,
     FRAME,
+    READY,
     STATUS,
     InProcessLinks,
     Link,
@@ -205,6 +206,11 @@ class ProcessLink:
     def reply(self, payload: bytes, to: str, _now_s: float) -> bool:
         """Send a frame for the leader to the process; it may be lost like any other."""
         return self._links.send(pack_reply(payload, to)) and self.status.state == "open"
+
+    def tell(self, payload: bytes, _now_s: float) -> bool:
+        """Send whether this follower is ready to the process; never over UDP."""
+        has_way = self._wanted.options.has_ready and self.status.state == "open"
+        return has_way and self._links.send(READY + payload)
 
     def receive(self, _now_s: float) -> Sequence[Arrival]:
         """Return what the process has passed on; request the link once."""

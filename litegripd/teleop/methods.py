@@ -1,11 +1,9 @@
 """Teleoperation on one controller: begun, ended and reported by these methods."""
 
-import ipaddress
 import math
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, replace
-from typing import Any, TypeAlias
+from typing import Any
 
 from litegripd.control.admission import (
     conflict_refusal,
@@ -13,23 +11,15 @@ from litegripd.control.admission import (
     position_refusal,
     trajectory_or_teleop_refusal,
 )
+from litegripd.control.calibration import Terms
 from litegripd.control.controller import Controller
 from litegripd.control.limiter import Gains
 from litegripd.model.errors import Refusal
-from litegripd.model.gripper import FASTEST_RAD_S, FORCE_PER_TORQUE_N_NM, Geometry
-from litegripd.model.motion_config import (
-    MOST_PUSH_NM,
-    MotionConfig,
-    damping_conflict,
-    fast_conflict,
-)
+from litegripd.model.gripper import Geometry
+from litegripd.model.motion_config import damping_conflict, fast_conflict
+from litegripd.model.sentence import sentence
 from litegripd.model.state import Event, Job, Owner
 from litegripd.model.teleop import (
-    DEFAULT_DQ_MAX_RAD_S,
-    DEFAULT_GRIP_ID,
-    DEFAULT_PORT,
-    DEFAULT_REFLECT_GAIN,
-    DEFAULT_WATCHDOG_S,
     Arrival,
     LinkOptions,
     LinkStatus,
@@ -37,13 +27,14 @@ from litegripd.model.teleop import (
     TeleopSettings,
     TeleopStatus,
     encode_frame,
-    udp_targets,
 )
-from litegripd.rpc.method import CONFIG, DETACH, Answer, Call, Method, Param, Refused, accepted
-from litegripd.rpc.reports import Reporter
-from litegripd.teleop.follower import Course, TeleopFollower
+from litegripd.rpc.method import CALIBRATION, CONFIG, DETACH, Answer, Call, Method, Param, accepted
+from litegripd.rpc.reports import JobNumber, Reporter
+from litegripd.rpc.sessions import Session
+from litegripd.teleop.follower import Course, FollowerCommand, TeleopFollower
 from litegripd.teleop.leader import TeleopLeader
-from litegripd.teleop.link import Link, Links, TeleopAction, ended
+from litegripd.teleop.link import ClientLink, Link, Links, TeleopAction, ended
+from litegripd.teleop.params import HOW, WHERE, config_of, link_options, settings_of
 
 SWEEP_S = 6.0
 """From open to closed and back: 63 mm/s at most on a travel of 120 mm."""
@@ -68,6 +59,10 @@ class FakeLeader:
         """Do nothing: a synthetic leader has no hand."""
         return False
 
+    def tell(self, _payload: bytes, _now_s: float) -> bool:
+        """Do nothing: a synthetic leader waits for nobody."""
+        return False
+
     def receive(self, now_s: float) -> Sequence[Arrival]:
         """Return the frame that is due, if one is."""
         if self._began_s is None:
@@ -86,6 +81,8 @@ class FakeLeader:
 
 
 _RATE_ROUNDING = 1.001
+_LONGEST_PAYLOAD = 4096
+"""A longer one cannot be what anybody sends; from 33 bytes on it is counted as no frame."""
 
 
 class Teleoperation:
@@ -106,40 +103,55 @@ class Teleoperation:
         options: LinkOptions,
         settings: TeleopSettings,
         owner: Owner,
-        config: MotionConfig,
+        terms: Terms,
         *,
+        client: Session,
         fake_leader: bool,
         detached: bool,
     ) -> Job | Refusal:
-        """Begin to lead or to follow; reject it before anything moves."""
-        controller, geometry = self._controller, self._ready()
+        """Begin to lead or to follow; reject it before anything moves.
+
+        `client` carries the frames of a link of that kind.
+        """
+        controller, geometry, config = self._controller, self._ready(terms), terms.config
         if isinstance(geometry, Refusal):
             return geometry
         rate_hz = 1.0 / controller.period_s if settings.rate_hz is None else settings.rate_hz
-        gains, conflict = self._gains(settings), None
-        if options.mode == "slave":
-            conflict = damping_conflict(gains.kp_nm_rad, gains.kd_nm_s_rad)
+        gains = _gains(terms.gains, settings)
         refusal = self._rate_refusal(rate_hz) or conflict_refusal(
-            conflict or fast_conflict(config.speed_mm_s, geometry, controller.gripper_id.motor_type)
+            damping_conflict(gains.kp_nm_rad, gains.kd_nm_s_rad)
+            or fast_conflict(config.speed_mm_s, geometry, controller.gripper_id.motor_type)
         )
         if refusal is not None:
             return refusal
-        warning = None if fake_leader else self._links.warning(options)
+        is_own = fake_leader or options.kind == "client"
+        warning = None if is_own else self._links.warning(options)
         if warning is not None:
             self._report(Event("teleop", f"teleop: {warning}", {"warning": True}))
-        link: Link = FakeLeader(geometry, rate_hz) if fake_leader else self._links.open(options)
+        link: Link
+        if fake_leader:
+            link = FakeLeader(geometry, rate_hz)
+        elif options.kind == "client":
+            link = ClientLink(client, options)
+        else:
+            link = self._links.open(options)
+        gains, period_s = gains.usual(), controller.period_s
         if options.mode == "master":
             action: TeleopAction = TeleopLeader(
-                link, options, self._report, geometry=geometry, rate_hz=rate_hz, settings=settings
+                link,
+                options,
+                self._report,
+                geometry=geometry,
+                rate_hz=rate_hz,
+                settings=settings,
+                holding=FollowerCommand(geometry, config, gains, None, period_s),
             )
         else:
-            course = Course(
-                geometry, config, gains.usual(), settings, controller.period_s, self._sender
-            )
+            course = Course(geometry, config, gains, settings, period_s, self._sender)
             action = TeleopFollower(link, options, self._report, course)
         action.is_warned = warning is not None
         self._action = action
-        self._job = controller.begin("teleop", action, owner, detached)
+        self._job = controller.begin("teleop", action, owner, detached, terms=terms)
         return self._job
 
     def stop(self) -> None:
@@ -147,6 +159,15 @@ class Teleoperation:
         action = self._action
         if action is not None and self.is_active:
             self._controller.end(action.finish())
+
+    def take(self, session: Session, topic: str, payload: bytes, at_s: float) -> Job | Refusal:
+        """Take what a client has brought for the teleoperation that it carries; return its job."""
+        link, job = None if self._action is None else self._action.link, self._job
+        if isinstance(link, ClientLink) and link.session is session and self.is_active and job:
+            link.take(topic, payload, at_s)
+            return job
+        text = "no teleoperation with link client is running that this connection has begun"
+        return Refusal("teleop_not_ready", text)
 
     @property
     def is_active(self) -> bool:
@@ -163,25 +184,24 @@ class Teleoperation:
             status = ended(status, None if job.error is None else job.error.message)
         return status
 
-    def _gains(self, settings: TeleopSettings) -> Gains:
-        """Return the caller's gains, else the calibration's within 55 to 100 N·m/rad."""
-        own, kp, kd = self._controller.gains.following(), settings.kp_nm_rad, settings.kd_nm_s_rad
-        return Gains(own.kp_nm_rad if kp is None else kp, own.kd_nm_s_rad if kd is None else kd)
+    def _ready(self, terms: Terms) -> Geometry | Refusal:
+        """Return the travel if teleoperation may begin, else the refusal.
 
-    def _ready(self) -> Geometry | Refusal:
-        """Return the travel if teleoperation may begin; raise the refusal otherwise."""
+        What is missing comes before who is in the way, as with the SDK.
+        """
         controller = self._controller
         refusal = controller.why_busy() or controller.recording_refusal()
-        if refusal is not None and refusal.reason == "busy":
-            refusal = trajectory_or_teleop_refusal(controller.in_the_way()) or refusal
-        if refusal is not None:
+        is_busy = refusal is not None and refusal.reason in _BUSY
+        if refusal is not None and not is_busy:
             return refusal
-        geometry = controller.geometry
+        unpowered = motor_refusal(controller.motor)
+        if unpowered is not None:
+            return _not_ready(unpowered) if unpowered.reason == "not_enabled" else unpowered
+        geometry = terms.geometry
         if geometry is None:
             return _not_ready(controller.calibrated.problem)
-        refusal = motor_refusal(controller.motor)
         if refusal is not None:
-            return _not_ready(refusal) if refusal.reason == "not_enabled" else refusal
+            return trajectory_or_teleop_refusal(controller.in_the_way()) or refusal
         return position_refusal(controller.motor, geometry) or geometry
 
     def _rate_refusal(self, rate_hz: float) -> Refusal | None:
@@ -190,8 +210,12 @@ class Teleoperation:
             return None
         return Refusal(
             "out_of_limits",
-            f"rate_hz is {rate_hz:g}, the daemon's control rate is {most_hz:g}: there is no newer"
-            " measurement to publish in between",
+            sentence(
+                "{.rate_hz} is {rate_hz:g}, the daemon's control rate is {most_hz:g}: there is no"
+                " newer measurement to publish in between",
+                rate_hz=rate_hz,
+                most_hz=most_hz,
+            ),
             {"field": "rate_hz", "requested": rate_hz, "limit": most_hz},
         )
 
@@ -199,147 +223,19 @@ class Teleoperation:
         self._controller.events.append(event)
 
 
+_BUSY = ("busy", "teleop_busy", "trajectory_busy")
+
+
+def _gains(calibrated: Gains, settings: TeleopSettings) -> Gains:
+    """Return the caller's gains, else the calibration's within 55 to 100 N·m/rad."""
+    own, kp, kd = calibrated.following(), settings.kp_nm_rad, settings.kd_nm_s_rad
+    return Gains(own.kp_nm_rad if kp is None else kp, own.kd_nm_s_rad if kd is None else kd)
+
+
 def _not_ready(why: Refusal) -> Refusal:
-    """Raise a refusal that applies to any motion."""
-    text = f"teleoperation cannot begin: {why.message}"
+    """Return a refusal that applies to any motion."""
+    text = sentence("teleoperation cannot begin: {why}", why=why.message)
     return Refusal("teleop_not_ready", text, {**why.data, "cause": why.reason})
-
-
-_GRIP_ID = re.compile(r"[A-Za-z0-9_.-]{1,64}")
-_HOST = re.compile(r"[A-Za-z0-9_.:%-]{1,253}")
-_HOSTS = re.compile(r"[A-Za-z0-9_.:%,\[\] -]{1,1000}")
-"""Excludes "/", "#", "?" and "*", which have a meaning in a key or an endpoint."""
-
-MOST_PUSH_N = MOST_PUSH_NM * FORCE_PER_TORQUE_N_NM
-
-_LONGEST_LABEL = 63
-"""Of a part of a name between two dots (RFC 1035)."""
-
-_Problem: TypeAlias = tuple[str, str] | None
-"""A parameter, and what is wrong with it."""
-
-_WHERE = (
-    Param(
-        "mode",
-        "string",
-        "Lead (master: the jaws go slack, a hand moves them) or follow (slave).",
-        required=True,
-        choices=("master", "slave"),
-    ),
-    Param(
-        "host",
-        "string",
-        "A slave's leader (with udp: the only one that is listened to; default: anyone who sends)."
-        " With udp a master needs it, too: whom it sends to, one or several (HOST or HOST:PORT,"
-        " separated by commas).",
-    ),
-    Param(
-        "port",
-        "integer",
-        f"Where the leader listens, with udp the follower (default {DEFAULT_PORT}).",
-        minimum=1,
-        maximum=65_535,
-    ),
-    Param(
-        "bind",
-        "string",
-        "The address at which a slave over udp listens (default: all of this machine's).",
-    ),
-    Param("grip_id", "string", f"Both ends share it (default {DEFAULT_GRIP_ID})."),
-    Param(
-        "link",
-        "string",
-        "How frames travel: zenoh (the default), udp (a trusted network only), or none, with which"
-        " a master leads nobody.",
-        choices=("zenoh", "udp", "none"),
-    ),
-    Param(
-        "fake_leader",
-        "boolean",
-        "A slave follows a synthetic sweep, open to closed and back, without a network.",
-    ),
-)
-_HOW = (
-    Param(
-        "rate_hz",
-        "number",
-        "How often a master publishes (default: the control rate). A slave follows at the control"
-        " rate in any case.",
-        minimum=1,
-        maximum=1000,
-    ),
-    Param(
-        "watchdog_s",
-        "number",
-        f"So long without a frame makes a slave hold (default {DEFAULT_WATCHDOG_S:g}).",
-        minimum=0.02,
-        maximum=10,
-    ),
-    Param(
-        "torque_limit_nm",
-        "number",
-        "A slave lets go when its torque is at or over it for 60 ms; 0, the default: never.",
-        minimum=0,
-        maximum=10,
-        maximum_of=lambda motor: motor.ranges.torque_nm,
-    ),
-    Param(
-        "force_limit_n",
-        "number",
-        "A slave pushes by no more, for as long as it takes. No slave pushes with more than"
-        f" {MOST_PUSH_NM:g} N·m, {MOST_PUSH_N:g} N unless the calibration has another nm_to_n:"
-        f" more counts as that (default: {MOST_PUSH_NM:g} N·m, and after 0.5 s on the same thing"
-        " no more than the torque of a press, stop_lead_mm).",
-        minimum=1,
-        maximum=55,
-    ),
-    Param(
-        "kp",
-        "number",
-        "A slave's stiffness, N·m/rad, more than 100 counts as that (default: the calibration's,"
-        " within 55 to 100).",
-        False,
-        1,
-        500,
-    ),
-    Param(
-        "kd",
-        "number",
-        "A slave's damping, N·m·s/rad, at least kp · 0.002 s, more than 2 counts as that (default:"
-        " the calibration's).",
-        minimum=0,
-        maximum=5,
-    ),
-    Param(
-        "dq_max",
-        "number",
-        "Most of the leader's velocity that is fed forward, rad/s; 0: none"
-        f" (default {DEFAULT_DQ_MAX_RAD_S:g}; never more than {FASTEST_RAD_S:g}).",
-        minimum=0,
-        maximum=30,
-        maximum_of=lambda motor: motor.ranges.velocity_rad_s,
-    ),
-    Param(
-        "reflect",
-        "boolean",
-        "A slave reports to its leader the force that it presses with (default false).",
-    ),
-    Param(
-        "reflect_n",
-        "number",
-        "A master's jaws push back with what its slaves report, by no more than this; 0, the"
-        " default: they stay slack.",
-        minimum=0,
-        maximum=10,
-    ),
-    Param(
-        "reflect_gain",
-        "number",
-        f"Which share of it a master's hand feels (default {DEFAULT_REFLECT_GAIN:g}).",
-        minimum=0.05,
-        maximum=1,
-    ),
-)
 
 
 class TeleopMethods:
@@ -360,28 +256,58 @@ class TeleopMethods:
         "Begin to lead another gripper, or to follow one, until teleop.stop. It answers at once.",
         "The status.",
         TeleopStatus,
-        (*_WHERE, *_HOW, CONFIG, DETACH),
+        (*WHERE, *HOW, CONFIG, CALIBRATION, DETACH),
         role="operator",
         needs_lease=True,
         stop_voids=True,
     )
     def _start(self, call: Call) -> Answer:
-        controller, params = self._controller, call.params
-        config = call.config(
-            controller.config, controller.period_s, controller.gripper_id.motor_type
-        )
-        options = _link_options(params)
+        params, terms = call.params, call.terms(self._controller)
+        options = link_options(params)
         job = self._teleoperation.start(
             options,
-            _settings(params),
+            settings_of(params),
             call.owner,
-            config,
+            replace(terms, config=config_of(params, terms.config)),
+            client=call.session,
             fake_leader=params.get("fake_leader", False),
             detached=call.detached,
         )
         self._reporter.refresh()
         accepted(job)
         return self._status(call)
+
+    @Method(
+        "teleop.receive",
+        "With link client: take a payload that has come for this end over the client's own link:"
+        " frames for a slave, ready bytes for a master. It may be sent without an id. The newest"
+        " counts, from when it was received; what is no frame is counted (rejected, dropped).",
+        "The number of teleoperation's job.",
+        JobNumber,
+        (
+            Param("topic", "string", "The key under which it came.", required=True),
+            Param(
+                "payload",
+                "string",
+                "The bytes, two hexadecimal digits each.",
+                required=True,
+                longest=_LONGEST_PAYLOAD,
+            ),
+        ),
+        role="operator",
+        stop_voids=True,
+        may_notify=True,
+    )
+    def _receive(self, call: Call) -> Answer:
+        try:
+            payload = bytes.fromhex(call.params["payload"])
+        except ValueError:
+            text = sentence(
+                "{teleop.receive}: {.payload} must be hexadecimal digits, two for each byte"
+            )
+            return Refusal("invalid_params", text, {"parameter": "payload"})
+        job = self._teleoperation.take(call.session, call.params["topic"], payload, call.received_s)
+        return JobNumber(job=accepted(job).number)
 
     @Method(
         "teleop.stop",
@@ -405,122 +331,3 @@ class TeleopMethods:
     )
     def _status(self, call: Call) -> dict[str, Any]:
         return asdict(self._teleoperation.status(call.now_s))
-
-
-def _settings(params: Mapping[str, Any]) -> TeleopSettings:
-    return TeleopSettings(
-        rate_hz=params.get("rate_hz"),
-        watchdog_s=params.get("watchdog_s", DEFAULT_WATCHDOG_S),
-        torque_limit_nm=params.get("torque_limit_nm", 0.0),
-        force_limit_n=params.get("force_limit_n"),
-        kp_nm_rad=params.get("kp"),
-        kd_nm_s_rad=params.get("kd"),
-        dq_max_rad_s=params.get("dq_max", DEFAULT_DQ_MAX_RAD_S),
-        reflect_n=params.get("reflect_n", 0.0),
-        reflect_gain=params.get("reflect_gain", DEFAULT_REFLECT_GAIN),
-    )
-
-
-def _link_options(params: Mapping[str, Any]) -> LinkOptions:
-    """Return the requested link; reject a wrong parameter."""
-    mode, fake = params["mode"], params.get("fake_leader", False)
-    options = LinkOptions(
-        mode,
-        "none" if fake else params.get("link", "zenoh"),
-        params.get("host"),
-        params.get("port", DEFAULT_PORT),
-        params.get("grip_id", DEFAULT_GRIP_ID),
-        params.get("reflect_n", 0.0) > 0.0 if mode == "master" else params.get("reflect", False),
-        params.get("bind"),
-    )
-    problem = (
-        _of_names(options) or _of_reflection(params, fake=fake) or _of_ends(options, fake=fake)
-    )
-    if problem is None:
-        return options
-    parameter, text = problem
-    message = f"teleop.start: {parameter} {text}"
-    raise Refused(Refusal("invalid_params", message, {"parameter": parameter}))
-
-
-def _of_names(options: LinkOptions) -> _Problem:
-    """Check what becomes a part of keys and endpoints."""
-    if not _GRIP_ID.fullmatch(options.grip_id):
-        return "grip_id", f"is {options.grip_id!r}; it has letters, digits, _ . - (1 to 64)"
-    if options.bind is not None:
-        if (options.mode, options.kind) != ("slave", "udp"):
-            return "bind", "is for a slave over udp: the only end that listens for datagrams"
-        if not _HOST.fullmatch(options.bind):
-            return "bind", f"is {options.bind!r}; it must be an address of this machine"
-    if options.host is None:
-        return None
-    if options.mode == "master" and options.kind == "udp":
-        return _of_targets(options)
-    if re.fullmatch(r"\[[0-9A-Fa-f:.%\w]+\]", options.host):
-        return "host", f"is {options.host!r}, in brackets: give {options.host[1:-1]!r} as host"
-    if not _HOST.fullmatch(options.host):
-        return "host", f"is {options.host!r}; it must be a host's name or address, without a port"
-    return _of_host(options.host, is_leader=options.mode == "slave")
-
-
-def _of_host(host: str, *, is_leader: bool) -> _Problem:
-    """Check that a machine may be called so: what can be none would only be waited for."""
-    name, _, port = host.rpartition(":")
-    if name and ":" not in name and port.isdecimal():
-        return "host", f"is {host!r}, with a port in it: give that as port, and {name!r} as host"
-    if ":" in host or re.fullmatch(r"[0-9.]+", host):
-        try:
-            address = ipaddress.ip_address(host)
-        except ValueError:
-            return "host", f"is {host!r}, which is no address of IPv4 or IPv6"
-        is_nobody = address.is_unspecified or address.is_multicast or host == "255.255.255.255"
-        if is_leader and is_nobody:
-            return "host", f"is {host!r}, which is the address of no single machine"
-        return None
-    if not all(0 < len(label) <= _LONGEST_LABEL for label in host.removesuffix(".").split(".")):
-        return "host", f"is {host!r}, which can be no machine's name: a part is empty or too long"
-    return None
-
-
-def _of_targets(options: LinkOptions) -> _Problem:
-    if not _HOSTS.fullmatch(options.host or ""):
-        text = "it must be hosts' names or addresses, separated by commas"
-        return "host", f"is {options.host!r}; {text}"
-    try:
-        targets = udp_targets(options)
-    except ValueError as error:
-        return "host", str(error)
-    problems = (_of_host(host, is_leader=False) for host, _port in targets)
-    return next((problem for problem in problems if problem is not None), None)
-
-
-def _of_reflection(params: Mapping[str, Any], *, fake: bool) -> _Problem:
-    """Check the parameters of only one end."""
-    if params["mode"] == "master":
-        if "reflect" in params:
-            return "reflect", "is for a slave; a master takes reflect_n, its largest force"
-        if "reflect_gain" in params and not params.get("reflect_n"):
-            return "reflect_gain", "says nothing without reflect_n, the largest force"
-        return None
-    for name in ("reflect_n", "reflect_gain"):
-        if name in params:
-            return name, "is for a master; a slave takes reflect, to report its force"
-    if fake and params.get("reflect", False):
-        return "reflect", "needs a leader with a hand, which a fake one has not"
-    return None
-
-
-def _of_ends(options: LinkOptions, *, fake: bool) -> _Problem:
-    """Check the parameters of the end that must know where the other one is."""
-    leads, has_host = options.mode == "master", options.host is not None
-    if leads and fake:
-        return "fake_leader", "is for a slave: a master is a leader itself"
-    if not leads and not fake and options.kind == "none":
-        return "link", "none brings a slave no frames; for a try: fake_leader"
-    if options.kind == "zenoh" and not leads and not has_host:
-        return "host", "is missing: a slave connects to its leader and to nobody else"
-    if options.kind == "zenoh" and leads and has_host:
-        return "host", "is for a slave: a master listens, on all its addresses"
-    if options.kind == "udp" and leads and not has_host:
-        return "host", "is missing: a master sends its datagrams to its follower"
-    return None

@@ -24,6 +24,7 @@ from litegripd.teleop.link import (
     CLOSE,
     FRAME,
     OPEN,
+    READY,
     REPLY,
     OpenLink,
     pack_arrival,
@@ -94,6 +95,10 @@ class Station:
     def reply(self, payload: bytes, to: str) -> None:
         """Send a frame to a leader, if the link is open; the worker reports an error."""
         self._use(lambda endpoint: endpoint.reply(payload, to))
+
+    def tell(self, payload: bytes) -> None:
+        """Send whether this follower is ready, if the link is open; as `reply`."""
+        self._use(lambda endpoint: endpoint.tell(payload))
 
     def _use(self, send: Callable[[Endpoint], None]) -> None:
         endpoint = self._endpoint
@@ -245,6 +250,8 @@ def main() -> None:
             station.publish(body)
         elif kind == REPLY:
             station.reply(*unpack_reply(body))
+        elif kind == READY:
+            station.tell(body)
         elif kind == OPEN:
             station.request(unpack_open(body))
         elif kind == CLOSE:

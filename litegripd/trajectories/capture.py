@@ -118,6 +118,7 @@ _ONLY_PERIODS = 2.5
 class Capture:
     """Samples of a gripper with `geometry`, `rate_hz` per second, until `max_samples` were due.
 
+    `basis` is the calibration in use when it began; `geometry` may be one that its client brought.
     `job` is the number of the job that makes the jaws slack, None if others drive. `client` is the
     client that began the capture; a `detached` capture outlives it. `missed` counts the samples
     that were due, but not measured in time. `error` says why it failed, or is None. Memory is
@@ -131,6 +132,7 @@ class Capture:
     client: int
     began_s: float
     detached: bool = False
+    basis: Geometry | None = field(init=False)
     job: Job | None = None
     samples: int = 0
     missed: int = 0
@@ -142,6 +144,10 @@ class Capture:
     _first_s: float | None = None
     _sampled_s: float = 0.0
     _measured_s: float = -math.inf
+
+    def __post_init__(self) -> None:
+        """Take it that the geometry is that of the calibration in use."""
+        self.basis = self.geometry
 
     @property
     def duration_s(self) -> float:
@@ -188,7 +194,7 @@ class Capture:
             self.fail("it ended" if job.error is None else job.error.message)
         elif motor.phase is not MotorPhase.ENABLED:
             self.fail(f"the motor is no longer enabled ({motor.phase.value})")
-        elif geometry != self.geometry:
+        elif geometry != self.basis:
             self.fail("another calibration was taken")
         else:
             self._watch(now_s, motor.feedback, grip, jobs)

@@ -37,6 +37,7 @@ from litegrip_client.values.trajectory_format import (
 )
 from litegripd.io.helper import atomic_file
 from litegripd.io.helper.atomic_file import FileSystem
+from litegripd.model.sentence import sentence
 from litegripd.trajectories.values import CSV_HEAD, Summary, csv_line, read
 
 
@@ -45,6 +46,7 @@ class StoreError(ValueError):
 
     def __init__(self, reason: str, message: str, data: Mapping[str, object] | None = None) -> None:
         super().__init__(message)
+        self.message = message
         self.reason = reason
         self.data = data or {}
 
@@ -120,7 +122,7 @@ def entry_of(name: str, path: Path) -> dict[str, Any]:
 
 def unknown(name: str) -> StoreError:
     """Return the error for a name that no trajectory has."""
-    text = f"there is no trajectory {name!r}; trajectory.list lists them"
+    text = sentence("there is no trajectory {name!r}; {trajectory.list} lists them", name=name)
     return StoreError("unknown_trajectory", text)
 
 

@@ -3,14 +3,15 @@
 All contents are in the helper process; they pass through here in pieces, unread.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, TypeAlias, TypedDict
+from typing import Any, Literal, TypedDict
 
 from litegrip_client.values.trajectory_format import MAX_BYTES, MAX_GRIP_BYTES, Header
 from litegripd.control.controller import Controller
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import Mount
+from litegripd.model.sentence import sentence
 from litegripd.model.state import HelperTask, TaskResult
 from litegripd.rpc.method import (
     Answer,
@@ -21,11 +22,9 @@ from litegripd.rpc.method import (
     Refused,
     Result,
     Shape,
-    accepted,
 )
 from litegripd.rpc.sessions import Session
-from litegripd.trajectories.requests import recording_key
-from litegripd.trajectories.values import MAX_NAME, Summary, name_problem, outcome_of
+from litegripd.trajectories.values import MAX_NAME, TEMPORARY, Summary, name_problem, outcome_of
 
 MOST_PER_CONNECTION = 4
 MOST_BYTES = 4 * MAX_BYTES
@@ -36,97 +35,125 @@ MOST_PIECES = 4
 
 
 @dataclass(slots=True)
-class Upload:
-    """One upload of a connection, complete or not; `pieces` counts those on their way now."""
+class Temporary:
+    """A trajectory that ends with its connection, complete or not.
 
+    `pieces` counts those of an upload that are on their way now.
+    """
+
+    kind: Literal["upload", "recording"]
     number: int
     client: int
-    sha256: str
-    total: int
+    sha256: str | None = None
+    total: int = 0
     is_whole: bool = False
     pieces: int = 0
 
     @property
-    def key(self) -> str:
-        """The key under which the helper process stores it."""
-        return f"upload {self.number}"
+    def name(self) -> str:
+        """Its name, also for the helper process, which has the content."""
+        return f"{TEMPORARY}{self.kind}-{self.number}"
 
 
-class Uploads:
-    """All uploads, complete or not."""
+class Temporaries:
+    """All uploads, complete or not, and the latest recording without a name."""
 
-    NOT_CARRIED = ("_last", "_uploads")
+    NOT_CARRIED = ("_all", "_controller", "_uploads")
 
-    def __init__(self) -> None:
-        self._uploads: dict[int, Upload] = {}
-        self._last = 0
+    def __init__(self, controller: Controller) -> None:
+        self._controller = controller
+        self._all: dict[str, Temporary] = {}
+        self._uploads = 0
 
-    def get(self, client: int, number: int) -> Upload | None:
-        """Return a complete upload of this connection, or None."""
-        upload = self._uploads.get(number)
-        mine = upload is not None and upload.client == client and upload.is_whole
-        return upload if mine else None
+    def check(self, client: int, name: str) -> None:
+        """Raise `Refused` for the name of none, or of one that is incomplete or another's."""
+        found = self._all.get(name)
+        if found is None or found.client != client or not found.is_whole:
+            text = (
+                f"this connection has no whole trajectory {name}: one ends with its connection, and"
+                " a recording with the next one"
+            )
+            raise Refused(Refusal("unknown_trajectory", text, {"requested": name}))
 
-    def take(self, client: int, sha256: str, total: int, offset: int) -> Upload | Refusal:
+    def of_recording(self, client: int) -> Temporary:
+        """Begin to keep a recording, in place of the one before."""
+        self.drop([name for name, one in self._all.items() if one.kind == "recording"])
+        self._controller.recordings += 1
+        return self._begin(Temporary("recording", self._controller.recordings, client))
+
+    def of_piece(self, client: int, sha256: str, total: int, offset: int) -> Temporary:
         """Return the upload of a piece; the first piece begins it, or restarts it.
 
-        The pieces of one upload have the same SHA-256 and the same total.
+        The pieces of one upload have the same SHA-256 and the same total. Raises `Refused`.
         """
-        coming = (one for one in self._uploads.values() if one.client == client)
-        same = (one for one in coming if one.sha256 == sha256 and not one.is_whole)
-        upload = next(same, None)
+        coming = (one for one in self._all.values() if one.client == client and not one.is_whole)
+        upload = next((one for one in coming if one.sha256 == sha256), None)
         if upload is not None and upload.pieces >= MOST_PIECES:
             text = f"{MOST_PIECES} pieces wait for their answers already: send one after the other"
-            return Refusal("too_many_requests", text, {"limit": MOST_PIECES})
+            raise Refused(Refusal("too_many_requests", text, {"limit": MOST_PIECES}))
         if upload is not None and upload.total == total:
             return upload
         if upload is not None or offset > 0:
             text = f"nothing of this trajectory is here, but offset is {offset}: begin at 0"
             if upload is not None:
                 text = f"total is {total}, in the pieces before it was {upload.total}"
-            return Refusal("invalid_params", text, {"parameter": "offset"})
-        return self._limit(client, total) or self._begin(client, sha256, total)
+            raise Refused(Refusal("invalid_params", text, {"parameter": "offset"}))
+        self._check_room(client, total)
+        self._uploads += 1
+        return self._begin(Temporary("upload", self._uploads, client, sha256, total))
 
-    def drop(self, upload: Upload) -> None:
-        """Forget an upload."""
-        self._uploads.pop(upload.number, None)
+    def kept(self, one: Temporary, answer: Mapping[str, Any]) -> dict[str, Any]:
+        """Note that one is whole, or no longer temporary; return the answer with what it is called.
 
-    def drop_all(self, client: int) -> list[Upload]:
-        """Forget the uploads of a connection, and return them."""
-        dropped = [one for one in self._uploads.values() if one.client == client]
-        for upload in dropped:
-            self.drop(upload)
-        return dropped
+        By its number, clients of 0.1.0 call it.
+        """
+        if answer["name"] is not None:
+            self.forget(one.name)
+            return {one.kind: None, **answer}
+        one.is_whole = True
+        return {one.kind: one.number, **answer, "name": one.name}
 
-    def _limit(self, client: int, total: int) -> Refusal | None:
-        mine = sum(one.client == client for one in self._uploads.values())
-        if mine >= MOST_PER_CONNECTION:
-            text = (
-                f"this connection has {MOST_PER_CONNECTION} uploads already: delete one"
-                " (trajectory.delete with its number), or give it a name"
+    def forget(self, name: str) -> None:
+        """Forget one that the helper process does not have."""
+        self._all.pop(name, None)
+
+    def drop(self, names: Sequence[str]) -> None:
+        """Forget some, here and in the helper process."""
+        for name in names:
+            self.forget(name)
+        if names:
+            task = HelperTask("trajectory.drop", {"names": names}, lambda _done: None)
+            self._controller.tasks.append(task)
+
+    def session_ended(self, session: Session) -> None:
+        """Drop those of a connection that has ended."""
+        self.drop([name for name, one in self._all.items() if one.client == session.identity])
+
+    def _check_room(self, client: int, total: int) -> None:
+        uploads = [one for one in self._all.values() if one.kind == "upload"]
+        if sum(one.client == client for one in uploads) >= MOST_PER_CONNECTION:
+            text = sentence(
+                "this connection has {most} uploads already: delete one ({trajectory.delete}), or"
+                " give it a name",
+                most=MOST_PER_CONNECTION,
             )
-            return Refusal("too_many_requests", text, {"limit": MOST_PER_CONNECTION})
-        if sum(one.total for one in self._uploads.values()) + total > MOST_BYTES:
-            text = f"all uploads together would have more than {MOST_BYTES} bytes: try again later"
-            return Refusal("too_many_requests", text, {"limit": MOST_BYTES})
-        return None
+            raise Refused(Refusal("too_many_requests", text, {"limit": MOST_PER_CONNECTION}))
+        if sum(one.total for one in uploads) + total > MOST_BYTES:
+            why = f"all uploads together would have more than {MOST_BYTES} bytes: try again later"
+            raise Refused(Refusal("too_many_requests", why, {"limit": MOST_BYTES}))
 
-    def _begin(self, client: int, sha256: str, total: int) -> Upload:
-        self._last += 1
-        upload = Upload(self._last, client, sha256, total)
-        self._uploads[upload.number] = upload
-        return upload
+    def _begin(self, begun: Temporary) -> Temporary:
+        self._all[begun.name] = begun
+        return begun
 
-
-Then: TypeAlias = Callable[[Mapping[str, Any]], Mapping[str, Any]]
 
 _SHA256_DIGITS = 64
 
 
 class Whole(TypedDict):
-    """A complete, stored trajectory."""
+    """A complete, stored trajectory; a temporary one has no path."""
 
-    name: str | None
+    name: str
     path: str | None
     sha256: str
     total: int
@@ -203,14 +230,11 @@ class Piece(TypedDict):
     sha256: str
 
 
-class _Deleted(TypedDict):
-    deleted: Literal[True]
-
-
-class Deleted(_Deleted, total=False):
-    """A trajectory was deleted; with its name, if it had one."""
+class Deleted(TypedDict):
+    """A trajectory was deleted."""
 
     name: str
+    deleted: Literal[True]
 
 
 MAX_PIECE_BYTES = 8192
@@ -222,25 +246,33 @@ NAME = Param(
     f"The name that the daemon keeps it under: 1 to {MAX_NAME} characters, no / or \\, no dot at"
     " the beginning.",
 )
-UPLOAD = Param("upload", "integer", "The number of an upload of this connection.", minimum=1)
-RECORDING = Param("recording", "integer", "The number of the latest recording.", minimum=1)
+WHICH = replace(
+    NAME,
+    required=True,
+    description=f"Its name; that of a temporary one of this connection begins with {TEMPORARY}.",
+)
+
+
+def of_older(params: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the parameters of 0.1.0, which called a temporary trajectory by its number, as now."""
+    for kind in ("upload", "recording"):
+        if isinstance(params.get(kind), int) and "name" not in params:
+            others = {name: value for name, value in params.items() if name != kind}
+            return {**others, "name": f"{TEMPORARY}{kind}-{params[kind]}"}
+    return params
+
+
 _OFFSET = Param("offset", "integer", "Where the piece begins.", minimum=0, maximum=2**31)
 
 
 class TrajectoryFileMethods:
-    """Methods on stored trajectories, by name or for a connection."""
+    """Methods on stored trajectories."""
 
-    NOT_CARRIED = ("_controller", "_uploads")
+    NOT_CARRIED = ("_controller", "temporaries")
 
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
-        self._uploads = Uploads()
-
-    def session_ended(self, session: Session) -> None:
-        """Drop the uploads of a connection that has ended."""
-        keys = [upload.key for upload in self._uploads.drop_all(session.identity)]
-        if keys:
-            self._do(None, "trajectory.drop", {"keys": keys}, lambda _result: None)
+        self.temporaries = Temporaries(controller)
 
     @Method(
         "trajectory.list",
@@ -266,9 +298,7 @@ class TrajectoryFileMethods:
         "data (base64), offset, total (bytes) and sha256 of the whole.",
         Piece,
         (
-            NAME,
-            UPLOAD,
-            RECORDING,
+            WHICH,
             replace(_OFFSET, description="Where the piece begins (default 0)."),
             Param(
                 "length",
@@ -286,11 +316,12 @@ class TrajectoryFileMethods:
             ),
         ),
         waits=True,
+        of_older=of_older,
     )
     def _get(self, call: Call) -> Answer:
-        source, params = self.source("trajectory.get", call), call.params
+        params = call.params
         wanted = {
-            "source": source,
+            "name": self.named(call),
             "offset": params.get("offset", 0),
             "length": params.get("length", MAX_PIECE_BYTES),
             "format": params.get("format", "lgt"),
@@ -300,11 +331,12 @@ class TrajectoryFileMethods:
     @Method(
         "trajectory.put",
         "Send a piece of a trajectory, in order. With the last one it is checked as a whole, and"
-        " kept: under a name, in place of any before, or until this connection ends, to be played"
-        " from there. What is wrong leaves nothing behind. A name for which the user has no room is"
-        " refused with the first piece.",
-        "received (bytes) and complete; with the last piece also upload (its number; null with a"
-        " name), name, path, samples, duration_s, max_rate_s, grips, and what its header says.",
+        " kept: under a name, in place of any before; without one until this connection ends, with"
+        " a temporary name, which the answer says. What is wrong leaves nothing behind. A name for"
+        " which the user has no room is refused with the first piece.",
+        "received (bytes) and complete; with the last piece also name, upload (the number in a"
+        " temporary one, else null), path, samples, duration_s, max_rate_s, grips, and what its"
+        " header says.",
         PUT,
         (
             NAME,
@@ -340,15 +372,17 @@ class TrajectoryFileMethods:
         params, name = call.params, call.params.get("name")
         sha256 = params["sha256"].lower()
         if len(sha256) != _SHA256_DIGITS or not set(sha256) <= set("0123456789abcdef"):
-            text = f"trajectory.put: sha256 must have {_SHA256_DIGITS} hexadecimal digits"
+            text = sentence(
+                "{trajectory.put}: {.sha256} must have {digits} hexadecimal digits",
+                digits=_SHA256_DIGITS,
+            )
             return Refusal("invalid_params", text, {"parameter": "sha256"})
         offset, total = params["offset"], params["total"]
-        client = call.session.identity
         check_name(name)
-        upload = accepted(self._uploads.take(client, sha256, total, offset))
+        upload = self.temporaries.of_piece(call.session.identity, sha256, total, offset)
         upload.pieces += 1
         wanted = {
-            "key": upload.key,
+            "key": upload.name,
             "offset": offset,
             "total": total,
             "grip_bytes": params.get("grip_bytes", 0),
@@ -358,97 +392,57 @@ class TrajectoryFileMethods:
             "uid": call.owner.uid,
             "header": None,
         }
-        deferred = Deferred()
 
-        def done(result: TaskResult) -> None:
-            deferred.resolve(self._note_piece(upload, outcome_of(result, "not_saved")))
+        def noted(answer: Mapping[str, Any] | Refusal) -> Result:
+            upload.pieces -= 1
+            if isinstance(answer, Refusal):
+                self.temporaries.forget(upload.name)
+                return answer
+            return self.temporaries.kept(upload, answer) if answer["complete"] else answer
 
-        self._do(call, "trajectory.put", wanted, done)
-        return deferred
-
-    def _note_piece(self, upload: Upload, answer: Mapping[str, Any] | Refusal) -> Result:
-        """Count a stored piece, or drop a rejected upload; return the result."""
-        upload.pieces -= 1
-        if isinstance(answer, Refusal):
-            self._uploads.drop(upload)
-            return answer
-        if not answer["complete"]:
-            return answer
-        if answer["name"] is not None:
-            self._uploads.drop(upload)
-            return {"upload": None, **answer}
-        upload.is_whole = True
-        return {"upload": upload.number, **answer}
+        return self._task(call, "trajectory.put", wanted, "not_saved", noted)
 
     @Method(
         "trajectory.delete",
-        "Remove a trajectory that the daemon keeps, or an upload of this connection.",
-        "deleted.",
+        "Remove a trajectory that the daemon keeps, or a temporary one of this connection.",
+        "deleted, and its name.",
         Deleted,
-        (NAME, UPLOAD),
+        (WHICH,),
         role="operator",
         waits=True,
+        of_older=of_older,
     )
     def _delete(self, call: Call) -> Answer:
-        source = self.source("trajectory.delete", call)
-        if "name" in source:
-            return self._task(call, "trajectory.delete", source, failed="not_saved")
-        upload = self._uploads.get(call.session.identity, call.params["upload"])
-        if upload is not None:
-            self._uploads.drop(upload)
-        dropped: Deleted = {"deleted": True}
-        keys = {"keys": [source["kept"]]}
-        return self._task(call, "trajectory.drop", keys, lambda _value: dropped)
+        name = self.named(call)
+        if not name.startswith(TEMPORARY):
+            return self._task(call, "trajectory.delete", {"name": name}, "not_saved")
+        self.temporaries.drop([name])
+        return {"name": name, "deleted": True}
 
-    def source(self, method: str, call: Call) -> dict[str, Any]:
-        """Return the trajectory that is meant, by exactly one of name, upload and recording."""
-        params = call.params
-        given = [name for name in ("name", "upload", "recording") if name in params]
-        if len(given) != 1:
-            text = f"{method} takes exactly one of name, upload and recording"
-            if method == "trajectory.delete":
-                text = f"{method} takes exactly one of name and upload"
-            raise Refused(Refusal("invalid_params", text, {"parameter": (given or ["name"])[0]}))
-        if "name" in params:
-            check_name(params["name"])
-            return {"name": params["name"]}
-        if "recording" in params:
-            return {"kept": recording_key(params["recording"])}
-        upload = self._uploads.get(call.session.identity, params["upload"])
-        if upload is None:
-            text = f"this connection has no upload {params['upload']}, or it is not whole"
-            raise Refused(Refusal("unknown_trajectory", text, {"requested": params["upload"]}))
-        return {"kept": upload.key}
-
-    def _do(
-        self,
-        call: Call | None,
-        operation: str,
-        parameters: Mapping[str, Any],
-        on_result: Callable[[TaskResult], None],
-    ) -> None:
-        uid = None if call is None else call.owner.uid
-        self._controller.tasks.append(HelperTask(operation, parameters, on_result, uid))
+    def named(self, call: Call) -> str:
+        """Return the name of the trajectory that is meant; raises `Refused` if it cannot be one."""
+        name: str = call.params["name"]
+        if name.startswith(TEMPORARY):
+            self.temporaries.check(call.session.identity, name)
+        else:
+            check_name(name)
+        return name
 
     def _task(
         self,
         call: Call,
         operation: str,
         parameters: Mapping[str, Any],
-        then: Then | None = None,
         failed: str = "trajectory_unreadable",
+        noted: Callable[[Mapping[str, Any] | Refusal], Result] = lambda answer: answer,
     ) -> Deferred:
-        """Send a task to the helper process; its answer is the answer."""
+        """Send a task to the helper process; its answer, as it is noted, is the answer."""
         deferred = Deferred()
 
         def done(result: TaskResult) -> None:
-            answer = outcome_of(result, failed)
-            if isinstance(answer, Refusal) or then is None:
-                deferred.resolve(answer)
-            else:
-                deferred.resolve(then(answer))
+            deferred.resolve(noted(outcome_of(result, failed)))
 
-        self._do(call, operation, parameters, done)
+        self._controller.tasks.append(HelperTask(operation, parameters, done, call.owner.uid))
         return deferred
 
 

@@ -8,12 +8,14 @@ from litegrip_client.values.trajectory_format import MAX_SAMPLES, Header
 from litegripd.control.controller import Controller
 from litegripd.control.limiter import DEFAULT_GAINS
 from litegripd.model.errors import Refusal
+from litegripd.model.sentence import sentence
 from litegripd.model.state import ReplayResult
 from litegripd.rpc.method import (
+    CALIBRATION,
     DETACH,
     JOB,
     LEASE,
-    RUN_PARAMS,
+    MOTION_PARAMS,
     Answer,
     Call,
     Deferred,
@@ -28,11 +30,11 @@ from litegripd.rpc.sessions import Session
 from litegripd.trajectories.capture import Capture
 from litegripd.trajectories.file_methods import (
     NAME,
-    RECORDING,
-    UPLOAD,
+    WHICH,
     TrajectoryFileMethods,
     Whole,
     check_name,
+    of_older,
 )
 from litegripd.trajectories.replay import AT_START_MM, ReplayRequest
 from litegripd.trajectories.requests import Trajectories
@@ -113,13 +115,13 @@ class TrajectoryMethods:
 
     def __init__(self, controller: Controller, files: TrajectoryFileMethods) -> None:
         self._controller = controller
-        self._trajectories = Trajectories(controller)
+        self._trajectories = Trajectories(controller, files.temporaries)
         self._files = files
 
     def session_ended(self, session: Session) -> None:
-        """End a connection's uploads, and a recording that it only watched."""
+        """End a connection's temporary trajectories, and a recording that it only watched."""
         self._trajectories.client_lost(session.identity)
-        self._files.session_ended(session)
+        self._files.temporaries.session_ended(session)
 
     @Method(
         "trajectory.record_start",
@@ -148,6 +150,7 @@ class TrajectoryMethods:
                 minimum=1,
                 maximum=MAX_SAMPLES,
             ),
+            CALIBRATION,
             DETACH,
             LEASE,
         ),
@@ -159,6 +162,7 @@ class TrajectoryMethods:
         refusal = self._controller.lease.refusal(call.owner) if slack else None
         answer = refusal or self._trajectories.record(
             call.owner,
+            call.terms(self._controller),
             rate_hz=params.get("rate_hz", DEFAULT_RATE_HZ),
             slack=slack,
             max_samples=params.get("max_samples", MAX_SAMPLES),
@@ -169,11 +173,13 @@ class TrajectoryMethods:
 
     @Method(
         "trajectory.record_stop",
-        "End the recording and keep it: under a name, or as the latest recording. One that cannot"
-        " be kept stays until the next one begins, and may be ended again.",
-        "recording (its number; null with a name), name, path, samples, duration_s, max_rate_s,"
-        " total (bytes), sha256, missed (samples that were due but not measured), grips (how many"
-        " are kept with it), grips_left_out (those beyond 200), and what the file's header says.",
+        "End the recording and keep it: under a name; without one until this connection or the next"
+        " recording ends, with a temporary name, which the answer says. One that cannot be kept"
+        " stays until the next one begins, and may be ended again.",
+        "name, recording (the number in a temporary one, else null), path, samples, duration_s,"
+        " max_rate_s, total (bytes), sha256, missed (samples that were due but not measured), grips"
+        " (how many are kept with it), grips_left_out (those beyond 200), and what the file's"
+        " header says.",
         RECORDED,
         (
             NAME,
@@ -201,7 +207,7 @@ class TrajectoryMethods:
         check_name(name)
         refusal = self._trajectories.stop_recording(
             name,
-            call.owner.uid,
+            call.owner,
             kept,
             allow_empty=call.params.get("allow_empty", False),
             allow_partial=call.params.get("allow_partial", False),
@@ -218,9 +224,7 @@ class TrajectoryMethods:
         " taught width), and the state.",
         ReplayResult,
         (
-            NAME,
-            UPLOAD,
-            RECORDING,
+            WHICH,
             _SPEED,
             *usual_gain_params(),
             Param(
@@ -248,25 +252,22 @@ class TrajectoryMethods:
                 " force_rate_n_s are the configuration's.",
                 choices=("path", "replay"),
             ),
-            *RUN_PARAMS,
+            *MOTION_PARAMS,
         ),
         role="operator",
         needs_lease=True,
         stop_voids=True,
         waits=True,
+        of_older=of_older,
     )
     def _play(self, call: Call) -> Answer:
-        params = call.params
-        controller = self._controller
-        config = call.config(
-            controller.config, controller.period_s, controller.gripper_id.motor_type
-        )
-        source = self._files.source("trajectory.play", call)
+        params, terms = call.params, call.terms(self._controller)
+        name = self._files.named(call)
         if "repeat" in params and params.get("loop"):
-            text = "trajectory.play takes loop or repeat, not both"
+            text = sentence("{trajectory.play} takes {.loop} or {.repeat}, not both")
             return Refusal("invalid_params", text, {"parameter": "repeat"})
         request = ReplayRequest(
-            source=source,
+            name=name,
             speed=params.get("speed", 1.0),
             torque_nm=params.get("torque_nm", DEFAULT_TORQUE_NM),
             repeat=0 if params.get("loop") else params.get("repeat", 1),
@@ -277,7 +278,7 @@ class TrajectoryMethods:
             self._trajectories.play(
                 request,
                 call.owner,
-                config,
+                terms,
                 call.gains(DEFAULT_GAINS),
                 detached=call.detached,
                 turn=call.turn,
@@ -309,7 +310,9 @@ class TrajectoryMethods:
         params, action = call.params, call.params["action"]
         replay = accepted(self._trajectories.playing(params.get("job"), call.owner))
         if ("speed" in params) != (action == "speed"):
-            text = "trajectory.control: speed goes with the action speed, and only with it"
+            text = sentence(
+                "{trajectory.control}: {.speed} goes with the action speed, and only with it"
+            )
             return Refusal("invalid_params", text, {"parameter": "speed"})
         if action == "speed":
             refusal = replay.change_speed(params["speed"])

@@ -94,11 +94,11 @@ LONGEST_S = 86_400.0
 class ReplayRequest:
     """A caller's options of a replay: `repeat` passes, 0 without end.
 
-    `source` names the trajectory for the helper process; `torque_nm` is the largest torque on the
+    `name` is the trajectory's; `torque_nm` is the largest torque on the
     path; with `force` "replay" the taught grips are repeated.
     """
 
-    source: Mapping[str, object]
+    name: str
     speed: float = 1.0
     torque_nm: float = 2.0
     repeat: int = 1
@@ -328,7 +328,7 @@ class Replay(PlainAction):
         self._follower = Follower(gains.reaching(), request.torque_nm, period_s)
         self._motor_type = motor_type
         self.grips = ReplayGrips(geometry, config, period_s, motor_type)
-        self._loading = Loading(request.source)
+        self._loading = Loading(request.name)
         self._path: Path | None = None
         self._last_s: float | None = None
         self._at_s = 0.0

@@ -19,111 +19,80 @@ from litegripd.control.admission import (
     position_refusal,
     trajectory_or_teleop_refusal,
 )
+from litegripd.control.calibration import Terms
 from litegripd.control.controller import Controller
 from litegripd.control.events import NOW, Turn
 from litegripd.control.limiter import Gains
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import Geometry
-from litegripd.model.motion_config import MotionConfig, fast_conflict, slow_conflict
+from litegripd.model.motion_config import fast_conflict, slow_conflict
+from litegripd.model.sentence import sentence
 from litegripd.model.state import HelperTask, Job, Owner, TaskResult
 from litegripd.trajectories.capture import Capture, Teach, result_of
+from litegripd.trajectories.file_methods import Temporaries
 from litegripd.trajectories.replay import Replay, ReplayRequest
 from litegripd.trajectories.values import PIECE_BYTES, outcome_of
 
-
-def recording_key(number: int) -> str:
-    """Return the key under which the helper process stores a recording."""
-    return f"recording {number}"
+OnKept: TypeAlias = Callable[[Mapping[str, Any] | Refusal], None]
 
 
-class Keeping:
-    """One recording on its way to the helper; `on_kept` is called once, with the facts.
+def keep(
+    controller: Controller, capture: Capture, where: Mapping[str, object], on_kept: OnKept
+) -> None:
+    """Send a recording to the helper process in pieces: first the samples, then the grips.
 
-    With a `name` it becomes a trajectory of the user `uid`. Only the latest recording is kept: it
-    replaces the one before.
+    `where` says how it is kept there; `on_kept` is called once, with the facts.
     """
+    grips = json.dumps(capture.grips()).encode()
+    common = {
+        **where,
+        "total": capture.size + len(grips),
+        "grip_bytes": len(grips),
+        "sha256": None,
+        "header": capture.header(controller.gripper_id.can_id),
+    }
 
-    def __init__(
-        self,
-        controller: Controller,
-        capture: Capture,
-        number: int,
-        on_kept: Callable[[Mapping[str, Any] | Refusal], None],
-        *,
-        name: str | None,
-        uid: int,
-    ) -> None:
-        self._controller = controller
-        self._capture = capture
-        self._number = number
-        self._name = name
-        self._uid = uid
-        self._on_kept = on_kept
-        self._grips = json.dumps(capture.grips()).encode()
-        self._sent = 0
-
-    def begin(self) -> None:
-        """Send the first piece."""
-        before = {"keys": [recording_key(self._number - 1)]}
-        self._controller.tasks.append(HelperTask("trajectory.drop", before, lambda _result: None))
-        self._send()
-
-    def _send(self) -> None:
-        """Send the next piece: first of the samples, then of the grips."""
-        capture = self._capture
-        offset = self._sent
+    def send(offset: int) -> None:
         if offset < capture.size:
             data = capture.piece(offset // PIECE_BYTES)
         else:
-            data = memoryview(self._grips)[offset - capture.size :][:PIECE_BYTES]
-        parameters = {
-            "key": recording_key(self._number),
-            "offset": offset,
-            "total": capture.size + len(self._grips),
-            "grip_bytes": len(self._grips),
-            "sha256": None,
-            "data": base64.b64encode(data).decode("ascii"),
-            "name": self._name,
-            "uid": self._uid,
-            "header": capture.header(self._controller.gripper_id.can_id),
-        }
-        self._sent += len(data)
-        self._controller.tasks.append(HelperTask("trajectory.put", parameters, self._answered))
+            data = memoryview(grips)[offset - capture.size :][:PIECE_BYTES]
 
-    def _answered(self, result: TaskResult) -> None:
-        answer = outcome_of(result, "not_saved")
-        if isinstance(answer, Refusal):
-            self._on_kept(answer)
-        elif answer["complete"]:
-            number = None if self._name is not None else self._number
-            known = {
-                key: value for key, value in answer.items() if key not in ("received", "complete")
-            }
-            self._on_kept({"recording": number, **known})
-        else:
-            self._send()
+        def answered(result: TaskResult) -> None:
+            answer = outcome_of(result, "not_saved")
+            if isinstance(answer, Refusal):
+                on_kept(answer)
+            elif answer["complete"]:
+                own = ("received", "complete")
+                on_kept({key: value for key, value in answer.items() if key not in own})
+            else:
+                send(offset + len(data))
+
+        piece = {"offset": offset, "data": base64.b64encode(data).decode("ascii")}
+        controller.tasks.append(HelperTask("trajectory.put", {**common, **piece}, answered))
+
+    send(0)
 
 
-STAYS = (
-    "the recording stays until the next one begins: end it again (trajectory.record_stop), under a"
-    " name or, to fetch it (trajectory.get), without one"
+STAYS = sentence(
+    "the recording stays until the next one begins: end it again ({trajectory.record_stop}), under"
+    " a name or, to fetch it ({trajectory.get}), without one"
 )
-
-OnKept: TypeAlias = Callable[[Mapping[str, Any] | Refusal], None]
 
 
 class Trajectories:
     """Begins and ends recordings and replays on one controller."""
 
-    NOT_CARRIED = ("capture", "replay", "replay_job", "_controller", "_keeping")
+    NOT_CARRIED = ("capture", "replay", "replay_job", "_controller", "_is_keeping", "_temporaries")
 
-    def __init__(self, controller: Controller) -> None:
+    def __init__(self, controller: Controller, temporaries: Temporaries) -> None:
         self.replay: Replay | None = None
         self.replay_job: Job | None = None
         self.capture: Capture | None = None
         """The latest recording: under way, over, or stored by the helper process."""
         self._controller = controller
-        self._keeping: Keeping | None = None
+        self._temporaries = temporaries
+        self._is_keeping = False
 
     def refusal(self, turn: Turn = NOW) -> Refusal | None:
         """Return a refusal if a recording, a replay or teleoperation is under way at its turn."""
@@ -134,7 +103,7 @@ class Trajectories:
         )
         if refusal is not None:
             return refusal
-        if self._keeping is not None:
+        if self._is_keeping:
             text = "a recording is being taken to the disk's process: try again in a moment"
             return Refusal("trajectory_busy", text)
         return None
@@ -142,11 +111,18 @@ class Trajectories:
     # Recording
 
     def record(
-        self, owner: Owner, *, rate_hz: float, slack: bool, max_samples: int, detached: bool
+        self,
+        owner: Owner,
+        terms: Terms,
+        *,
+        rate_hz: float,
+        slack: bool,
+        max_samples: int,
+        detached: bool,
     ) -> Job | Capture | Refusal:
         """Begin to record, or return a refusal; with `slack` a job makes the jaws slack."""
         controller = self._controller
-        geometry = self._ready()
+        geometry = self._ready(terms)
         refusal = self.refusal() or (geometry if isinstance(geometry, Refusal) else None)
         refusal = (
             refusal or self._rate_refusal(rate_hz) or (controller.why_busy() if slack else None)
@@ -162,15 +138,17 @@ class Trajectories:
             controller.now_s,
             detached,
         )
+        capture.basis = controller.geometry
         if slack:
-            capture.job = controller.begin("record", Teach(capture), owner, detached)
+            action = Teach(capture)
+            capture.job = controller.begin("record", action, owner, detached, terms=terms)
         self.capture = controller.capture = capture
         return capture.job or capture
 
     def stop_recording(
         self,
         name: str | None,
-        uid: int,
+        owner: Owner,
         on_kept: OnKept,
         *,
         allow_empty: bool,
@@ -178,14 +156,14 @@ class Trajectories:
     ) -> Refusal | None:
         """End the recording, and let the helper process store it, under a name if there is one.
 
-        With a name it belongs to the user `uid`. Then `on_kept` gets the facts. A recording that is
-        rejected or cannot be stored stays until the next one begins.
+        With a name it belongs to the owner's user, else to this connection. Then `on_kept` gets the
+        facts. A recording that is rejected or cannot be stored stays until the next one begins.
         """
         controller, capture = self._controller, self.capture
-        if self._keeping is not None:
+        if self._is_keeping:
             return self.refusal()
         if capture is None or capture.is_taken:
-            text = "no recording is under way: begin one (trajectory.record_start)"
+            text = sentence("no recording is under way: begin one ({trajectory.record_start})")
             return Refusal("recording_failed", text)
         self._note_job(capture)
         feedback = controller.motor.feedback
@@ -197,20 +175,20 @@ class Trajectories:
         refusal = _unusable(capture, allow_empty=allow_empty, allow_partial=allow_partial)
         if refusal is not None:
             return refusal
-        controller.recordings += 1
+        temporary = self._temporaries.of_recording(owner.client)
 
         def kept(answer: Mapping[str, Any] | Refusal) -> None:
-            self._keeping = None
+            self._is_keeping = False
             if isinstance(answer, Refusal):
+                self._temporaries.forget(temporary.name)
                 on_kept(replace(answer, data={**answer.data, "hint": STAYS}))
             else:
                 capture.let_go()
-                on_kept(answer)
+                on_kept(self._temporaries.kept(temporary, answer))
 
-        self._keeping = Keeping(
-            controller, capture, controller.recordings, kept, name=name, uid=uid
-        )
-        self._keeping.begin()
+        self._is_keeping = True
+        where = {"key": temporary.name, "name": name, "uid": owner.uid}
+        keep(controller, capture, where, kept)
         return None
 
     def client_lost(self, client: int) -> None:
@@ -231,7 +209,11 @@ class Trajectories:
         most_hz = 1.0 / self._controller.period_s
         if rate_hz <= most_hz + 1e-6:
             return None
-        text = f"rate_hz is {rate_hz:g}, at most the control rate of {most_hz:g} is measured"
+        text = sentence(
+            "{.rate_hz} is {rate_hz:g}, at most the control rate of {most_hz:g} is measured",
+            rate_hz=rate_hz,
+            most_hz=most_hz,
+        )
         data = {"field": "rate_hz", "requested": rate_hz, "limit": most_hz}
         return Refusal("out_of_limits", text, data)
 
@@ -241,15 +223,15 @@ class Trajectories:
         self,
         request: ReplayRequest,
         owner: Owner,
-        config: MotionConfig,
+        terms: Terms,
         gains: Gains,
         *,
         detached: bool,
         turn: Turn,
     ) -> Job | Refusal:
         """Begin to load and replay a trajectory."""
-        controller = self._controller
-        refusal, geometry = self.refusal(turn) or controller.why_busy(turn), self._ready()
+        controller, config = self._controller, terms.config
+        refusal, geometry = self.refusal(turn) or controller.why_busy(turn), self._ready(terms)
         if refusal is not None or isinstance(geometry, Refusal):
             return refusal or (geometry if isinstance(geometry, Refusal) else NO_FEEDBACK)
         if request.force == "replay":
@@ -270,7 +252,7 @@ class Trajectories:
             motor_type=controller.gripper_id.motor_type,
             idle=lambda: controller.idle,
         )
-        self.replay_job = controller.begin("play", action, owner, detached, turn)
+        self.replay_job = controller.begin("play", action, owner, detached, turn, terms=terms)
         self.replay = action
         return self.replay_job
 
@@ -286,10 +268,9 @@ class Trajectories:
             return busy_with(running)
         return action
 
-    def _ready(self) -> Geometry | Refusal:
+    def _ready(self, terms: Terms) -> Geometry | Refusal:
         """Return the travel if the motor is enabled and calibrated; else a refusal."""
-        controller = self._controller
-        geometry = controller.geometry
+        controller, geometry = self._controller, terms.geometry
         if geometry is None:
             return controller.calibrated.problem
         refusal = motor_refusal(controller.motor) or position_refusal(controller.motor, geometry)
@@ -300,14 +281,16 @@ def _unusable(capture: Capture, *, allow_empty: bool, allow_partial: bool) -> Re
     """Return why a recording cannot be used, or None."""
     data = {"samples": capture.samples, "error": capture.error}
     if capture.error is not None and not allow_partial:
-        text = (
-            f"the recording was broken off after {capture.samples} samples: {capture.error};"
-            " trajectory.record_stop with allow_partial takes what there is"
+        text = sentence(
+            "the recording was broken off after {samples} samples: {error};"
+            " {trajectory.record_stop with allow_partial} takes what there is",
+            samples=capture.samples,
+            error=capture.error,
         )
         return Refusal("recording_failed", text, data)
     if capture.samples == 0 and not allow_empty:
-        text = (
-            "the recording has no samples (trajectory.record_stop with allow_empty takes it, too)"
+        text = sentence(
+            "the recording has no samples ({trajectory.record_stop with allow_empty} takes it, too)"
         )
         return Refusal("recording_failed", text, data)
     return None

@@ -15,6 +15,7 @@ from litegrip_client.values.trajectory_format import ENDING, HEADER, MAX_BYTES, 
 from litegripd.io.helper import atomic_file
 from litegripd.io.helper.atomic_file import REAL, FileSystem
 from litegripd.io.helper.files import state_directory
+from litegripd.model.sentence import sentence, with_terms
 from litegripd.trajectories.content import (
     Content,
     Grips,
@@ -34,7 +35,7 @@ from litegripd.trajectories.content import (
     unknown,
     unopened,
 )
-from litegripd.trajectories.values import PIECE_BYTES, name_problem
+from litegripd.trajectories.values import PIECE_BYTES, TEMPORARY, name_problem
 
 OWNER_ENDING = ".uid"
 
@@ -90,17 +91,27 @@ class Owners:
         usage = self.usage(path.parent, uid)
         before = _size_of(path) if self.owner_of(path) == uid and os.path.lexists(path) else None
         if before is None and usage["named"] >= self._limits.most:
-            text = (
-                f"uid {uid} has {usage['named']} named trajectories, of {self._limits.most} that"
-                f" [trajectories] most_per_user allows{_REMEDY}"
+            text = sentence(
+                "uid {uid} has {named} named trajectories, of {most} that [trajectories]"
+                " most_per_user allows{remedy}",
+                uid=uid,
+                named=usage["named"],
+                most=self._limits.most,
+                remedy=_REMEDY,
             )
             raise StoreError("trajectories_full", text, _data(usage, size))
         growth = size - (before or 0)
         if growth > 0 and usage["bytes"] + growth > self._limits.most_bytes:
-            text = (
-                f"this trajectory has {size} bytes, and the {usage['named']} that uid {uid} has"
-                f" under names have {usage['bytes']}, of {self._limits.most_bytes} that"
-                f" [trajectories] most_mb_per_user allows{_REMEDY}"
+            text = sentence(
+                "this trajectory has {size} bytes, and the {named} that uid {uid} has under names"
+                " have {bytes}, of {most_bytes} that [trajectories] most_mb_per_user"
+                " allows{remedy}",
+                size=size,
+                uid=uid,
+                named=usage["named"],
+                bytes=usage["bytes"],
+                most_bytes=self._limits.most_bytes,
+                remedy=_REMEDY,
             )
             raise StoreError("trajectories_full", text, _data(usage, size))
 
@@ -178,9 +189,9 @@ def path_beside(path: Path) -> Path:
     return path.with_name(path.name.removesuffix(ENDING) + OWNER_ENDING)
 
 
-_REMEDY = (
-    " in the daemon's configuration: make room (trajectory.delete), or have an administrator raise"
-    " it and restart the daemon"
+_REMEDY = sentence(
+    " in the daemon's configuration: make room ({trajectory.delete}), or have an administrator"
+    " raise it and restart the daemon"
 )
 
 
@@ -206,7 +217,7 @@ _MAX_CACHED = 2
 class TrajectoryStore:
     """The operations `trajectory.*` of the helper process; each takes and returns plain values.
 
-    A `source` is {"name": ...} for a file, or {"kept": ...} for an upload or a recording.
+    A name that begins with `TEMPORARY` is one of those in memory, any other that of a file.
     """
 
     def __init__(
@@ -263,12 +274,12 @@ class TrajectoryStore:
 
     def open(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
         """Check a whole trajectory and return the facts about it."""
-        content, grips = self._both(parameters["source"])
+        content, grips = self._both(parameters["name"])
         return {**content.facts(), **grips.facts(), "grip_rows": grips.rows(content.whole)}
 
     def samples(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
         """Return `PIECE_BYTES` of samples, from byte `offset` on."""
-        content = self._content(parameters["source"])
+        content = self._content(parameters["name"])
         if content.sha256 != parameters["sha256"]:
             raise StoreError("trajectory_unreadable", "it was changed while it was being loaded")
         begins = HEADER.size + int(parameters["offset"])
@@ -276,14 +287,14 @@ class TrajectoryStore:
 
     def read(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
         """Return a piece of a whole trajectory: the file, CSV, or the file of its grips."""
-        source, file_format = parameters["source"], parameters["format"]
+        name, file_format = parameters["name"], parameters["format"]
         if file_format == "grip":
-            _, grips = self._both(source)
+            _, grips = self._both(name)
             if grips.problem is not None:
                 raise StoreError("trajectory_unreadable", grips.problem)
             whole, sha256 = grips.whole, hashlib.sha256(grips.whole).hexdigest()
         else:
-            content = self._content(source)
+            content = self._content(name)
             whole, sha256 = content.whole, content.sha256
         if file_format == "csv":
             whole = self._as_csv(content)
@@ -298,7 +309,7 @@ class TrajectoryStore:
     # Writing
 
     def put(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
-        """Take a piece of the upload or recording `key`; the last piece completes it.
+        """Take a piece of the temporary trajectory `key`; the last piece completes it.
 
         Once complete, it is checked, and written under `name` if there is one. Its last
         `grip_bytes` are the file of its grips. With `header` the pieces are the samples and grips
@@ -346,10 +357,10 @@ class TrajectoryStore:
         return {"name": parameters["name"], "deleted": True}
 
     def drop(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
-        """Forget the uploads and recordings with these keys, complete or not."""
-        for key in parameters["keys"]:
-            self._coming.pop(key, None)
-            self._kept.pop(key, None)
+        """Forget temporary trajectories, complete or not."""
+        for name in parameters["names"]:
+            self._coming.pop(name, None)
+            self._kept.pop(name, None)
         return {}
 
     # Inside
@@ -400,26 +411,25 @@ class TrajectoryStore:
             raise StoreError("out_of_limits", text)
         return self._directory() / f"{name}{ENDING}"
 
-    def _both(self, source: Mapping[str, Any]) -> tuple[Content, Grips]:
+    def _both(self, name: str) -> tuple[Content, Grips]:
         """Return a checked trajectory, and its grips."""
-        if "kept" in source:
-            return self._in_memory(source["kept"])
-        content = self._content(source)
-        path = self._path(source["name"])
-        return content, load_grips(path, content.whole, content.sha256)
+        if name.startswith(TEMPORARY):
+            return self._in_memory(name)
+        content = self._content(name)
+        return content, load_grips(self._path(name), content.whole, content.sha256)
 
-    def _in_memory(self, key: str) -> tuple[Content, Grips]:
-        kept = self._kept.get(key)
+    def _in_memory(self, name: str) -> tuple[Content, Grips]:
+        kept = self._kept.get(name)
         if kept is None:
-            text = "this upload or recording is no longer kept: send or record it again"
+            text = f"{name} is no longer kept: send or record it again"
             raise StoreError("unknown_trajectory", text)
         return kept
 
-    def _content(self, source: Mapping[str, Any]) -> Content:
+    def _content(self, name: str) -> Content:
         """Return a checked trajectory; a file is checked again only if it has changed."""
-        if "kept" in source:
-            return self._in_memory(source["kept"])[0]
-        path = self._path(source["name"])
+        if name.startswith(TEMPORARY):
+            return self._in_memory(name)[0]
+        path = self._path(name)
         try:
             with open_file(path) as file:
                 status = os.fstat(file.fileno())
@@ -427,7 +437,7 @@ class TrajectoryStore:
                 if key not in self._cached:
                     self._keep_in_cache(key, content_of(path, file.read(MAX_BYTES + 1)))
         except OSError as error:
-            raise unopened(source["name"], path, error) from None
+            raise unopened(name, path, error) from None
         return self._cached[key]
 
     def _keep_in_cache(self, key: tuple[str, int, int, int], content: Content) -> None:
@@ -450,6 +460,7 @@ def _refusing(
         try:
             return do(parameters)
         except StoreError as error:
-            return {"refused": {"reason": error.reason, "message": str(error), "data": error.data}}
+            told = {"reason": error.reason, "message": error.message, "data": error.data}
+            return {"refused": with_terms(told)}
 
     return answer

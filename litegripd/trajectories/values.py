@@ -10,15 +10,27 @@ from dataclasses import dataclass
 from typing import Any
 
 from litegrip_client.values.errors import TrajectoryFormatError
-from litegrip_client.values.trajectory_format import HEADER, SAMPLE, Header, TaughtGrip, read_header
+from litegrip_client.values.trajectory_format import (
+    HEADER,
+    SAMPLE,
+    SAMPLE_FIELDS,
+    Header,
+    TaughtGrip,
+    check_finite,
+    read_header,
+)
 from litegripd.model.errors import Refusal
+from litegripd.model.sentence import read_sentence
 from litegripd.model.state import HelperTask, TaskResult
 
 MAX_NAME = 64
 MAX_NAME_BYTES = 200
 """With its suffixes, also that of a temporary file, a name fits into a file system's 255 bytes."""
 
-CSV_HEAD = "t_s,openness,position_rad,velocity_rad_s,torque_nm\n"
+TEMPORARY = "tmp/"
+"""So begin the names of those that end with their connection; no other name has a slash."""
+
+CSV_HEAD = ",".join(SAMPLE_FIELDS) + "\n"
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,8 +59,7 @@ def summarize(samples: memoryview) -> Summary:
     first_s = last_s = last = fastest = 0.0
     for number, values in enumerate(SAMPLE.iter_unpack(samples)):
         t_s, openness = values[:2]
-        if not all(map(math.isfinite, values)):
-            raise TrajectoryFormatError(f"sample {number} has a value that is not finite")
+        check_finite(number, values)
         if not 0.0 <= openness <= 1.0:
             raise TrajectoryFormatError(
                 f"sample {number}: openness is {openness}, it must be 0 to 1"
@@ -148,7 +159,8 @@ def outcome_of(result: TaskResult, failed: str) -> Mapping[str, Any] | Refusal:
         return Refusal(result.reason or failed, str(result.error))
     refused = result.value.get("refused")
     if refused is not None:
-        return Refusal(refused["reason"], refused["message"], refused["data"])
+        terms = refused.get("terms", {}).get("message")
+        return Refusal(refused["reason"], read_sentence(refused["message"], terms), refused["data"])
     return result.value
 
 
@@ -160,13 +172,13 @@ class Loading:
     be used.
     """
 
-    def __init__(self, source: Mapping[str, object]) -> None:
+    def __init__(self, name: str) -> None:
         self.path: Path | None = None
         self.failure: Refusal | None = None
         self.max_rate_s = 0.0
         self.grips: tuple[TaughtGrip, ...] = ()
         self.grip_problem: str | None = None
-        self._source = source
+        self._name = name
         self._facts: Mapping[str, Any] | None = None
         self._pieces: dict[int, bytes] = {}
         self._asked = 0
@@ -184,14 +196,14 @@ class Loading:
             self.failure = Refusal("trajectory_unreadable", text)
         if not self._is_asked:
             self._is_asked = True
-            return HelperTask("trajectory.open", {"source": self._source}, self._opened)
+            return HelperTask("trajectory.open", {"name": self._name}, self._opened)
         unanswered = self._asked - len(self._pieces)
         if self._facts is None or unanswered >= _MOST_UNANSWERED or self._asked >= self._count:
             return None
         self._asked += 1
         offset = (self._asked - 1) * PIECE_BYTES
         parameters = {
-            "source": self._source,
+            "name": self._name,
             "sha256": self._facts["sha256"],
             "offset": offset,
         }

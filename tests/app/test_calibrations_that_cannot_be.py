@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 from litegripd.app.build import load_at_start
+from litegripd.app.main import EXIT_USAGE, main
 from litegripd.app.status import log_event
 from litegripd.io.helper import files
 from litegripd.model.calibration import NOMINAL, SUPERSEDED
@@ -175,6 +176,70 @@ def test_at_the_start_a_wrong_one_leaves_the_gripper_uncalibrated_with_the_reaso
     if way.file(root).parent.name != "data":
         assert client.result("calibration.load", template="normal")["loaded"]
         assert client.result("motion.open")["ok"]
+
+
+NAMED = [way for way in AT_START if way.name in ("a file that mount names", "LITEGRIP_CALIB")]
+
+
+def checked(mount: str | None, capfd: pytest.CaptureFixture[str]) -> tuple[int, Any]:
+    """Return the exit code of `litegripd can0 --check`, and what it says of the file."""
+    config = Path.home() / "can0.toml"
+    config.write_text("" if mount is None else f'[gripper]\nmount = "{mount}"\n')
+    code = main(["can0", "--config", str(config), "--check"])
+    return code, json.loads(capfd.readouterr().out)["calibration"]
+
+
+@pytest.mark.parametrize("way", NAMED, ids=lambda way: way.name)
+@pytest.mark.parametrize("content", WRONG)
+def test_check_reads_the_file_that_is_named_and_says_what_the_daemon_will(
+    root: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
+    way: Way,
+    content: dict[str, Any],
+) -> None:
+    path = way.put(root, content, monkeypatch)
+    world = started(way.mount(root))
+    refused = world.enabled().call("motion.open")["error"]["message"]
+    code, judged = checked(way.mount(root), capfd)
+    assert code == EXIT_USAGE
+    assert judged["file"] == str(path)
+    assert judged["problem"] == refused
+    path.write_text('{"rad_to_mm": 1e400}')
+    code, judged = checked(way.mount(root), capfd)
+    assert code == EXIT_USAGE
+    assert judged["problem"].endswith("rad_to_mm is 1e400, it must be 0.001 to 1000000")
+    assert judged["problem"] in caplog.text
+
+
+@pytest.mark.parametrize("way", NAMED, ids=lambda way: way.name)
+def test_check_warns_of_what_the_daemon_will_warn_of(
+    root: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], way: Way
+) -> None:
+    content = {**content_of(OLD), "channel": "can7", "work_stroke_mm": 200.0}
+    way.put(root, content, monkeypatch)
+    code, judged = checked(way.mount(root), capfd)
+    assert (code, judged["problem"]) == (0, None)
+    assert judged["named_by"] == ("LITEGRIP_CALIB" if way.variable else "[gripper] mount")
+    for words in (SUPERSEDED_SAYS, "channel 'can7'", "work_stroke_mm is 200, beyond"):
+        assert any(words in one for one in judged["warnings"])
+    way.put(root, {**content_of(NORMAL), "calibrated": False}, monkeypatch)
+    code, judged = checked(way.mount(root), capfd)
+    assert code == EXIT_USAGE
+    assert "calibrated = false" in judged["problem"]
+
+
+def test_check_judges_no_file_that_is_not_named(
+    root: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (root / HOME).write_text("{")
+    assert checked(None, capfd) == (0, None)
+    monkeypatch.setenv("LITEGRIP_CALIB", str(root / "none.json"))
+    assert checked("normal", capfd) == (0, None)
+    code, judged = checked(None, capfd)
+    assert code == EXIT_USAGE
+    assert judged["problem"].endswith("none.json: there is no such file")
 
 
 def loads_content(_world: World, client: Client, content: dict[str, Any]) -> dict[str, Any]:

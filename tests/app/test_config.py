@@ -135,14 +135,13 @@ MISTAKES = {
     '[bus]\nchanel = "can1"\n': ("[bus] chanel is unknown", "did you mean channel?"),
     "[bus]\nbitrte = 500000\n": ("[bus] bitrte is unknown", "did you mean bitrate?"),
     "[bus]\nbitrate = 1e6\n": ("[bus] bitrate", "an integer"),
-    "[bus]\nbitrate = 8000000\n": ("[bus] bitrate", "10000 to 1e+06"),
+    "[bus]\nbitrate = 8000000\n": ("[bus] bitrate", "10000 to 1000000"),
     '[motor]\ntype = "DM4350"\n': ("[motor] type", "DM4310 or DM4340"),
     '[motor]\ncan_id = "8"\n': ("[motor] can_id", "an integer"),
     "[motor]\ncan_id = true\n": ("[motor] can_id", "an integer"),
     "[motor]\ncan_id = 0\n": ("[motor] can_id", "1 to 2046"),
     "[motor]\ncan_id = 0x7FF\n": ("[motor] can_id", "1 to 2046"),
     "[motor]\nmaster_id = -1\n": ("[motor] master_id", "0 to 2046"),
-    "[gripper]\nstroke_mm = nan\n": ("[gripper] stroke_mm", "a number"),
     "[gripper]\nstroke_mm = inf\n": ("[gripper] stroke_mm", "a number"),
     "[gripper]\nstroke_mm = 0\n": ("[gripper] stroke_mm", "1 to 1000"),
     '[gripper]\nmount = ""\n': ("[gripper] mount", "leave the key out"),
@@ -163,6 +162,12 @@ MISTAKES = {
     '[access]\nadmins = ["nobody-here"]\n': ("[access] admins", "'nobody-here'", "a user's name"),
     '[access]\nobservers = ["@no-lab"]\n': ("[access] observers", "'no-lab'", "group's name"),
     "[access]\noperators = [-1]\n": ("[access] operators", "-1", "0 to 4294967294"),
+    "[gripper]\nstroke_mm = 1e400\n": ("[gripper] stroke_mm is 1e400, ", "a number, 1 to 1000"),
+    "[gripper]\nstroke_mm = nan\n": ("[gripper] stroke_mm is nan, ", "a number, 1 to 1000"),
+    f"[gripper]\nstroke_mm = {10**400}\n": ("[gripper] stroke_mm is 1000", "a number, 1 to 1000"),
+    "[control]\nrate_hz = 1e400\n": ("[control] rate_hz is 1e400, ", "an integer, 100 to 1000"),
+    "[bus]\ntty_baudrate = inf\n": ("[bus] tty_baudrate is inf, ", "string, number or boolean"),
+    f"[bus]\n\nbitrate = {'9' * 5000}\n": ("line 3 has a number of 5000 digits",),
     "[motor\n": ("not valid TOML", "line 1"),
     "[motor]\ncan_id = 8\ncan_id = 9\n": ("not valid TOML", "overwrite"),
 }
@@ -266,3 +271,23 @@ def test_what_could_not_work_is_refused(tmp_path: Path, text: str, told: str) ->
         load("can0", path)
     assert str(path) in str(caught.value)
     assert told in str(caught.value)
+
+
+def test_the_calibration_file_that_is_named_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whoever measures beside it has the old one back at the next start."""
+    named = tmp_path / "mine.json"
+    named.touch()
+
+    def told(content: str) -> object:
+        return load("can0", written(tmp_path, content)).as_info()["gripper"]["calibration"]
+
+    monkeypatch.delenv("LITEGRIP_CALIB", raising=False)
+    assert told("") is None
+    assert told('[gripper]\nmount = "normal"\n') is None
+    assert told(f'[gripper]\nmount = "{named}"\n') == str(named)
+    monkeypatch.setenv("LITEGRIP_CALIB", "/calibrations/other.json")
+    assert told("") == "/calibrations/other.json"
+    assert told('[gripper]\nmount = "normal"\n') is None
+    assert told(f'[gripper]\nmount = "{named}"\n') == str(named)

@@ -7,6 +7,7 @@ from typing import Any, cast
 
 import pytest
 
+from litegrip_client.values.terms import methods_in
 from litegripd.app.build import motor_figures
 from litegripd.app.config import Config
 from litegripd.app.status import DaemonFacts
@@ -15,6 +16,7 @@ from litegripd.io.can.bus import BusSettings
 from litegripd.io.helper.files import DATA
 from litegripd.io.meters import RecentLateness
 from litegripd.model.calibration import to_plain
+from litegripd.model.errors import Refusal
 from litegripd.model.motor import CanFrame
 from tests.world import CAN_ID, World
 
@@ -122,6 +124,8 @@ def test_a_template_is_nominal_and_has_no_date() -> None:
         "channel": None,
         "saved_s": None,
         "foreign": None,
+        "work_stroke": None,
+        "problem": None,
     }
 
 
@@ -134,15 +138,31 @@ def test_a_saved_template_was_still_measured_on_no_gripper() -> None:
     assert (told["file"], told["nominal"]) == ("/state/calibration.save", True)
 
 
+def test_why_a_file_that_is_there_is_not_used_is_a_fact_and_that_there_is_none_is_not() -> None:
+    world = World(calibrated=False)
+    assert info(world)["calibration"]["problem"] is None
+    refusal = Refusal("calibration_unreadable", "no calibration: /c.json: Permission denied")
+    world.controller.use_calibration(None, refusal)
+    assert info(world)["calibration"]["problem"] == refusal.message
+
+
 def test_a_content_of_a_client_is_in_no_file_until_it_is_saved() -> None:
     world = World()
     client = world.start().client()
     content = client.result("calibration.get")["content"]
     client.result("calibration.load", content={**content, **MEASURED, "channel": "can7"})
     told = info(world)["calibration"]
-    foreign = told.pop("foreign")
+    assert methods_in(told, "foreign") == {"calibration.zero"}
+    foreign, _terms = told.pop("foreign"), told.pop("terms")
     assert "it has channel 'can7', and this is can0" in foreign
-    assert told == {"file": None, "nominal": False, "channel": "can7", "saved_s": None}
+    assert told == {
+        "file": None,
+        "nominal": False,
+        "channel": "can7",
+        "saved_s": None,
+        "work_stroke": None,
+        "problem": None,
+    }
     client.result("calibration.save")
     told = info(world)["calibration"]
     file = "/state/calibration.save"
@@ -152,6 +172,8 @@ def test_a_content_of_a_client_is_in_no_file_until_it_is_saved() -> None:
         "channel": "can0",
         "saved_s": 1.6e9,
         "foreign": None,
+        "work_stroke": None,
+        "problem": None,
     }
     assert client.result("calibration.get")["file"] == file
 

@@ -119,6 +119,15 @@ def test_file_systems_that_count_no_files_and_those_only_read_are_not_full(disk:
     assert atomic_file.shortage("/") is None
 
 
+def test_where_things_are_kept_a_file_system_that_can_only_be_read_is_told(
+    disk: Disk, state: Path
+) -> None:
+    """As after an error of the disk; an image that is so by design gets a note, and no alarm."""
+    disk.is_read_only = True
+    text = f"{state} can only be read: nothing can be kept there"
+    assert look() == [{"text": text, "is_full": False, "is_read_only": True}]
+
+
 def look() -> Any:
     return helper_main.OPERATIONS["disk.look"]({"runtime": "/"})
 
@@ -127,9 +136,8 @@ def test_the_helper_looks_at_each_file_system_once(disk: Disk, state: Path) -> N
     assert look() == []
     disk.free_bytes, disk.below = 0, str(state)
     (found,) = look()
-    assert found == {
-        "text": f"No space left on {state}: 0 bytes free, free some", "is_full": True
-    }  # fmt: skip
+    assert found["text"] == f"No space left on {state}: 0 bytes free, free some"
+    assert found["is_full"]
     disk.free_bytes = atomic_file.LARGEST_BYTES - 512
     (found,) = look()
     assert not found["is_full"]

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 import pytest
 
+from litegrip_client.values.repeats import RepeatsHandler
 from litegripd.app.status import MotorGreeting, log_event
-from litegripd.io.log import LogHandler
 from litegripd.model.gripper import DM4310
 from litegripd.model.motor import UP, BusCondition, CanFrame
 from litegripd.model.state import Event, EventKind
@@ -28,7 +28,7 @@ class Day:
     given: int = 0
 
     def __post_init__(self) -> None:
-        self.handler = LogHandler(self._take, lambda: self.now_s)
+        self.handler = RepeatsHandler(self._take, lambda: self.now_s)
 
     def _take(self, _record: logging.LogRecord, text: str) -> bool:
         self.lines.append((self.now_s, text))
@@ -38,7 +38,7 @@ class Day:
         """Let time pass, as the ticks do."""
         while self.now_s < at_s:
             self.now_s = min(self.now_s + 1.0, at_s)
-            self.handler.poll(self.now_s)
+            self.handler.poll()
 
     def say(self, *events: Event) -> None:
         for event in events:
@@ -110,7 +110,7 @@ def test_every_repeat_is_counted(day: Day) -> None:
     for number in range(1000):
         day.until(number * 7.0)
         day.say(event)
-    day.handler.finish()
+    day.handler.close()
     first, *others = day.texts
     assert first == event.message
     counted = [text.partition("(again: ")[2].split()[0] for text in others]
@@ -178,5 +178,5 @@ def test_the_number_of_kinds_that_are_kept_is_bounded_and_loses_no_count(day: Da
         name = "".join(chr(97 + int(digit)) for digit in str(number))
         event = Event("refused", f"refused {name}", {})
         day.say(event, event)
-    day.handler.finish()
+    day.handler.close()
     assert sum("again: once" in text for text in day.texts) == 1000

@@ -10,6 +10,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from litegripd.model.sentence import terms_of
 from tests.geometry import SPAN_MM, STROKE_MM, WORK_MM
 
 DEADLINE_S = 20.0
@@ -175,6 +176,8 @@ class Request:
 
     def fail(self, reason: str, code: int, message: str = "no", **data: Any) -> None:
         detail = {"reason": reason, "retryable": False, **data}
+        if terms := terms_of({"message": message, **data}):
+            detail["terms"] = terms
         error = {"code": code, "message": message, "data": detail}
         self.send({"jsonrpc": "2.0", "id": self.identity, "error": error})
 

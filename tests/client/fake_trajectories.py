@@ -31,7 +31,9 @@ class FakeTrajectories:
         self.kept: dict[str, bytes] = {}
         self.recorded = CONTENT
         self.grips: dict[str | None, bytes] = {}
-        self.uploads: dict[int, bytes] = {}
+        self.uploads: dict[str, bytes] = {}
+        self.is_of_0_1_0 = False
+        """True if what ends with its connection has a number, and no name."""
         self.missed = 0
         self.usage: dict[str, int] | None = None
         self.full = False
@@ -97,7 +99,8 @@ class FakeTrajectories:
         facts = {"samples": self._wanted, "duration_s": 2.99, "missed": self.missed}
         if None in self.grips:
             facts["grips"] = 1
-        return {"recording": None if name else 1, "name": name, **facts}
+        temporary = None if self.is_of_0_1_0 else "tmp/recording-1"
+        return {"recording": None if name else 1, "name": name or temporary, **facts}
 
     def _list(self, request: Request) -> dict[str, Any]:
         """One at a time, so that whoever lists must ask for more."""
@@ -122,17 +125,18 @@ class FakeTrajectories:
 
     def _get(self, request: Request) -> dict[str, Any] | None:
         params = request.params
-        if "/" in params.get("name", ""):
+        stored = params.get("name") if params.get("name") != "tmp/recording-1" else None
+        if "/" in (stored or ""):
             request.fail("invalid_params", -32602, "it cannot be a name: it is a path")
             return None
-        if "name" in params and params["name"] not in self.kept:
-            request.fail("unknown_trajectory", -32015, f"no trajectory {params['name']!r}")
+        if stored is not None and stored not in self.kept:
+            request.fail("unknown_trajectory", -32015, f"no trajectory {stored!r}")
             return None
-        whole = self.kept[params["name"]] if "name" in params else self.recorded
+        whole = self.recorded if stored is None else self.kept[stored]
         if params.get("format") == "csv":
             whole = b"t_s,openness\n0.0,0.5\n"
         elif params.get("format") == "grip":
-            whole = self.grips.get(params.get("name"), b"")
+            whole = self.grips.get(stored, b"")
         at = params["offset"]
         data = base64.b64encode(whole[at : at + PIECE_BYTES]).decode()
         sha256 = hashlib.sha256(whole).hexdigest()
@@ -154,14 +158,16 @@ class FakeTrajectories:
             self._coming = self._coming[:-beside]
         if name is None:
             number = len(self.uploads) + 1
-            self.uploads[number] = self._coming
+            self.uploads[f"tmp/upload-{number}"] = self._coming
+            name = None if self.is_of_0_1_0 else f"tmp/upload-{number}"
         else:
             self.kept[name] = self._coming
         return {"complete": True, "upload": number, "name": name, "samples": 300}
 
     def _delete(self, request: Request) -> dict[str, Any]:
-        if "upload" in request.params:
-            self.uploads[request.params["upload"]] = b""
+        name = request.params.get("name") or f"tmp/upload-{request.params['upload']}"
+        if name in self.uploads:
+            self.uploads[name] = b""
         else:
-            del self.kept[request.params["name"]]
+            del self.kept[name]
         return {"deleted": True}

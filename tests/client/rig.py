@@ -23,6 +23,7 @@ from litegrip_client import LiteGrip, aio
 from litegrip_client.aio.gripper import Connection as AsyncConnection
 from litegrip_client.core.sockets import SYSTEM_DIRECTORY
 from litegrip_client.ctl.main import main
+from litegripd.model.sentence import terms_of
 from tests.drop_in import Daemon, Site, VirtualStream, a_site
 
 _Result = TypeVar("_Result")
@@ -49,14 +50,13 @@ class Asked:
 
 
 class Refuse:
-    """An error in place of the daemon's answer."""
+    """An error in place of the daemon's answer; its message may be a `Sentence`."""
 
     def __init__(self, reason: str, code: int, message: str = "no", **data: Any) -> None:
-        self.error = {
-            "code": code,
-            "message": message,
-            "data": {"reason": reason, "retryable": False, **data},
-        }
+        detail = {"reason": reason, "retryable": False, **data}
+        if terms := terms_of({"message": message, **data}):
+            detail["terms"] = terms
+        self.error = {"code": code, "message": message, "data": detail}
 
 
 SILENT = object()

@@ -43,10 +43,11 @@ def test_a_template_is_known_by_its_path(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "why"),
     [
-        (b"{", "not JSON"),
+        (b"{", "not valid JSON"),
         (b"\xff", "not UTF-8"),
         (b"[1]", "holds no JSON object"),
-        (b"[" * 15_000, "not JSON"),
+        (b"[" * 15_000, "not valid JSON"),
+        (b'{"kp": 1e400}', "kp is 1e400, it must be a finite number"),
         (b" " * 16_001, "larger than 16000 bytes"),
     ],
 )
@@ -138,5 +139,5 @@ def test_a_broken_file_of_the_users_is_not_passed_over(home: Path) -> None:
     """What would be found in its place could be the other mount's."""
     store(home, "can1_calibration.json", "broken")
     store(home, "litegrip_calibration.json", json.dumps(CONTENT))
-    with pytest.raises(CommandError, match="it is not JSON"):
+    with pytest.raises(CommandError, match="not valid JSON"):
         next(files.own_files("can1"))

@@ -7,6 +7,7 @@ import pytest
 
 from litegrip_client.ctl import state_view
 from litegrip_client.values.results import STATE_FIELDS
+from litegripd.model.sentence import sentence, terms_of
 from tests.client.fake_daemon import HELLO, STATE, FakeDaemon, Request
 from tests.client.helpers import Ctl
 
@@ -22,6 +23,7 @@ ENDED = {
     "error": None,
     "result": {"job": 5, "ok": False, "outcome": "blocked", "target_rad": 0.123456, "state": STATE},
 }
+REFUSED = sentence("the motor is not enabled: call {motor.enable} first")
 FAILED = {
     **ENDED,
     "job": 6,
@@ -29,8 +31,12 @@ FAILED = {
     "detached": False,
     "error": {
         "code": -32030,
-        "message": "the motor is not enabled: call motor.enable first",
-        "data": {"reason": "not_enabled", "retryable": False},
+        "message": REFUSED,
+        "data": {
+            "reason": "not_enabled",
+            "retryable": False,
+            "terms": terms_of({"message": REFUSED}),
+        },
     },
     "result": None,
 }

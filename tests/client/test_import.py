@@ -107,7 +107,7 @@ def test_the_first_line_of_a_program_imports_what_a_call_needs(tmp_path: Path) -
     }
     assert {name.removeprefix("litegrip_client.") for name in names if "litegrip" in name} == {
         *("litegrip_client", "core", "core.discovery", "core.session", "core.sockets"),
-        *("line", "line.connection", "line.exchange", "sdk", "sdk.refused"),
+        *("line", "line.connection", "line.exchange"),
         *("threads", "threads.actions", "threads.blocking", "threads.gripper"),
         *("threads.sdk_gripper", "values", "values.checks", "values.error_table"),
         *("values.errors", "values.fields", "values.warn"),

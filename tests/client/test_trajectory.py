@@ -100,8 +100,8 @@ def test_an_empty_one_is_a_trajectory_and_true() -> None:
         (lgt([], mount=b"NORMAL\0\0"), "unknown mount b'NORMAL'"),
         (lgt([(0.0, 1.000001)]), "sample 0: openness is 1.000001, it must be 0 to 1"),
         (lgt([(0.0, 0.5), (0.01, -1e-9)]), "sample 1: openness is -1e-09, it must be 0 to 1"),
-        (lgt([(0.0, math.nan)]), "sample 0 has a value that is not finite"),
-        (lgt([(math.inf, 0.5)]), "sample 0 has a value that is not finite"),
+        (lgt([(0.0, math.nan)]), "sample 0: openness is nan, it must be a finite number"),
+        (lgt([(math.inf, 0.5)]), "sample 0: t_s is inf, it must be a finite number"),
         (lgt([(0.0, 0.5), (0.02, 0.5), (0.01, 0.5)]), "sample 2: time runs backwards, 0.02 to 0.0"),
     ],
 )
@@ -113,7 +113,7 @@ def test_each_rejection_says_why(content: bytes, why: str) -> None:
 def test_a_measurement_that_is_not_finite_is_rejected(field: int) -> None:
     content = bytearray(lgt([(0.0, 0.5), (0.01, 0.5)]))
     struct.pack_into("<d", content, HEADER_BYTES + SAMPLE_BYTES + 8 * field, math.inf)
-    assert "sample 1 has a value that is not finite" in refusal(bytes(content))
+    assert "must be a finite number" in refusal(bytes(content))
 
 
 def test_a_file_that_is_cut_off_anywhere_is_rejected() -> None:

@@ -26,9 +26,9 @@ def test_play_sends_the_trajectory_once_and_asks_for_what_is_wanted(
     assert (bool(result), result.outcome, result.loops) == (True, "completed", 1)
     assert (result.largest_lag_mm, result.final_cmd_rad, result.frames) == (1.25, 0.1, 200)
     assert gripper.play(TAUGHT)
-    assert there.uploads == {1: CONTENT}
+    assert there.uploads == {"tmp/upload-1": CONTENT}
     first, second = there.asked("play")
-    own = {"upload": 1, "progress": True, "config": {"speed_mm_s": 30.0}}
+    own = {"name": "tmp/upload-1", "progress": True, "config": {"speed_mm_s": 30.0}}
     figures = {"speed": 0.5, "kp": 80.0, "kd": 1.5, "torque_nm": 1.0}
     assert first == {**own, **figures, "align": False, "repeat": 3}
     assert second == {**own, "speed": 1.0, "align": True, "repeat": 1}
@@ -38,10 +38,23 @@ def test_uploads_do_not_pile_up(there: FakeTrajectories, gripper: LiteGrip) -> N
     others = [Trajectory.from_bytes(lgt([(0.0, share / 10)])) for share in range(5)]
     for trajectory in others:
         gripper.play(trajectory)
-    left = [number for number, content in there.uploads.items() if content]
-    assert left == [4, 5]
+    left = [name for name, content in there.uploads.items() if content]
+    assert left == ["tmp/upload-4", "tmp/upload-5"]
     gripper.play(others[3])
-    assert there.asked("play")[-1]["upload"] == 4
+    assert there.asked("play")[-1]["name"] == "tmp/upload-4"
+
+
+def test_a_daemon_of_0_1_0_calls_it_by_its_number(
+    there: FakeTrajectories, gripper: LiteGrip
+) -> None:
+    there.is_of_0_1_0 = True
+    others = [Trajectory.from_bytes(lgt([(0.0, share / 10)])) for share in range(3)]
+    for trajectory in others:
+        gripper.play(trajectory)
+    assert gripper.record(0.5, 200.0) == TAUGHT
+    assert [asked["upload"] for asked in there.asked("play")] == [1, 2, 3]
+    assert there.asked("delete") == [{"upload": 1}]
+    assert {asked["recording"] for asked in there.asked("get")} == {1}
 
 
 def test_a_new_connection_is_sent_it_anew(daemon: FakeDaemon, there: FakeTrajectories) -> None:
@@ -103,7 +116,7 @@ def test_a_background_replay_ends_with_its_connection(
     daemon.handlers["trajectory.play"] = lambda request: {"job": 9}
     daemon.handlers["trajectory.status"] = lambda request: playing()
     assert gripper.play_start(TAUGHT, loop=True) == playing()
-    own = {"upload": 1, "loop": True, "wait": False, "detach": False}
+    own = {"name": "tmp/upload-1", "loop": True, "wait": False, "detach": False}
     assert there.asked("play") == [{**own, "speed": 1.0, "align": True}]
 
 
@@ -149,4 +162,4 @@ def test_the_background_forms_with_gripper(daemon: FakeDaemon, there: FakeTrajec
         assert (await gripper.play_stop())["error"] is None
 
     with_gripper(daemon, use)
-    assert there.uploads == {1: CONTENT}
+    assert there.uploads == {"tmp/upload-1": CONTENT}

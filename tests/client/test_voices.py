@@ -13,12 +13,14 @@ import litegrip_client
 from litegrip_client import LiteGrip, LiteGripError
 from litegrip_client.ctl import commands as ctl
 from litegrip_client.ctl.parser import LateParser, Parser, whole_parser
+from litegrip_client.threads.blocking import connect
 from litegrip_client.values.errors import from_error_object
-from litegrip_client.values.voices import ARGUMENTS, CALLS, in_python, in_shell, is_said
+from litegrip_client.values.voices import ARGUMENTS, CALLS, in_python, in_shell
 from litegripd.app.build import METHODS
 from litegripd.control.admission import NOT_CALIBRATED, NOT_ENABLED, ZERO_MOVED, busy_with
 from litegripd.control.authority import StopLatch
 from litegripd.model.errors import Refusal
+from litegripd.model.sentence import method_name, sentence, with_terms
 from litegripd.model.state import Job, Owner
 from litegripd.motor.phases import implausible_refusal
 from litegripd.rpc.jsonrpc import error_object
@@ -26,6 +28,7 @@ from litegripd.rpc.method import check, methods_of
 from litegripd.sim.methods import SimMethods
 from tests.client.fake_daemon import FakeDaemon
 from tests.client.helpers import Ctl
+from tests.world import World
 
 ROWS = {method.name: method for method in (*METHODS, *methods_of(SimMethods))}
 OWNER = Owner(client=3, pid=77, uid=1000, program="pick.py")
@@ -106,8 +109,8 @@ def test_the_arguments_of_python_are_those_of_the_method(method: str) -> None:
 
 
 def test_a_time_that_goto_takes_is_not_named_as_on_the_wire() -> None:
-    told = in_python("at_least_s is -1, it must be 0 to 3600", "motion.move", "at_least_s")
-    assert told == "duration is -1, it must be 0 to 3600"
+    _, python, _ = of("motion.move", opening_mm=5, at_least_s=-1)
+    assert python == "duration is -1, it must be 0 to 3600"
 
 
 def refusals() -> Iterator[Refusal]:
@@ -170,60 +173,104 @@ def test_a_value_is_named_by_what_the_reader_has_typed() -> None:
 
 
 def test_the_configuration_of_a_motion_is_named_as_the_reader_has_it() -> None:
-    data = {"reason": "invalid_params", "parameter": "config", "field": "force_n"}
-    wire = {"code": -32602, "message": "config: force_n is 99, it must be 0.5 to 30", "data": data}
-    python = from_error_object(wire, "motion.open", in_python).message
-    assert python == "motion_config: force_n is 99, it must be 0.5 to 30"
+    world = World()
+    error = world.enabled().call("motion.grasp", config={"force_n": 99})["error"]
+    python = from_error_object(error, "motion.grasp", in_python).message
+    assert python.startswith("motion_config: force_n is 99.0, ")
+    assert from_error_object(error, "motion.grasp", in_shell).message.startswith("config: force_n")
 
 
-def test_a_word_of_the_sentence_stays_one() -> None:
-    text = "teleop.start: host is missing: a slave connects to its host, with reflect_n"
-    words = in_shell(text, "teleop.start", "host")
-    assert words == "--host is missing: a slave connects to its host, with --reflect-force"
-    assert in_shell("stop.clear with care", None) == "litegripctl clear with care"
+def told(template: str, method: str | None = None, **values: object) -> tuple[str, str]:
+    """Return a sentence in Python's and the shell's voice."""
+    wire = error_object(Refusal("busy", sentence(template, **values)))
+    made = (from_error_object(wire, method, voice).message for voice in (in_python, in_shell))
+    python, shell = made
+    return python, shell
 
 
 @pytest.mark.parametrize(
-    ("told", "python", "shell"),
+    ("template", "python", "shell"),
     [
-        ("calibration.zero with a mount", "gripper.zero(mount=...)", "litegripctl zero --mount"),
+        ("{calibration.zero with a mount}", "gripper.zero(mount=...)", "litegripctl zero --mount"),
         (
-            "trajectory.record_stop with allow_empty",
+            "{trajectory.record_stop with allow_empty}",
             "gripper.record_stop(allow_empty=...)",
             "by the program that records",
         ),
         (
-            "trajectory.delete with its number",
-            None,
+            "{trajectory.delete} with its number",
+            "gripper.delete_trajectory() with its number",
             "litegripctl trajectories delete with its number",
         ),
-        ("motion.movement and /a/stop.clear.json", "motion.movement and /a/stop.clear.json", None),
+        (
+            "{teleop.start}: {.host} is missing: a slave connects to its host, with {.reflect_n}",
+            "host is missing: a slave connects to its host, with reflect_n",
+            "--host is missing: a slave connects to its host, with --reflect-force",
+        ),
+        ("motion.move and /a/stop.clear: force_n",) * 3,
     ],
 )
-def test_a_method_with_a_parameter_is_a_call_with_an_argument(
-    told: str, python: str | None, shell: str | None
+def test_only_what_is_marked_is_named_in_another_voice(
+    template: str, python: str, shell: str
 ) -> None:
-    assert python is None or in_python(told) == python
-    assert shell is None or in_shell(told) == shell
+    assert told(template, "teleop.start") == (python, shell)
+
+
+@pytest.mark.parametrize(
+    "terms",
+    [
+        "stop.clear",
+        {"message": 3},
+        {"message": [3]},
+        {"message": [{"start": 0, "end": 10}]},
+        {"message": [{"start": 5, "end": 90, "method": "stop.clear", "parameter": None}]},
+        {"message": [{"start": -3, "end": 4, "method": "stop.clear", "parameter": None}]},
+        {"message": [{"start": "a", "end": 4, "method": "stop.clear", "parameter": None}]},
+        {"message": [{"start": 0, "end": 4, "method": ["stop.clear"], "parameter": None}]},
+    ],
+)
+def test_a_message_whose_terms_cannot_be_stays_as_it_came(terms: object) -> None:
+    wire = {"code": -1, "message": "stop.clear", "data": {"reason": "busy", "terms": terms}}
+    assert from_error_object(wire).message == "stop.clear"
+
+
+def test_another_language_can_be_given_to_a_connection(daemon: FakeDaemon) -> None:
+    text = sentence("the motor is not enabled: enable it first ({motor.enable})")
+    hint = method_name("motor.enable")
+    daemon.handlers["motion.open"] = lambda r: r.fail("not_enabled", -32030, text, hint=hint)
+    with connect("can0", daemon.path) as connection:
+        connection.voice = lambda method, *_: f"the service {method}"
+        with pytest.raises(LiteGripError, match="not enabled") as caught:
+            connection.call("motion.open")
+    assert caught.value.message.endswith("enable it first (the service motor.enable)")
+    assert caught.value.hint == "the service motor.enable"
+    assert "terms" not in caught.value.data
 
 
 def test_a_remedy_is_said_when_its_calls_are() -> None:
-    assert is_said("clear it with gripper.clear_stop() first", "gripper.clear_stop()")
-    assert is_said("(litegripctl lease take REASON)", "in need: litegripctl lease take REASON")
-    assert not is_said("look: litegripctl lease", "in need: litegripctl lease take REASON")
-    assert not is_said("litegripctl clear-fault", "when it is safe again: litegripctl clear")
-    assert not is_said("no bus", "plug it in")
+    def shown(message: str, hint: str) -> str:
+        refusal = Refusal("bus_down", sentence(message), {"hint": sentence(hint)})
+        return str(from_error_object(error_object(refusal)))
+
+    assert shown("no: first {motor.enable}", "call {motor.enable}") == "no: first gripper.enable()"
+    text = shown("no: first {motor.enable}", "{motor.enable}, then {calibration.zero}")
+    assert text.endswith("\ngripper.enable(), then gripper.zero()")
+    assert shown("no: plug it in", "plug it in") == "no: plug it in"
+    assert shown("no bus", "plug it in") == "no bus\nplug it in"
+    assert shown("motor.enable", "{motor.enable}") == "motor.enable\ngripper.enable()"
 
 
 def test_python_reads_python(daemon: FakeDaemon, gripper: LiteGrip) -> None:
     daemon.handlers["motion.open"] = lambda request: request.fail(
-        "stopped", -32021, "a stop is latched; clear it with stop.clear first", hint="stop.clear"
+        "stopped",
+        -32021,
+        sentence("a stop is latched; clear it with {stop.clear} first"),
+        hint=method_name("stop.clear"),
     )
     with pytest.raises(LiteGripError) as caught:
         gripper.open()
     assert str(caught.value) == "a stop is latched; clear it with gripper.clear_stop() first"
-    daemon.handlers["health"] = lambda request: {
-        "verdict": "down",
-        "reasons": ["motor.clear_fault"],
-    }
-    assert gripper.health()["reasons"] == ["gripper.clear_fault()"]
+    reasons = [method_name("motor.clear_fault"), "motor.clear_fault"]
+    answer = with_terms({"verdict": "down", "reasons": reasons})
+    daemon.handlers["health"] = lambda request: answer
+    assert gripper.health()["reasons"] == ["gripper.clear_fault()", "motor.clear_fault"]

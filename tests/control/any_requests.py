@@ -4,7 +4,7 @@ from typing import Any, TypeAlias
 
 from hypothesis import strategies as st
 
-from litegripd.model.calibration import NOMINAL, SUPERSEDED
+from litegripd.model.calibration import GIVEN_KEYS, NOMINAL, SUPERSEDED
 from litegripd.model.gripper import DM4310, FASTEST_MM_S, STROKE_MM
 from litegripd.model.motion_config import MotionConfig, ranges_of
 from tests.trajectories import lgt, pieces
@@ -89,6 +89,8 @@ _none: st.SearchStrategy[Values] = st.just({})
 _speed = st.sampled_from([0.1, 20.0, 50.0, FASTEST_MM_S]) | st.floats(0.1, FASTEST_MM_S)
 _force = st.floats(0.5, DM4310.most_force_n)
 _config = _none | _none | _none | _must(config=any_fields) | _must(config=good_fields)
+_given = contents.map(lambda content: {key: content[key] for key in GIVEN_KEYS if key in content})
+_config = _config | _must(calibration=_given)
 _flags = _none | _may(wait=st.booleans(), detach=st.booleans(), progress=st.booleans())
 _target = (
     _must(openness=st.floats(0.0, 1.0))
@@ -123,7 +125,12 @@ trajectories = st.one_of(
     _call("trajectory.put", st.just(pieces(_whole)[0]), _must(name=st.just("a"))),
     _call("trajectory.play", _must(name=st.just("a")), _play, _passes, _config, _flags),
     _call("trajectory.play", _must(name=st.just("a")), _play, _passes),
-    _call("trajectory.play", _must(upload=st.integers(1, 2)), _play, _passes),
+    _call(
+        "trajectory.play",
+        _must(name=st.sampled_from(["tmp/upload-1", "tmp/upload-2"])),
+        _play,
+        _passes,
+    ),
     _call("trajectory.control", _must(action=st.sampled_from(["pause", "resume"]))),
     _call("trajectory.control", _must(action=st.just("speed"), speed=st.floats(0.1, 4.0))),
     _call("trajectory.status"),
@@ -155,6 +162,11 @@ motions = st.one_of(
         "stream.set",
         _target,
         _may(valid_s=st.floats(0.02, 2.0), speed_mm_s=_speed, torque_nm=st.floats(0.1, 3.0)),
+    ),
+    _call(
+        "stream.set",
+        _must(push_nm=st.sampled_from([0.0, 4.0, -4.0]) | st.floats(-4.5, 4.5)),
+        _may(valid_s=st.floats(0.02, 2.0), calibration=_given),
     ),
     _call(
         "calibration.zero",

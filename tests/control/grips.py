@@ -35,8 +35,8 @@ def picked(
     *,
     release: bool = True,
     **item: float,
-) -> tuple[World, Client, int]:
-    """Record a pick, and its release; return the recording's number."""
+) -> tuple[World, Client, str]:
+    """Record a pick, and its release; return the recording's name."""
     world, client = gripper()
     world.gripper.put_object(width_mm=width_mm, **item)
     client.result("trajectory.record_start", zero_gravity=False)
@@ -46,8 +46,8 @@ def picked(
     if release:
         client.result("motion.move", opening_mm=72)
         world.run(0.2)
-    number: int = client.result("trajectory.record_stop")["recording"]
-    return world, client, number
+    name: str = client.result("trajectory.record_stop")["name"]
+    return world, client, name
 
 
 def beside(client: Client, **source: Any) -> dict[str, Any]:
@@ -87,8 +87,8 @@ def on_another(
     **item: float,
 ) -> tuple[World, Client]:
     """Teach a pick on one gripper, and bring it to another one with another object."""
-    _, teacher, number = picked(36.0, force_n, release=release)
-    content, grip_bytes = both(teacher, recording=number)
+    _, teacher, name = picked(36.0, force_n, release=release)
+    content, grip_bytes = both(teacher, name=name)
     world, client = gripper(mount)
     if width_mm is not None:
         world.gripper.put_object(width_mm=width_mm, **item)

@@ -163,7 +163,9 @@ class LimitWatch:
     def _charge(self, now_s: float, torque_nm: float) -> None:
         """Sum what exceeds the rating, for a grip what it may have; once used up, that counts."""
         before_nm = self._lasting_nm
-        self._lasting_nm = RATED_NM if self._controller.grip is None else GRIP_NM
+        action = self._controller.action
+        by_force = self._controller.grip is not None or (action is not None and action.by_force)
+        self._lasting_nm = GRIP_NM if by_force else RATED_NM
         if self._last is not None:
             last_s, last_nm = self._last
             elapsed_s = max(now_s - last_s, 0.0)

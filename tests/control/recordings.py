@@ -17,7 +17,7 @@ def recording(world: World | None = None, **params: Any) -> tuple[World, Client]
 
 def taken(client: Client, **params: Any) -> list[tuple[float, ...]]:
     """End the recording and fetch its samples."""
-    number = client.result("trajectory.record_stop", **params)["recording"]
-    content = fetched(client, recording=number)
+    name = client.result("trajectory.record_stop", **params)["name"]
+    content = fetched(client, name=name)
     read(memoryview(content))
     return points_of(content)

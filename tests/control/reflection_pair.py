@@ -50,7 +50,7 @@ class Pair:
     following: Client
     hand: Hand
     delay_s: float
-    carried: list[int] = field(default_factory=lambda: [0, 0])
+    carried: list[int] = field(default_factory=lambda: [0, 0, 0])
     is_cut: bool = False
 
     def tick(self) -> None:
@@ -58,13 +58,16 @@ class Pair:
         self.leader.tick()
         self.follower.tick()
         sent, replied = self.leader.wire.sent, self.follower.wire.replied
+        told = self.follower.wire.told
         if not self.is_cut:
             for at_s, payload in sent[self.carried[0] :]:
                 self.follower.wire.arriving.append(Arrival(payload, at_s + self.delay_s, "leader"))
             for at_s, payload, to in replied[self.carried[1] :]:
                 assert to == "leader"
                 self.leader.wire.arriving.append(Arrival(payload, at_s + self.delay_s, "follower"))
-        self.carried = [len(sent), len(replied)]
+            for at_s, payload in told[self.carried[2] :]:
+                self.leader.wire.arriving.append(Arrival(payload, at_s + self.delay_s, "follower"))
+        self.carried = [len(sent), len(replied), len(told)]
 
     def run(self, duration_s: float, to_mm: float | None = None) -> list[float]:
         """Let time pass while the hand goes to `to_mm`; return the leader's torques."""

@@ -26,7 +26,7 @@ def playing(world: World) -> Replay:
 
 def started(world: World, client: Client, points: list[Point], **params: Any) -> int:
     """Begin a replay and let it come onto its path; return the request's number."""
-    number = client.send("trajectory.play", upload=uploaded(client, points), **params)
+    number = client.send("trajectory.play", name=uploaded(client, points), **params)
     world.run_until(lambda: playing(world).phase == "play")
     return number
 

@@ -41,6 +41,7 @@ class Wire:
     arriving: list[Arrival] = field(default_factory=list)
     sent: list[tuple[float, bytes]] = field(default_factory=list)
     replied: list[tuple[float, bytes, str]] = field(default_factory=list)
+    told: list[tuple[float, bytes]] = field(default_factory=list)
     status: LinkStatus = OPEN
     takes: bool = True
     is_closed: bool = False
@@ -53,6 +54,11 @@ class Wire:
     def reply(self, payload: bytes, to: str, now_s: float) -> bool:
         if self.takes:
             self.replied.append((now_s, payload, to))
+        return self.takes
+
+    def tell(self, payload: bytes, now_s: float) -> bool:
+        if self.takes:
+            self.told.append((now_s, payload))
         return self.takes
 
     def receive(self, now_s: float) -> Sequence[Arrival]:

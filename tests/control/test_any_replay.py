@@ -41,10 +41,10 @@ class Jaws:
         operations = self.store.operations()
         content = lgt(points)
         beside = pack_grips(grips, hashlib.sha256(content).hexdigest()) if grips else b""
-        common = {"key": "it", "name": None, "header": None, "grip_bytes": len(beside)}
+        common = {"key": "tmp/it", "name": None, "header": None, "grip_bytes": len(beside)}
         for piece in pieces(content + beside, **common):
             operations["trajectory.put"](piece)
-        wanted = ReplayRequest({"kept": "it"}, **request)  # type: ignore[arg-type]
+        wanted = ReplayRequest("tmp/it", **request)  # type: ignore[arg-type]
         self.replay = Replay(
             wanted,
             geometry=GEOMETRY,

@@ -14,7 +14,7 @@ def begun(client: Client, what: str) -> None:
     if what == "teleop":
         client.result("teleop.start", **TELEOP)
     elif what == "replaying":
-        client.send("trajectory.play", upload=uploaded(client, SLOW))
+        client.send("trajectory.play", name=uploaded(client, SLOW))
     elif what == "watching":
         client.result("trajectory.record_start", zero_gravity=False)
     else:

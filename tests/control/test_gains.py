@@ -159,7 +159,7 @@ def test_what_a_motion_gives_is_judged_with_what_it_leaves_out(
     content = client.result("calibration.get")["content"]
     client.result("calibration.load", content={**content, "kp": 100, "kd": 0.5})
     if method == "trajectory.play":
-        params: dict[str, Any] = {"upload": uploaded(client, SLOW)}
+        params: dict[str, Any] = {"name": uploaded(client, SLOW)}
     else:
         params = SLAVE if method == "teleop.start" else {"opening_mm": 30.0}
     error = client.call(method, **params, **gains)["error"]
@@ -176,7 +176,7 @@ def test_a_motion_does_not_take_what_it_leaves_out_from_the_file(method: str) ->
     content = client.result("calibration.get")["content"]
     client.result("calibration.load", content={**content, "kp": 100, "kd": 0.5})
     plays = method == "trajectory.play"
-    params: dict[str, Any] = {"upload": uploaded(client, SLOW)} if plays else {"opening_mm": 30.0}
+    params: dict[str, Any] = {"name": uploaded(client, SLOW)} if plays else {"opening_mm": 30.0}
     since_s = world.now_s
     assert client.result(method, **params, kp=500)["ok"]
     dampings = {round(command.kd_nm_s_rad, 1) for _, command in world.commands_since(since_s)}

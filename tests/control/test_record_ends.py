@@ -184,13 +184,13 @@ def test_while_it_is_taken_to_the_disk_nothing_interferes() -> None:
 
 def test_only_the_latest_recording_is_kept() -> None:
     world, client = recording()
-    numbers = []
+    names = []
     for _ in range(2):
         world.run(0.2)
-        numbers.append(client.result("trajectory.record_stop")["recording"])
+        names.append(client.result("trajectory.record_stop")["name"])
         client.result("trajectory.record_start")
-    assert client.refusal("trajectory.get", recording=numbers[0]) == "unknown_trajectory"
-    assert fetched(client, recording=numbers[1])
+    assert client.refusal("trajectory.get", name=names[0]) == "unknown_trajectory"
+    assert fetched(client, name=names[1])
 
 
 def test_a_name_that_cannot_be_leaves_the_recording_running() -> None:

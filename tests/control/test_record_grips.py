@@ -21,23 +21,23 @@ from tests.trajectories import fetched, points_of, send
 
 
 def test_a_grip_is_noted_with_its_contact_its_force_and_who_commanded_it() -> None:
-    _, client, number = picked(36.0, 8.0)
-    (grip,) = grips(client, recording=number)
+    _, client, name = picked(36.0, 8.0)
+    (grip,) = grips(client, name=name)
     assert grip["force_n"] == 8.0
     assert grip["width_mm"] == pytest.approx(36.0, abs=0.7)
     assert grip["openness"] == pytest.approx(36.0 / TRAVEL_MM, abs=0.02)
     assert grip["source"] == "motion.grasp by program101"
     assert grip["closing_s"] == pytest.approx(0.2, abs=0.05)
-    samples = points_of(fetched(client, recording=number))
+    samples = points_of(fetched(client, name=name))
     standing = [t for t, openness, *_ in samples if openness < 36.7 / TRAVEL_MM]
     assert grip["start_s"] == pytest.approx(standing[0] + 0.11, abs=0.06)
     assert grip["end_s"] - grip["start_s"] == pytest.approx(1.0, abs=0.05)
 
 
 def test_the_file_beside_names_the_trajectory_it_belongs_to() -> None:
-    _, client, number = picked()
-    digest = hashlib.sha256(fetched(client, recording=number)).hexdigest()
-    content = beside(client, recording=number)
+    _, client, name = picked()
+    digest = hashlib.sha256(fetched(client, name=name)).hexdigest()
+    content = beside(client, name=name)
     assert (content["format"], content["version"]) == ("litegrip-grips", 1)
     assert content["lgt_sha256"] == digest
 
@@ -66,24 +66,24 @@ def test_one_that_is_held_already_begins_with_the_recording() -> None:
     other.result("trajectory.record_start", zero_gravity=False)
     world.run(0.5)
     client.result("motion.move", opening_mm=58)
-    number = other.result("trajectory.record_stop")["recording"]
-    (grip,) = grips(other, recording=number)
+    name = other.result("trajectory.record_stop")["name"]
+    (grip,) = grips(other, name=name)
     assert (grip["closing_s"], grip["start_s"], grip["force_n"]) == (0.0, 0.0, 6.0)
     assert grip["end_s"] == pytest.approx(0.5, abs=0.03)
     assert grip["source"] == "motion.grasp by program101"
 
 
 def test_one_that_a_replay_has_left_is_its() -> None:
-    world, client, number = picked(release=False)
-    content, grip_bytes = both(client, recording=number)
+    world, client, name = picked(release=False)
+    content, grip_bytes = both(client, name=name)
     client.result("motion.move", opening_mm=72)
     send(client, content, name="pick", grip_bytes=grip_bytes)
     other = world.client()
     assert other.result("trajectory.play", name="pick", force="replay")["ok"]
     client.result("trajectory.record_start", zero_gravity=False)
     world.run(0.3)
-    number = client.result("trajectory.record_stop")["recording"]
-    (grip,) = grips(client, recording=number)
+    name = client.result("trajectory.record_stop")["name"]
+    (grip,) = grips(client, name=name)
     assert grip["source"] == "trajectory.play by program102"
 
 
@@ -95,8 +95,8 @@ def test_a_force_that_is_changed_makes_another_grip_without_a_gap() -> None:
     world.run(0.5)
     client.result("motion.set_force", force_n=12)
     world.run(0.5)
-    number = client.result("trajectory.record_stop")["recording"]
-    one, two = grips(client, recording=number)
+    name = client.result("trajectory.record_stop")["name"]
+    one, two = grips(client, name=name)
     assert (one["force_n"], two["force_n"]) == (6.0, 12.0)
     assert one["end_s"] == two["closing_s"] == two["start_s"]
     assert two["source"] == "motion.set_force by program101"
@@ -110,8 +110,8 @@ def test_a_grip_that_is_lost_ends_there() -> None:
     world.run(0.5)
     world.gripper.remove_object()
     world.run(1.0)
-    number = client.result("trajectory.record_stop")["recording"]
-    (grip,) = grips(client, recording=number)
+    name = client.result("trajectory.record_stop")["name"]
+    (grip,) = grips(client, name=name)
     assert grip["end_s"] - grip["start_s"] == pytest.approx(0.5, abs=0.1)
 
 
@@ -125,7 +125,7 @@ def test_of_a_hand_nothing_is_claimed_whatever_it_pushes_on() -> None:
     assert world.gripper.opening_mm < 37.0
     answer = client.result("trajectory.record_stop")
     assert answer["grips"] == 0
-    assert fetched(client, recording=answer["recording"], format="grip") == b""
+    assert fetched(client, name=answer["name"], format="grip") == b""
 
 
 def test_a_way_by_hand_and_a_grip_by_command_are_one_recording() -> None:
@@ -142,9 +142,7 @@ def test_a_way_by_hand_and_a_grip_by_command_are_one_recording() -> None:
     client.result("motion.grasp", until="verdict", force_n=8)
     world.run(0.5)
     client.result("motion.move", opening_mm=65)
-    content, grip_bytes = both(
-        client, recording=client.result("trajectory.record_stop")["recording"]
-    )
+    content, grip_bytes = both(client, name=client.result("trajectory.record_stop")["name"])
     other, others_client = gripper("reverse", 80.0)
     other.gripper.put_object(width_mm=35.0, stiffness_nm_rad=80.0)
     send(others_client, content, name="pick", grip_bytes=grip_bytes)

@@ -119,6 +119,23 @@ def test_refused_requests_push_nothing_out_but_each_other() -> None:
     assert "job_started" in kinds
 
 
+def test_what_flaps_pushes_nothing_of_another_kind_out() -> None:
+    world = World()
+    client = world.enabled()
+    client.result("stop", why="the one that matters")
+    for number in range(recorder.EVENTS + 100):
+        world.controller.events.append(Event("bus", f"CAN bus: up -> down, {number}"))
+        if number % 8 == 0:
+            world.tick()
+    world.tick()
+    events = recorded(world).events
+    kinds = [event.content["kind"] for event in events]
+    assert kinds.count("stop") == 1
+    assert kinds.count("bus") == recorder.EVENTS  # each once, though the newest are kept twice
+    assert [event.number for event in events] == sorted(event.number for event in events)
+    assert "the one that matters" in events[kinds.index("stop")].content["message"]
+
+
 @settings(deadline=None)
 @given(message=st.text(max_size=2000), data=st.dictionaries(st.text(max_size=20), st.text()))
 def test_an_event_of_any_length_fits_its_slot(message: str, data: dict[str, str]) -> None:

@@ -64,8 +64,8 @@ def test_a_motion_taught_by_hand_replays_on_another_mount() -> None:
     for torque_nm, duration_s in ((-0.24, 0.4), (0.0, 0.3), (0.25, 0.4), (0.0, 0.3)):
         world.gripper.push(torque_nm)
         world.run(duration_s)
-    taught = client.result("trajectory.record_stop")["recording"]
-    content = fetched(client, recording=taught)
+    taught = client.result("trajectory.record_stop")["name"]
+    content = fetched(client, name=taught)
     other, others_client = ready("reverse")
     send(others_client, content, name="pick")
     number = others_client.send("trajectory.play", name="pick", speed=0.4)
@@ -91,7 +91,7 @@ def test_nothing_jumps_from_the_first_command_on() -> None:
     world.run(0.2)
     since_s = world.now_s
     here_rad = world.gripper.position_rad
-    number = client.send("trajectory.play", upload=uploaded(client, sampled(swing(0.3), 2.0)))
+    number = client.send("trajectory.play", name=uploaded(client, sampled(swing(0.3), 2.0)))
     world.run_until(lambda: client.has_answer(number))
     world.run(0.5)
     commands = world.commands_since(since_s + PERIOD_S)
@@ -106,7 +106,7 @@ def test_nothing_jumps_from_the_first_command_on() -> None:
 def test_it_goes_to_the_start_at_the_speed_of_a_move() -> None:
     world, client = ready()
     client.result("motion.move", opening_mm=WIDE_MM)
-    client.send("trajectory.play", upload=uploaded(client, SLOW), config={"speed_mm_s": 20})
+    client.send("trajectory.play", name=uploaded(client, SLOW), config={"speed_mm_s": 20})
     world.run_until(lambda: playing(world).phase == "align")
     began_s = world.now_s
     world.run_until(lambda: playing(world).phase == "play")
@@ -115,17 +115,17 @@ def test_it_goes_to_the_start_at_the_speed_of_a_move() -> None:
 
 def test_without_align_it_begins_only_where_it_begins() -> None:
     world, client = ready()
-    upload = uploaded(client, SLOW)
+    name = uploaded(client, SLOW)
     client.result("motion.move", opening_mm=0.5 * TRAVEL_MM + 10.0)
     since_s = world.now_s
-    answer = client.call("trajectory.play", upload=upload, align=False)
+    answer = client.call("trajectory.play", name=name, align=False)
     data = answer["error"]["data"]
     assert (data["reason"], data["limit"]) == ("out_of_limits", 4.0)
     assert data["requested"] == pytest.approx(10.0, abs=0.5)
     positions = {command.position_rad for _, command in world.commands_since(since_s)}
     assert max(positions) - min(positions) < 0.02
     client.result("motion.move", opening_mm=0.5 * TRAVEL_MM + 2.0)
-    assert client.result("trajectory.play", upload=upload, align=False)["ok"]
+    assert client.result("trajectory.play", name=name, align=False)["ok"]
 
 
 def test_the_hold_at_its_end_lasts() -> None:
@@ -180,7 +180,7 @@ def test_a_new_speed_counts_from_the_next_tick() -> None:
 def test_a_pause_on_the_way_to_the_start_holds_there() -> None:
     world, client = ready()
     client.result("motion.move", opening_mm=WIDE_MM)
-    client.send("trajectory.play", upload=uploaded(client, SLOW))
+    client.send("trajectory.play", name=uploaded(client, SLOW))
     world.run_until(lambda: playing(world).phase == "align")
     world.run(0.3)
     client.result("trajectory.control", action="pause")
@@ -256,29 +256,29 @@ def test_the_status_tells_of_the_latest_of_recordings_and_replays() -> None:
 
 def test_a_path_that_is_too_fast_is_refused_with_the_speed_that_goes() -> None:
     world, client = ready()
-    upload = uploaded(client, sampled(lambda t_s: 0.2 + 6.0 * t_s, 0.1, hz=200))  # 522 mm/s
+    name = uploaded(client, sampled(lambda t_s: 0.2 + 6.0 * t_s, 0.1, hz=200))  # 522 mm/s
     since_s = world.now_s
-    answer = client.call("trajectory.play", upload=upload)
+    answer = client.call("trajectory.play", name=name)
     data = answer["error"]["data"]
     assert (data["reason"], data["field"]) == ("out_of_limits", "speed")
     assert data["limit"] == pytest.approx(FASTEST_MM_S / (6.0 * TRAVEL_MM), rel=1e-3)
     assert world.state.mode == "holding"
     assert len({c.position_rad for _, c in world.commands_since(since_s)}) <= 2
-    assert client.result("trajectory.play", upload=upload, speed=0.28)["ok"]
+    assert client.result("trajectory.play", name=name, speed=0.28)["ok"]
 
 
 def test_a_jump_is_refused_at_every_speed() -> None:
     _, client = ready()
-    upload = uploaded(client, [(0.0, 0.4), (0.0, 0.6), (1.0, 0.6)])
-    assert client.refusal("trajectory.play", upload=upload, speed=0.1) == "out_of_limits"
+    name = uploaded(client, [(0.0, 0.4), (0.0, 0.6), (1.0, 0.6)])
+    assert client.refusal("trajectory.play", name=name, speed=0.1) == "out_of_limits"
 
 
 @pytest.mark.parametrize("after_s", [0.0, 0.001])
 @pytest.mark.parametrize("speed", [0.1, 1.0])
 def test_a_jump_within_a_period_is_a_jump(after_s: float, speed: float) -> None:
     _, client = ready()
-    upload = uploaded(client, [(0.0, 0.05), (after_s, 0.95)])
-    assert client.refusal("trajectory.play", upload=upload, speed=speed) == "out_of_limits"
+    name = uploaded(client, [(0.0, 0.05), (after_s, 0.95)])
+    assert client.refusal("trajectory.play", name=name, speed=speed) == "out_of_limits"
 
 
 @pytest.mark.parametrize("after_s", [0.0, 0.001])
@@ -287,8 +287,8 @@ def test_a_path_within_a_period_is_a_pose_as_long_as_it_is_slow(
     after_s: float, moved: float
 ) -> None:
     world, client = ready()
-    upload = uploaded(client, [(0.0, 0.25), (after_s, 0.25 + moved * after_s / 0.001)])
-    assert client.result("trajectory.play", upload=upload)["ok"]
+    name = uploaded(client, [(0.0, 0.25), (after_s, 0.25 + moved * after_s / 0.001)])
+    assert client.result("trajectory.play", name=name)["ok"]
     assert openness(world) == pytest.approx(0.25, abs=0.02)
 
 
@@ -302,10 +302,10 @@ def test_a_running_one_is_not_made_too_fast_either() -> None:
 
 def test_a_path_of_days_is_refused() -> None:
     _, client = ready()
-    upload = uploaded(client, [(0.0, 0.5), (1e6, 0.5)])
-    assert client.refusal("trajectory.play", upload=upload) == "out_of_limits"
-    upload = uploaded(client, [(-1.7e308, 0.5), (1.7e308, 0.6)])
-    assert client.refusal("trajectory.play", upload=upload) == "out_of_limits"
+    name = uploaded(client, [(0.0, 0.5), (1e6, 0.5)])
+    assert client.refusal("trajectory.play", name=name) == "out_of_limits"
+    name = uploaded(client, [(-1.7e308, 0.5), (1.7e308, 0.6)])
+    assert client.refusal("trajectory.play", name=name) == "out_of_limits"
 
 
 # Poses and loops
@@ -313,7 +313,7 @@ def test_a_path_of_days_is_refused() -> None:
 
 def test_one_sample_is_a_pose_to_go_to() -> None:
     world, client = ready()
-    result = client.result("trajectory.play", upload=uploaded(client, [(5.0, 0.25)]))
+    result = client.result("trajectory.play", name=uploaded(client, [(5.0, 0.25)]))
     assert (result["ok"], result["loops"]) == (True, 1)
     assert openness(world) == pytest.approx(0.25, abs=0.02)
     assert world.state.mode == "holding"
@@ -375,7 +375,7 @@ def test_a_loop_goes_on_until_it_is_cancelled_and_then_holds() -> None:
 def test_one_that_is_broken_off_on_its_way_stops_where_the_jaws_are(ticks: int) -> None:
     world, client = ready()
     points = sampled(lambda t: min(0.1 + 1.7 * max(t - 0.5, 0.0), 0.9), 1.2, hz=200)
-    client.send("trajectory.play", upload=uploaded(client, points))
+    client.send("trajectory.play", name=uploaded(client, points))
     world.run_until(lambda: (playing(world).openness or 0.0) > 0.11)
     world.run(ticks * PERIOD_S)
     before_mm = world.gripper.opening_mm

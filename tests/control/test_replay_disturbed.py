@@ -91,7 +91,7 @@ def test_jaws_that_do_not_get_to_the_start_replay_nothing() -> None:
     world, client = ready()
     client.result("motion.move", openness=0.83)
     world.gripper.put_object(width_mm=0.67 * TRAVEL_MM, stiffness_nm_rad=2000.0)
-    number = client.send("trajectory.play", upload=uploaded(client, SLOW))
+    number = client.send("trajectory.play", name=uploaded(client, SLOW))
     world.run_until(lambda: client.has_answer(number))
     result = result_of(client, number)
     assert (result["ok"], result["outcome"], result["loops"]) == (False, "not_aligned", 0)
@@ -106,7 +106,7 @@ def test_jaws_that_do_not_get_to_the_start_replay_nothing() -> None:
 def test_a_stop_ends_it_by_the_next_tick(level: str, phase: str) -> None:
     world, client = ready()
     client.result("motion.move", openness=0.75)
-    number = client.send("trajectory.play", upload=uploaded(client, SLOW))
+    number = client.send("trajectory.play", name=uploaded(client, SLOW))
     world.run_until(lambda: playing(world).phase == phase)
     world.run(0.0 if phase == "load" else 0.2)
     here_mm, before_nm = world.gripper.opening_mm, abs(world.gripper.motor_torque_nm)
@@ -120,7 +120,7 @@ def test_a_stop_ends_it_by_the_next_tick(level: str, phase: str) -> None:
     if level == "hold":
         assert world.gripper.opening_mm == pytest.approx(here_mm, abs=0.02 * NOMINAL[0].rad_to_mm)
         assert abs(world.gripper.motor_torque_nm) <= max(before_nm, 0.3)
-    assert client.refusal("trajectory.play", upload=1) == "stopped"
+    assert client.refusal("trajectory.play", name="tmp/upload-1") == "stopped"
 
 
 @pytest.mark.parametrize("detach", [False, True])
@@ -177,13 +177,13 @@ def test_a_few_lost_answers_do_not_bend_the_path() -> None:
 )
 def test_it_needs_power_and_a_free_gripper(state: str, reason: str) -> None:
     _, client = in_state(state)
-    assert client.refusal("trajectory.play", upload=uploaded(client, SLOW)) == reason
+    assert client.refusal("trajectory.play", name=uploaded(client, SLOW)) == reason
 
 
 def test_it_needs_a_calibration() -> None:
     world, client = ready(calibrated=False)
-    upload = uploaded(client, SLOW)
-    assert client.refusal("trajectory.play", upload=upload) == "not_calibrated"
+    name = uploaded(client, SLOW)
+    assert client.refusal("trajectory.play", name=name) == "not_calibrated"
     assert world.controller.jobs.running is None
 
 
@@ -203,8 +203,8 @@ def test_replay_excludes_replay_and_recording() -> None:
 def test_one_replay_replaces_or_follows_another_where_that_is_asked_for() -> None:
     world, client = ready()
     first = started(world, client, SLOW)
-    second = client.send("trajectory.play", upload=1, if_busy="queue", speed=2.0)
-    third = client.send("trajectory.play", upload=1, if_busy="replace", speed=4.0)
+    second = client.send("trajectory.play", name="tmp/upload-1", if_busy="queue", speed=2.0)
+    third = client.send("trajectory.play", name="tmp/upload-1", if_busy="replace", speed=4.0)
     assert reason_of(client, first) == "replaced"
     world.run_until(lambda: client.has_answer(third) and client.has_answer(second), 30.0)
     assert result_of(client, third)["ok"]
@@ -217,7 +217,7 @@ def test_one_replay_replaces_or_follows_another_where_that_is_asked_for() -> Non
 def test_a_long_one_is_loaded_in_many_pieces_while_the_jaws_hold() -> None:
     world, client = ready()
     points = sampled(swing(0.5, 0.1, 2.0), 16.0, hz=200)
-    number = client.send("trajectory.play", upload=uploaded(client, points))
+    number = client.send("trajectory.play", name=uploaded(client, points))
     since_s = world.now_s
     world.run_until(lambda: playing(world).phase != "load")
     assert len({c.position_rad for _, c in world.commands_since(since_s)}) <= 2
@@ -231,11 +231,11 @@ def test_a_long_one_is_loaded_in_many_pieces_while_the_jaws_hold() -> None:
 def test_a_helper_that_fails_while_it_is_loaded_moves_nothing_and_drops_nothing() -> None:
     world, client = ready()
     world.gripper.put_object(width_mm=29.0)
-    upload = uploaded(client, SLOW)
+    name = uploaded(client, SLOW)
     client.result("motion.grasp", force_n=10, until="verdict")
     world.run(1.0)
     world.disk.error = "the helper process died while it worked on this"
-    answer = client.call("trajectory.play", upload=upload)
+    answer = client.call("trajectory.play", name=name)
     assert answer["error"]["data"]["reason"] == "trajectory_unreadable"
     assert "helper process died" in answer["error"]["message"]
     world.run(0.5)
@@ -245,8 +245,8 @@ def test_a_helper_that_fails_while_it_is_loaded_moves_nothing_and_drops_nothing(
 
 def test_a_helper_that_never_answers_is_waited_for_so_long_and_no_longer() -> None:
     world, client = ready()
-    upload = uploaded(client, SLOW)
-    number = client.send("trajectory.play", upload=upload)
+    name = uploaded(client, SLOW)
+    number = client.send("trajectory.play", name=name)
     world.disk.silent = True
     world.run_until(lambda: client.has_answer(number), 12.0)
     assert reason_of(client, number) == "trajectory_unreadable"
@@ -275,8 +275,8 @@ def test_a_bad_file_of_the_daemon_is_not_replayed(points: list[Point]) -> None:
 
 def test_progress_tells_where_it_is() -> None:
     world, client = ready()
-    upload = uploaded(client, SLOW)
-    number = client.send("trajectory.play", upload=upload, progress=True, repeat=2, speed=2.0)
+    name = uploaded(client, SLOW)
+    number = client.send("trajectory.play", name=name, progress=True, repeat=2, speed=2.0)
     world.run_until(lambda: client.has_answer(number))
     seen = [one["params"] for one in client.notifications if one["method"] == "job.progress"]
     assert {one["phase"] for one in seen} >= {"play"}

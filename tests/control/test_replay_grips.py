@@ -178,9 +178,7 @@ def test_what_is_held_when_the_recording_begins_is_gripped_first() -> None:
     teacher.result("trajectory.record_start", zero_gravity=False)
     taught.run(0.5)
     teacher.result("motion.move", opening_mm=65)
-    content, grip_bytes = both(
-        teacher, recording=teacher.result("trajectory.record_stop")["recording"]
-    )
+    content, grip_bytes = both(teacher, name=teacher.result("trajectory.record_stop")["name"])
     world, client = gripper("reverse")
     world.gripper.put_object(width_mm=43.0)
     send(client, content, name="pick", grip_bytes=grip_bytes)
@@ -202,7 +200,7 @@ def test_a_changed_force_is_changed_in_the_hold() -> None:
     teacher.result("motion.set_force", force_n=12)
     taught.run(1.0)
     stopped = teacher.result("trajectory.record_stop")
-    content, grip_bytes = both(teacher, recording=stopped["recording"])
+    content, grip_bytes = both(teacher, name=stopped["name"])
     world, client = gripper()
     world.gripper.put_object(width_mm=36.0)
     send(client, content, name="pick", grip_bytes=grip_bytes)

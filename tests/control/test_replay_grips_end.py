@@ -68,11 +68,11 @@ def test_a_lost_client_ends_it_as_its_lease_says(phase: str) -> None:
 
 def test_without_grips_there_is_nothing_to_repeat() -> None:
     _, client = gripper()
-    upload = uploaded(client, sampled(swing(), 2.0))
-    answer = client.call("trajectory.play", upload=upload, force="replay")
+    name = uploaded(client, sampled(swing(), 2.0))
+    answer = client.call("trajectory.play", name=name, force="replay")
     data = answer["error"]["data"]
     assert (data["reason"], data["field"]) == ("out_of_limits", "force")
-    assert client.result("trajectory.play", upload=upload)["ok"]
+    assert client.result("trajectory.play", name=name)["ok"]
 
 
 @pytest.mark.parametrize(

@@ -174,7 +174,7 @@ def test_a_stop_without_a_trip_leaves_it_holding(how: str) -> None:
     status = stop_by(follower.world, follower, how)
     if status is not None:
         assert not status["active"]
-        assert status["fault"] is None
+        assert status["fault"] == ""
     follower.world.run(0.5)
     assert follower.world.state.mode == "holding"
     assert follower.world.gripper.opening_mm == pytest.approx(before_mm, abs=0.3)

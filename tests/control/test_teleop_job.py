@@ -16,9 +16,10 @@ SLAVE: dict[str, Any] = {"mode": "slave", "host": "leader"}
 
 
 def leading(mount: str = "normal", **params: Any) -> tuple[TeleopWorld, Client]:
+    """Return a leader whose jaws are slack at once: here is no follower to wait for."""
     world = TeleopWorld(mount)
     client = world.enabled()
-    client.result("teleop.start", **MASTER, **params)
+    client.result("teleop.start", **MASTER, require_ready=False, **params)
     return world, client
 
 

@@ -5,7 +5,9 @@ from itertools import pairwise
 import pytest
 
 from litegripd.model.gripper import FASTEST_RAD_S
+from litegripd.model.teleop import LinkStatus, Reach
 from litegripd.teleop.link import TeleopAction
+from tests.app.test_facts import verdict
 from tests.control.teleop_scene import (
     CODE_RAD,
     MAX_LEAD_RAD,
@@ -310,6 +312,23 @@ def test_a_leader_that_is_not_heard_for_long_is_complained_of() -> None:
     assert complaint(follower) is None
     follower.world.run(0.2)
     assert complaint(follower) == f"teleoperation: nothing heard {words}"
+
+
+def test_a_leader_complains_of_a_follower_that_refuses_its_frames_until_it_does_not() -> None:
+    """The daemon's verdict and the doctor say so, not only the status of who asks for it."""
+    world = TeleopWorld()
+    world.enabled().result("teleop.start", mode="master", link="udp", host="follower")
+    action = world.controller.action
+    assert isinstance(action, TeleopAction)
+    why = "10.0.0.3:17448 refuses what is sent: nobody listens at that port"
+    world.wire.status = LinkStatus("open", reach=Reach("sending", why))
+    world.run(0.1)
+    assert action.complaint() == f"teleoperation: a follower is not reached: {why}"
+    judged, reasons = verdict(world)
+    assert judged == "degraded"
+    assert f"teleoperation: a follower is not reached: {why}" in reasons
+    world.wire.status = LinkStatus("open", reach=Reach("sending"))
+    assert action.complaint() is None
 
 
 def test_a_leader_itself_does_not_complain() -> None:

@@ -122,7 +122,7 @@ def test_a_tripped_guard_is_not_felt_nor_is_the_way_to_the_leader() -> None:
 def test_a_script_that_knows_the_page_alone_is_felt_and_reads_ours() -> None:
     world = TeleopWorld()
     client = world.enabled()
-    client.result("teleop.start", **MASTER, reflect_n=4.0, reflect_gain=1.0)
+    client.result("teleop.start", **MASTER, reflect_n=4.0, reflect_gain=1.0, require_ready=False)
     for tick in range(100):
         world.tick()
         _, _, _, echo_s = struct.unpack(">4d", world.wire.sent[-1][1])
@@ -247,7 +247,9 @@ def test_no_frames_push_a_hand_beyond_the_bounds(
 ) -> None:
     world = TeleopWorld()
     client = world.enabled()
-    client.result("teleop.start", **MASTER, reflect_n=reflect_n, reflect_gain=gain)
+    client.result(
+        "teleop.start", **MASTER, reflect_n=reflect_n, reflect_gain=gain, require_ready=False
+    )
     was_nm = 0.0
     for arriving, ticks, push_nm in course:
         for payload in arriving:

@@ -50,7 +50,7 @@ def test_an_old_scale_is_said_where_people_look(geometry: Geometry) -> None:
     warning = client.result("calibration.get")["scale_warning"]
     assert f"{geometry.travel_mm:.4g} mm" in warning
     assert "85 mm" in warning
-    assert "litegripctl calibration rescale" in warning
+    assert "calibration.rescale corrects it" in warning
 
 
 def test_one_command_corrects_it_and_moves_nothing() -> None:

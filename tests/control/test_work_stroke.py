@@ -1,14 +1,18 @@
 """A file's work stroke: how far `open` goes, as a plain move that never meets the stop."""
 
+import json
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
 import pytest
 
+from litegripd.io.helper.files import DATA
 from litegripd.model.calibration import NOMINAL, Calibration
 from litegripd.model.gripper import FASTEST_MM_S, Geometry
 from litegripd.model.motor import MotorPhase
 from litegripd.sim.plant import SimulatorParameters, limits_of_mount
+from tests.app.test_facts import info
 from tests.world import Client, World
 
 MOUNTS = ("normal", "reverse")
@@ -191,3 +195,31 @@ def test_it_opens_without_a_jump() -> None:
     most_rad = NOMINAL[0].to_rad(50.0) * world.period_s + 2 * 25.0 / 65535
     for before, later in pairwise(commands[2:-5]):
         assert abs(later.position_rad - before.position_rad) <= most_rad
+
+
+def test_one_beyond_the_travel_is_named_to_who_loads_it_and_where_somebody_looks() -> None:
+    world, client = gripper(work_mm=TRAVEL_MM + 1.0)
+    (said,) = client.result("calibration.get")["warnings"]
+    assert f"work_stroke_mm is {TRAVEL_MM + 1.0:g}, beyond the 87.0 mm of travel" in said
+    assert info(world)["calibration"]["work_stroke"] == said
+    content = {"zero_position_rad": 0.0, "max_position_rad": -1.65, "rad_to_mm": 52.69}
+    answer = client.result("calibration.load", content={**content, "work_stroke_mm": 1e39})
+    assert any("work_stroke_mm is 1e+39, beyond the 86.9 mm" in one for one in answer["warnings"])
+    answer = client.result("calibration.load", content={**content, "work_stroke_mm": 86.0})
+    assert answer["warnings"] == []
+    assert info(world)["calibration"]["work_stroke"] is None
+
+
+def test_a_stroke_that_is_configured_below_a_templates_work_stroke_is_named() -> None:
+    world, client = gripper()
+    world.controller.gripper_id = replace(world.controller.gripper_id, stroke_mm=60.0)
+    answer = client.result("calibration.load", content=template_content())
+    assert answer["travel_mm"] == pytest.approx(61.0)
+    assert any(
+        "work_stroke_mm is 80, beyond the 61.0 mm of travel" in one for one in answer["warnings"]
+    )
+
+
+def template_content() -> dict[str, Any]:
+    content: dict[str, Any] = json.loads((DATA / "normal.json").read_text(encoding="utf-8"))
+    return content

@@ -6,9 +6,7 @@ from pathlib import Path
 
 import pytest
 
-import litegrip_client
 from docs.generate import GENERATED
-from litegrip_client import LiteGrip
 from litegrip_client.ctl.commands import COMMANDS
 from litegrip_client.ctl.parser import parse
 from litegripd.model.errors import ERROR_TABLE
@@ -92,19 +90,6 @@ def test_source_files_are_there(name: str) -> None:
 
 def test_there_are_commands_to_be_checked() -> None:
     assert sum(len(commands_of(name)) for name in NAMES) > 60
-
-
-def test_the_names_of_the_client_are_all_in_the_page_on_the_sdk() -> None:
-    table = text_of("docs/from-the-sdk.md").split("## Names")[1].split("##")[0]
-    named = re.findall(r"`(\w+)`", table)
-    methods = {name for name in dir(LiteGrip) if not name.startswith("_")}
-    told = set(named) - {"aio", "litegrip_client", "help"}
-    assert told <= methods | set(litegrip_client.__all__)
-    of_the_sdk = set(
-        re.findall(r"\| `(?:LiteGrip\.)?(\w+)`", text_of("docs/generated/sdk-compat.md"))
-    )
-    assert told | of_the_sdk >= methods | set(litegrip_client.__all__)
-    assert len(named) - len(set(named)) <= 1  # LiteGrip, in the sentence below the table
 
 
 def test_code_that_is_shown_is_that_of_its_file() -> None:

@@ -23,6 +23,7 @@ from tests.world import World
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = text_of("docs/troubleshooting.md")
 REMEDIES = "tests/control/test_remedies.py::test_after_the_remedy_the_call_works"
+CARRIED = "tests/control/test_carried_out.py::"
 HERE = "tests/docs/test_tried.py::"
 FILES = f"{HERE}test_a_file_of_another_system_is_read_after_the_command"
 SLCAN, GRASP = "tests/io/test_slcan.py::", "tests/control/test_grasp.py::"
@@ -75,7 +76,8 @@ TRIED: list[tuple[str, str | None]] = [
     ("the motor says that it is at", REMEDIES),
     ("the motor does not confirm it", ("tests/motor/test_enabling.py::"
      "test_the_next_failure_is_not_told_in_the_words_of_the_last")),
-    ("nothing, but the jaws stand", None),
+    ("nothing, but the jaws stand", (f"{CARRIED}"
+     "test_jaws_that_stand_without_a_word_show_torque_and_go_on_when_they_are_free")),
     # A file that was edited on another system
     ("it is in UTF-16", FILES),
     ("byte 0xFC", FILES),
@@ -86,7 +88,9 @@ TRIED: list[tuple[str, str | None]] = [
      "test_a_trajectory_that_was_copied_as_text_says_so")),
     # The motor does not answer
     ("no 24 V", REMEDIES),
-    ("plug, wires, termination", None),
+    ("plug, wires", (f"{CARRIED}"
+     "test_a_plug_that_was_out_answers_when_it_is_in_and_the_bus_shows_it")),
+    ("termination", None),
     ("another bit rate of the link", "vm:adapters.wrong_rate_is_named"),
     ("a mode of the link", "vm:adapters.doctors_remedies"),
     ("another id", "symptom:scan"),
@@ -96,14 +100,18 @@ TRIED: list[tuple[str, str | None]] = [
     ("`adapter_gone`", "vm:adapters.adapter_replugged"),
     ("`bus_off`", "vm:adapters.adapter_bus_off"),
     ("`bus_stalled`", "tests/app/test_at_rest.py::test_a_gripper_at_rest_is_no_alarm"),
-    ("`down`", None),
+    ("`down`, \"is busy", ("tests/process/test_hardware.py::"
+     "test_a_second_path_to_an_adapter_is_no_second_owner")),
+    ("`down`, \"this system", None),
+    ("`down`, any other", None),
     ("`it does not speak SLCAN", "symptom:device"),
     ("`it returns what is sent", "symptom:device"),
     ("`the adapter refuses", "symptom:device"),
     ("`nothing has come", f"{SLCAN}test_a_mute_port_is_doubted_until_something_comes"),
     ("`another program has", (f"{SLCAN}"
      "test_another_program_at_the_port_is_named_when_lines_are_damaged")),
-    ("`frames waited", None),
+    ("`frames waited", ("tests/io/test_pumped_states.py::"
+     "test_frames_that_the_pump_itself_was_late_for_are_no_blocked_adapter")),
     ("`nothing but damage", (f"{SLCAN}"
      "test_an_adapter_that_worked_is_opened_again_only_after_seconds_of_damage")),
     ("`Device doesn't support", "vm:adapters.adapter_refuses_restart"),
@@ -116,9 +124,10 @@ TRIED: list[tuple[str, str | None]] = [
     ("another real-time program", None),
     ("clients that ask too much", None),
     # A grasp is not what it should be
-    ("`no_object`, but", None),
-    ("`object_held`, but", None),
-    ("`object_lost`", None),
+    ("`no_object`, but", f"{CARRIED}test_a_thin_object_is_found_with_a_smaller_margin"),
+    ("`object_held`, but", (f"{CARRIED}"
+     "test_jaws_that_stick_hold_no_object_once_they_are_free_and_measured")),
+    ("`object_lost`", f"{CARRIED}test_what_slips_out_is_held_with_more_force"),
     ("the event `object_moved`", ("tests/control/test_bumps.py::"
      "test_how_far_the_object_moved_is_reported_once")),
     ("the event `released_by_fault`", ("tests/control/test_released_by_fault.py::"
@@ -132,13 +141,15 @@ TRIED: list[tuple[str, str | None]] = [
      "test_a_loss_is_reported_or_said_not_to_be")),
     ("`close` or `move`: `blocked`", f"{HERE}test_what_is_held_by_force_is_let_go_by_release"),
     ("`wrong_width`", f"{GRASP}test_the_wrong_width_is_told_without_letting_go"),
-    ("`motor_weak`", None),
+    ("`motor_weak`", (f"{CARRIED}"
+     "test_a_weak_motor_is_no_longer_said_to_be_one_once_its_supply_is_right")),
     ("`open` or `close`: `protected`", f"{HERE}test_what_was_in_the_way_is_taken_away"),
     # Teleoperation
     ("`resolving`", f"{REACH}test_a_name_that_does_not_resolve_is_said_to_be_one"),
     ("`connecting`, \"has refused", (f"{REACH}"
      "test_a_port_where_nobody_listens_refuses_until_a_leader_is_there_and_again_after_it")),
-    ("`connecting`, \"does not answer", None),
+    ("`connecting`, \"does not answer", (f"{REACH}"
+     "test_a_machine_that_drops_what_comes_does_not_answer_until_it_lets_it_through")),
     ("`bound`, \"no frame comes", f"{REACH}test_a_udp_follower_that_hears_nobody_says_so"),
     ("`bound`, \"frames come", f"{REACH}test_a_udp_follower_that_hears_nobody_says_so"),
     ("a master's `sending`", (f"{REACH}"
@@ -149,6 +160,8 @@ TRIED: list[tuple[str, str | None]] = [
      "test_two_daemons_over_zenoh_and_a_leader_that_goes_and_comes_back")),
     ("a `link_error`", ("tests/control/test_teleop_job.py::"
      "test_the_links_state_is_told_once_and_shown")),
+    ("a master's `holds until a slave is ready`", ("tests/control/test_teleop_ready.py::"
+     "test_a_leader_holds_until_its_follower_is_where_it_is")),
     ("`stale`", (f"{LOST}test_a_cable_that_is_cut_for_ten_seconds_is_no_step_though_the_leader_"
      "went_elsewhere")),
     ("`over_torque`", ("tests/control/test_teleop_guard.py::"

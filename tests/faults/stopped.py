@@ -87,7 +87,7 @@ _NEEDED: Mapping[str, Values] = {
     "lease.take": {"why": "a test"},
 }
 """What a call cannot do without, or what makes it more than a refusal."""
-_ONE_OF = (("opening_mm", "position_rad", "openness"), ("name", "upload", "recording"))
+_ONE_OF = (("opening_mm", "position_rad", "openness"),)
 _LETS_GO = (("stop", "level"), ("lease.take", "jaws"))
 
 

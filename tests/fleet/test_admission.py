@@ -14,7 +14,7 @@ from litegripd.rpc.jsonrpc import MAX_LINE_BYTES as DAEMONS_MAX_LINE_BYTES
 from litegripd.rpc.jsonrpc import BadRequest, is_set_point, parse
 
 NOW_S = 1000.0
-VOIDED = frozenset({"motion.open", "stream.set"})
+VOIDED = frozenset({"motion.open", "stream.set", "teleop.receive"})
 
 
 def through(
@@ -106,9 +106,13 @@ def test_late_is_void(method: str, age_s: float | None, counts: bool) -> None:
 
 
 def test_a_late_set_point_without_an_id_is_told_as_the_daemon_does() -> None:
-    told = json.loads(refused(request("stream.set", None, opening_mm=10), 0.5))
-    assert told["method"] == "stream.refused"
-    assert told["params"]["data"]["reason"] == "too_late"
+    for line, name in (
+        (request("stream.set", None, opening_mm=10), "stream.refused"),
+        (request("teleop.receive", None, topic="a", payload="00"), "teleop.refused"),
+    ):
+        told = json.loads(refused(line, 0.3))
+        assert told["method"] == name
+        assert told["params"]["data"]["reason"] == "too_late"
     assert refused(request("motion.open", None), 5.0) == b""
 
 

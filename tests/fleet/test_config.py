@@ -76,6 +76,14 @@ def test_all_three_parts(tmp_path: Path) -> None:
             "observer, operator, admin",
         ),
         (f'{NETWORK}[portal]\nuser = "a"\ngrippers = ["lab.a"]\nttl_s = 60\n', "0.3 to 5"),
+        (
+            f'{NETWORK}[portal]\nuser = "a"\ngrippers = ["lab.a"]\nttl_s = 1e400\n',
+            "[portal] ttl_s cannot be 1e400: it must be a finite number",
+        ),
+        (
+            f'{NETWORK}[portal]\nuser = "a"\ngrippers = ["lab.a"]\nttl_s = {10**400}\n',
+            "[portal] ttl_s cannot be 1000",
+        ),
         (f"{NETWORK}[router]\nlisten = []\n", "is empty"),
         (f'{NETWORK}[router]\nlisten = ["x"]\nusers = {{a = "king"}}\n', "observer, operator"),
         (

@@ -1,16 +1,17 @@
 """A router that comes and goes fills no log of a gateway's or a portal's."""
 
-import io
 import logging
 
-from litegrip_client.values.repeats import EACH, REPEATS
-from litegrip_fleet.wire.log import RepeatsHandler
+import pytest
+
+from litegrip_client.values.repeats import EACH, REPEATS, RepeatsHandler
 
 
-def test_a_router_that_comes_and_goes_is_logged_ever_more_rarely_and_a_stop_each_time() -> None:
+def test_a_router_that_comes_and_goes_is_logged_ever_more_rarely_and_a_stop_each_time(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     now_s = 0.0
-    written = io.StringIO()
-    handler = RepeatsHandler(written, lambda: now_s)
+    handler = RepeatsHandler(clock=lambda: now_s)
     logger = logging.Logger("fleet", logging.INFO)
     logger.addHandler(handler)
     for number in range(2000):
@@ -20,7 +21,7 @@ def test_a_router_that_comes_and_goes_is_logged_ever_more_rarely_and_a_stop_each
         logger.info("connected to a router (%s)", "tls/a:7447", extra={REPEATS: True})
         logger.warning("cell/can0: stopped (hold)", extra=EACH)
     handler.close()
-    lines = written.getvalue().splitlines()
+    lines = capsys.readouterr().err.splitlines()
     assert lines.count("cell/can0: stopped (hold)") == 2000
     others = [line for line in lines if not line.startswith("cell/can0")]
     assert others[:2] == [

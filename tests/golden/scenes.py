@@ -233,7 +233,7 @@ def trajectories() -> GoldenWorld:
     world.run(0.2)
     client.call("trajectory.record_stop", name="pushed")
     client.call("trajectory.play", name="pushed", repeat=2, speed=0.2, progress=True)
-    number = client.send("trajectory.play", upload=uploaded(client, sampled(swing(), 4.0)))
+    number = client.send("trajectory.play", name=uploaded(client, sampled(swing(), 4.0)))
     world.run(1.5)
     client.call("trajectory.control", action="pause")
     world.run(0.3)

@@ -4,15 +4,18 @@ import logging
 import os
 import select
 import signal
+import socket
 import time
 from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from litegrip_client.values.repeats import RepeatsHandler
 from litegripd.io.helper.child import MAX_PACKET_BYTES, Child, Start, start_here
 from litegripd.io.helper.helper import Helper, HelperResult
-from litegripd.io.log import LogHandler
 
 DEADLINE_S = 30.0
 
@@ -123,6 +126,37 @@ def test_a_helper_that_dies_fails_its_requests_and_is_started_again(
     assert rig.ask("double", x=2).value == {"twice": [2, 2]}
 
 
+def test_one_that_fails_at_each_start_is_started_ever_more_rarely(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now_s, starts = 100.0, list[float]()
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    child = Child(ours)
+
+    def start(_module: str, _arguments: Sequence[str], _memory_fd: int | None) -> Child:
+        starts.append(now_s)
+        if now_s < 160.0:
+            raise OSError("no such interpreter")
+        return child
+
+    clock = SimpleNamespace(monotonic=lambda: now_s)
+    monkeypatch.setattr("litegripd.io.helper.helper.time", clock)
+    helper = Helper(lambda _child: None, lambda _child: None, start=start)
+    while now_s < 170.0:
+        helper.poll(now_s)
+        now_s += 0.125
+    waits_s = [later - before for before, later in pairwise(starts)]
+    assert waits_s[:6] == [0.5, 1.0, 2.0, 4.0, 5.0, 5.0]
+    assert len(starts) < 20
+    now_s += 60.0  # for which it lives
+    theirs.close()
+    child.failure = "killed"
+    helper.on_event(select.POLLHUP)
+    before = len(starts)
+    helper.poll(now_s + 0.5)
+    assert len(starts) == before + 1
+
+
 def test_without_a_helper_requests_are_refused_at_once(rig: Rig) -> None:
     assert rig.helper.pid is not None
     os.kill(rig.helper.pid, signal.SIGKILL)
@@ -136,7 +170,7 @@ def test_the_line_that_tells_of_its_death_is_written_by_the_next_one(
     capfd: pytest.CaptureFixture[str],
 ) -> None:
     rig = Rig()
-    handler = LogHandler(lambda _record, text: rig.helper.post("log", {"text": f"{text}\n"}))
+    handler = RepeatsHandler(lambda _record, text: rig.helper.post("log", {"text": f"{text}\n"}))
     logging.getLogger("litegripd").addHandler(handler)
     try:
         assert rig.helper.pid is not None

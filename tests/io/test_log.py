@@ -9,9 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from litegrip_client.values.repeats import RepeatsHandler
 from litegripd.app.status import log_event
 from litegripd.io import log
-from litegripd.io.log import FIELDS, JournalSink, LogHandler, goes_to_journal
+from litegripd.io.log import FIELDS, JournalSink, goes_to_journal
 from litegripd.model.state import Event, EventKind
 
 
@@ -26,7 +27,7 @@ def test_what_the_sink_does_not_take_is_counted() -> None:
         taken.append(text)
         return len(taken) != 2
 
-    handler = LogHandler(sink)
+    handler = RepeatsHandler(sink)
     for number in range(3):
         handler.handle(record(logging.INFO, "line %d", number))
     assert taken == ["line 0", "line 1", "line 2"]
@@ -34,7 +35,7 @@ def test_what_the_sink_does_not_take_is_counted() -> None:
 
 
 def test_a_line_that_cannot_be_made_is_counted_not_raised() -> None:
-    handler = LogHandler(lambda _record, _text: True)
+    handler = RepeatsHandler(lambda _record, _text: True)
     handler.handle(record(logging.INFO, "%d", "not a number"))
     assert handler.dropped == 1
 
@@ -102,7 +103,7 @@ def test_an_event_can_be_found_by_job_and_client(
     monkeypatch: pytest.MonkeyPatch,
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    monkeypatch.setattr(logging.getLogger(), "handlers", [LogHandler(sink)])
+    monkeypatch.setattr(logging.getLogger(), "handlers", [RepeatsHandler(sink)])
     caplog.set_level(logging.INFO, "litegripd")
     data = {"job": 3, "kind": "open", "client": 7, "pid": 42, "detached": False}
     log_event(Event("job_started", "job 3: open by demo", data))
@@ -128,7 +129,7 @@ def test_what_is_lost_or_pressed_is_a_warning_and_what_moved_is_none(
     kind: EventKind,
     priority: str,
 ) -> None:
-    monkeypatch.setattr(logging.getLogger(), "handlers", [LogHandler(sink)])
+    monkeypatch.setattr(logging.getLogger(), "handlers", [RepeatsHandler(sink)])
     caplog.set_level(logging.INFO, "litegripd")
     log_event(Event(kind, "the object", {}))
     assert fields(journal)["PRIORITY"] == priority
@@ -137,7 +138,7 @@ def test_what_is_lost_or_pressed_is_a_warning_and_what_moved_is_none(
 def test_a_journal_that_is_full_or_gone_refuses_without_waiting(
     journal: socket.socket, sink: JournalSink
 ) -> None:
-    handler = LogHandler(sink)
+    handler = RepeatsHandler(sink)
     sent = 0
     while not handler.dropped:
         handler.handle(record(logging.INFO, "x" * 1000))

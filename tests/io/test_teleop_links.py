@@ -36,7 +36,7 @@ FRAME = struct.pack(">4d", 0.25, 30.0, 0.0, 1.0)
 OPTIONS = st.builds(
     LinkOptions,
     st.sampled_from(["master", "slave"]),
-    st.sampled_from(["zenoh", "udp", "none"]),
+    st.sampled_from(["zenoh", "udp", "client", "none"]),
     st.none() | st.text(max_size=20),
     st.integers(1, 65_535),
     st.text(max_size=20),
@@ -176,6 +176,52 @@ def test_datagrams_come_with_their_sender_and_their_time(links: TeleopLinks) -> 
     assert arrived[0].payload == FRAME
     assert len(arrived[1].payload) == 41
     assert sent_s <= arrived[0].at_s <= time.monotonic()
+
+
+def test_over_udp_no_follower_says_whether_it_is_ready(links: TeleopLinks) -> None:
+    port = free_port(socket.SOCK_DGRAM)
+    leader = links.open(LinkOptions("master", "udp", "127.0.0.1", port, reflects=True))
+    until(leader, lambda: leader.status.state == "open")
+    assert not leader.tell(b"\x01", 0.0)
+    leader.close()
+    follower = links.open(LinkOptions("slave", "udp", None, port))
+    until(follower, lambda: follower.status.state == "open")
+    assert not follower.tell(b"\x01", 0.0)
+
+
+@pytest.mark.parametrize("reflects", [False, True])
+def test_a_leader_over_zenoh_hears_whether_its_follower_is_ready(reflects: bool) -> None:
+    port, leading, following = free_port(socket.SOCK_STREAM), TeleopLinks(), TeleopLinks()
+    try:
+        leader = leading.open(LinkOptions("master", port=port, reflects=reflects))
+        until(leader, lambda: leader.status.state == "open")
+        options = LinkOptions("slave", host="127.0.0.1", port=port, reflects=reflects)
+        follower = following.open(options)
+        assert not follower.tell(b"\x01", 0.0)  # it is not open yet
+        until(follower, lambda: follower.status.state == "open")
+        heard: list[bytes] = []
+        told_s = [0.0]
+
+        def is_heard() -> bool:
+            if time.monotonic() >= told_s[0] + 0.02:
+                told_s[0] = time.monotonic()
+                follower.tell(b"\x01", 0.0)
+            heard.extend(arrival.payload for arrival in leader.receive(0.0))
+            return len(heard) > 5
+
+        until(follower, is_heard)
+        follower.tell(b"\x00", 0.0)
+        follower.close()  # what was said before is still sent
+
+        def is_over() -> bool:
+            heard.extend(arrival.payload for arrival in leader.receive(0.0))
+            return heard[-1] == b"\x00"
+
+        until(follower, is_over)
+        assert set(heard) == {b"\x00", b"\x01"}
+    finally:
+        leading.close()
+        following.close()
 
 
 def test_a_follower_with_a_host_listens_to_nobody_else(links: TeleopLinks) -> None:

@@ -3,7 +3,7 @@
 import socket
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 
 import pytest
 
@@ -12,6 +12,12 @@ from litegripd.teleop import ends
 from litegripd.teleop.ends import Reaching
 from litegripd.teleop.links import TeleopLinks
 from tests.io.test_teleop_links import DEADLINE_S, FRAME, free_port, until
+
+try:
+    socket.create_server(("::1", 0), family=socket.AF_INET6).close()
+    HAS_IPV6 = True
+except OSError:
+    HAS_IPV6 = False
 
 NOBODY = "no-such-host.invalid"
 
@@ -32,6 +38,21 @@ def wait(condition: Callable[[], bool]) -> None:
         time.sleep(0.01)
 
 
+either = pytest.mark.parametrize(
+    "host",
+    [
+        "127.0.0.1",
+        pytest.param(
+            "::1", marks=pytest.mark.skipif(not HAS_IPV6, reason="this machine has no ::1")
+        ),
+    ],
+)
+
+
+def shown(host: str) -> str:
+    return f"[{host}]" if ":" in host else host
+
+
 def why(found: Reach | None) -> str:
     return "" if found is None or found.why is None else found.why
 
@@ -47,10 +68,13 @@ def test_a_name_that_does_not_resolve_is_said_to_be_one() -> None:
         assert found.why.startswith(f"the name {NOBODY} does not resolve: ")
 
 
-def test_a_port_where_nobody_listens_refuses_until_a_leader_is_there_and_again_after_it() -> None:
+@either
+def test_a_port_where_nobody_listens_refuses_until_a_leader_is_there_and_again_after_it(
+    host: str,
+) -> None:
     port = free_port(socket.SOCK_STREAM)
     with linked() as following:
-        follower = following.open(LinkOptions("slave", host="127.0.0.1", port=port))
+        follower = following.open(LinkOptions("slave", host=host, port=port))
         until(follower, lambda: "nobody listens at that port" in why(follower.status.reach))
         refused = follower.status.reach
         assert refused is not None
@@ -108,6 +132,34 @@ def test_each_way_of_not_being_reached_is_told_apart(
     assert why(watching.reach).startswith(says)
 
 
+def test_a_machine_that_drops_what_comes_does_not_answer_until_it_lets_it_through(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As behind a firewall: a full queue drops what asks for a connection, and refuses nobody."""
+    monkeypatch.setattr(ends, "_CONNECT_WITHIN_S", 0.2)
+    with ExitStack() as stack:
+        server = stack.enter_context(socket.create_server(("127.0.0.1", 0), backlog=0))
+        where, waiting = server.getsockname(), list[socket.socket]()
+        while True:
+            waiting.append(stack.enter_context(socket.socket()))
+            waiting[-1].settimeout(0.2)
+            if waiting[-1].connect_ex(where) != 0:
+                break
+        watching = Reaching("127.0.0.1", where[1], lambda: False)
+        stack.callback(watching.close)
+        wait(lambda: "does not answer: it is off, elsewhere, or behind" in why(watching.reach))
+        assert watching.reach.state == "connecting"
+        server.listen(100)
+        server.setblocking(False)
+
+        def is_let_through() -> bool:
+            with suppress(BlockingIOError):
+                stack.enter_context(server.accept()[0])
+            return watching.reach == Reach("connecting")
+
+        wait(is_let_through)
+
+
 def test_what_lasts_is_told_with_its_age() -> None:
     assert Reach("connecting").problem(5.0) is None
     assert Reach("connecting", "it is off", 2.0).problem(14.4) == "it is off (for 12 s)"
@@ -116,10 +168,11 @@ def test_what_lasts_is_told_with_its_age() -> None:
 # UDP ----------------------------------------------------------------------------------------------
 
 
-def test_a_udp_leader_says_that_nobody_listens_until_a_follower_is_there() -> None:
+@either
+def test_a_udp_leader_says_that_nobody_listens_until_a_follower_is_there(host: str) -> None:
     port = free_port(socket.SOCK_DGRAM)
     with linked() as leading:
-        leader = leading.open(LinkOptions("master", "udp", "127.0.0.1", port))
+        leader = leading.open(LinkOptions("master", "udp", host, port))
 
         def is_refused() -> bool:
             leader.publish(FRAME, 0.0)
@@ -129,7 +182,7 @@ def test_a_udp_leader_says_that_nobody_listens_until_a_follower_is_there() -> No
         found = leader.status.reach
         assert found is not None
         assert (found.state, leader.status.state) == ("sending", "open")
-        assert why(found).startswith(f"127.0.0.1:{port} refuses")
+        assert why(found).startswith(f"{shown(host)}:{port} refuses")
         with linked() as following:
             follower = following.open(LinkOptions("slave", "udp", None, port))
             until(follower, lambda: follower.status.reach == Reach("bound"))
@@ -191,6 +244,64 @@ def test_a_udp_follower_that_hears_nobody_says_so(monkeypatch: pytest.MonkeyPatc
         leader.sendto(FRAME, ("127.0.0.1", port))
         wait(lambda: follower.reach.state == "frames")
     follower.close()
+
+
+@either
+@pytest.mark.parametrize("wanted", [None, "same"])
+def test_a_udp_follower_hears_a_leader_of_either_kind_and_answers_it(
+    host: str, wanted: str | None
+) -> None:
+    """Whoever names no address of its own listens at all of them."""
+    port = free_port(socket.SOCK_DGRAM)
+    heard: list[tuple[bytes, str]] = []
+    follower = ends.UdpFollower(
+        LinkOptions("slave", "udp", wanted and host, port),
+        lambda payload, source: heard.append((payload, source)),
+        refuse,
+    )
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with socket.socket(family, socket.SOCK_DGRAM) as leader:
+        leader.bind((host, 0))
+        leader.settimeout(DEADLINE_S)
+        leader.sendto(FRAME, (host, port))
+        wait(lambda: follower.reach == Reach("frames"))
+        source = f"{shown(host)}:{leader.getsockname()[1]}"
+        assert heard == [(FRAME, source)]
+        follower.reply(b"force", source)
+        assert leader.recv(10) == b"force"
+    follower.close()
+
+
+@pytest.mark.skipif(not HAS_IPV6, reason="this machine has no ::1")
+def test_a_udp_follower_says_who_else_sends_over_ipv6(monkeypatch: pytest.MonkeyPatch) -> None:
+    port = free_port(socket.SOCK_DGRAM)
+    monkeypatch.setattr(ends, "_SILENT_AFTER_S", 0.2)
+    follower = ends.UdpFollower(LinkOptions("slave", "udp", "::1", port), deliver, refuse)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as leader:
+        says = f"port {port} from 127.0.0.1, and none from ::1"
+
+        def is_said() -> bool:
+            leader.sendto(FRAME, ("127.0.0.1", port))
+            return says in why(follower.reach)
+
+        wait(is_said)
+    follower.close()
+
+
+@either
+def test_a_udp_leader_that_feels_forces_hears_its_follower(host: str) -> None:
+    port, arrived = free_port(socket.SOCK_DGRAM), list[tuple[bytes, str]]()
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    options = LinkOptions("master", "udp", host, port, reflects=True)
+    leader = ends.UdpLeader(options, lambda *one: arrived.append(one), refuse)
+    with socket.socket(family, socket.SOCK_DGRAM) as follower:
+        follower.bind((host, port))
+        follower.settimeout(DEADLINE_S)
+        leader.publish(FRAME)
+        _, address = follower.recvfrom(1000)
+        follower.sendto(b"force", address)
+        wait(lambda: arrived == [(b"force", f"{shown(host)}:{port}")])
+    leader.close()
 
 
 @pytest.mark.parametrize("mode", ["master", "slave"])

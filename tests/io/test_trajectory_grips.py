@@ -35,7 +35,9 @@ def beside(content: bytes, *grips: dict[str, Any]) -> bytes:
 
 def put_with(rig: Rig, content: bytes, grips: bytes, name: str | None = "pick") -> dict[str, Any]:
     answer: dict[str, Any] = {}
-    for piece in pieces(content + grips, key="k", name=name, header=None, grip_bytes=len(grips)):
+    for piece in pieces(
+        content + grips, key="tmp/k", name=name, header=None, grip_bytes=len(grips)
+    ):
         answer = rig.do("put", **piece)
         if "refused" in answer:
             break
@@ -48,21 +50,19 @@ def test_grips_lie_beside_their_trajectory(rig: Rig, content: bytes) -> None:
     answer = put_with(rig, content, grips)
     assert (answer["grips"], answer["grip_problem"], answer["total"]) == (1, None, len(content))
     assert rig.files() == ["pick.grip.json", "pick.lgt"]
-    assert rig.read({"name": "pick"}) == content
-    assert rig.read({"name": "pick"}, "grip") == grips
+    assert rig.read("pick") == content
+    assert rig.read("pick", "grip") == grips
     (entry,) = rig.do("list", after=None)["trajectories"]
     assert (entry["grips"], entry["grip_problem"]) == (1, None)
-    assert rig.do("open", source={"name": "pick"})["grip_rows"] == [
-        list({**GRIP, "source": "-"}.values())
-    ]
+    assert rig.do("open", name="pick")["grip_rows"] == [list({**GRIP, "source": "-"}.values())]
 
 
 def test_without_a_name_they_are_kept_with_it(rig: Rig) -> None:
     put_with(rig, TAUGHT, beside(TAUGHT, GRIP), None)
-    assert rig.read({"kept": "k"}) == TAUGHT
-    assert rig.read({"kept": "k"}, "grip") == beside(TAUGHT, GRIP)
-    rig.do("drop", keys=["k"])
-    assert rig.refusal("read", source={"kept": "k"}, offset=0, length=9, format="grip") == (
+    assert rig.read("tmp/k") == TAUGHT
+    assert rig.read("tmp/k", "grip") == beside(TAUGHT, GRIP)
+    rig.do("drop", names=["tmp/k"])
+    assert rig.refusal("read", name="tmp/k", offset=0, length=9, format="grip") == (
         "unknown_trajectory"
     )
 
@@ -71,7 +71,7 @@ def test_their_times_count_from_the_first_sample_for_a_replay(rig: Rig) -> None:
     content = lgt(sampled(swing(), 3.0, first_s=100.0))
     times = {"closing_s": 100.5, "start_s": 101.0, "end_s": 102.0}
     put_with(rig, content, beside(content, {**GRIP, **times}))
-    (row,) = rig.do("open", source={"name": "pick"})["grip_rows"]
+    (row,) = rig.do("open", name="pick")["grip_rows"]
     assert row[:3] == [0.5, 1.0, 2.0]
 
 
@@ -80,7 +80,7 @@ def test_one_that_is_put_without_grips_leaves_no_old_ones(rig: Rig, again: bytes
     put_with(rig, TAUGHT, beside(TAUGHT, GRIP))
     rig.put(again, "pick")
     assert rig.files() == ["pick.lgt"]
-    assert rig.read({"name": "pick"}, "grip") == b""
+    assert rig.read("pick", "grip") == b""
 
 
 def test_delete_removes_both(rig: Rig) -> None:
@@ -106,20 +106,20 @@ def test_wrong_grips_are_refused_with_all_and_leave_what_was_there(rig: Rig, gri
     answer = put_with(rig, TAUGHT, grips)
     assert answer["refused"]["reason"] == "trajectory_unreadable"
     assert "grips" in answer["refused"]["message"]
-    assert rig.read({"name": "pick"}) == LONG
-    assert rig.read({"name": "pick"}, "grip") == beside(LONG, GRIP)
+    assert rig.read("pick") == LONG
+    assert rig.read("pick", "grip") == beside(LONG, GRIP)
 
 
 def test_more_grip_bytes_than_there_are_is_refused(rig: Rig) -> None:
-    piece = pieces(lgt([]), key="k", name=None, header=None)[0]
+    piece = pieces(lgt([]), key="tmp/k", name=None, header=None)[0]
     assert rig.refusal("put", **piece, grip_bytes=67) == "out_of_limits"
 
 
 def test_those_of_a_file_that_was_replaced_are_a_problem_that_is_told(rig: Rig) -> None:
     put_with(rig, TAUGHT, beside(TAUGHT, GRIP))
     (rig.directory / "pick.lgt").write_bytes(LONG)
-    assert rig.read({"name": "pick"}) == LONG
-    opened = rig.do("open", source={"name": "pick"})
+    assert rig.read("pick") == LONG
+    opened = rig.do("open", name="pick")
     assert (opened["grips"], opened["grip_rows"]) == (0, [])
     assert "another .lgt" in opened["grip_problem"]
     (entry,) = rig.do("list", after=None)["trajectories"]
@@ -132,10 +132,10 @@ def test_no_link_and_no_pipe_is_read_as_grips(rig: Rig, tmp_path: Path) -> None:
     secret = tmp_path / "secret"
     secret.write_bytes(beside(TAUGHT, GRIP))
     (rig.directory / "pick.grip.json").symlink_to(secret)
-    assert rig.do("open", source={"name": "pick"})["grip_problem"]
+    assert rig.do("open", name="pick")["grip_problem"]
     (rig.directory / "pick.grip.json").unlink()
     os.mkfifo(rig.directory / "pick.grip.json")
-    assert "no regular file" in rig.do("open", source={"name": "pick"})["grip_problem"]
+    assert "no regular file" in rig.do("open", name="pick")["grip_problem"]
     rig.put(TAUGHT, "pick")
     assert rig.files() == ["pick.lgt"]
 
@@ -143,11 +143,11 @@ def test_no_link_and_no_pipe_is_read_as_grips(rig: Rig, tmp_path: Path) -> None:
 def test_a_recording_brings_what_was_noted_and_the_file_is_made_here(rig: Rig) -> None:
     samples = TAUGHT[HEADER_BYTES:]
     noted = json.dumps([GRIP]).encode()
-    common = {"key": "k", "name": "pick", "header": RECORDED, "grip_bytes": len(noted)}
+    common = {"key": "tmp/k", "name": "pick", "header": RECORDED, "grip_bytes": len(noted)}
     answer = rig.do("put", **{**pieces(samples + noted, **common)[0], "sha256": None,
                               "data": base64.b64encode(samples + noted).decode()})  # fmt: skip
     assert (answer["samples"], answer["grips"]) == (301, 1)
-    content = json.loads(rig.read({"name": "pick"}, "grip"))
+    content = json.loads(rig.read("pick", "grip"))
     assert content["lgt_sha256"] == answer["sha256"]
     assert content["grips"] == [GRIP]
 
@@ -160,7 +160,7 @@ def test_a_list_of_the_most_grips_fits_into_a_packet(rig: Rig) -> None:
         others = dict.fromkeys(("openness", "width_mm", "force_n"), third * 1e-300)
         grips.append({**GRIP, **times, **others, "source": '"' * 80})
     put_with(rig, LONG, beside(LONG, *grips))
-    assert rig.do("open", source={"name": "pick"})["grips"] == 200  # which Rig.do measures
+    assert rig.do("open", name="pick")["grips"] == 200  # which Rig.do measures
 
 
 class NoRoomForGrips(FileSystem):
@@ -177,8 +177,8 @@ def test_a_disk_that_fails_between_the_two_leaves_no_grips_of_another_path(tmp_p
     rig = Rig(tmp_path, NoRoomForGrips())
     answer = put_with(rig, LONG, beside(LONG, GRIP))
     assert answer["refused"]["reason"] == "not_saved"
-    assert rig.read({"name": "pick"}) == LONG
-    opened = rig.do("open", source={"name": "pick"})
+    assert rig.read("pick") == LONG
+    opened = rig.do("open", name="pick")
     assert (opened["grips"], opened["grip_rows"]) == (0, [])
     assert "another .lgt" in opened["grip_problem"]
     assert rig.files() == ["pick.grip.json", "pick.lgt"]

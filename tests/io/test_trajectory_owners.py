@@ -53,7 +53,7 @@ def test_one_more_than_allowed_is_refused_and_nothing_is_lost(rig: Rig) -> None:
         " and restart the daemon"
     )
     assert rig.all_files() == ["a.lgt", "a.uid", "b.lgt", "b.uid"]
-    assert rig.read({"name": "b"}) == TAUGHT
+    assert rig.read("b") == TAUGHT
     rig.do("delete", name="a")
     assert rig.put(TAUGHT, "c")["complete"]
     assert usage(rig) == (2, 2 * len(TAUGHT))
@@ -70,10 +70,10 @@ def test_more_bytes_than_allowed_are_refused(rig: Rig) -> None:
 
 
 def test_what_has_no_room_is_refused_with_its_first_piece(rig: Rig) -> None:
-    first, *_ = pieces(LONG, key="k", name="a", header=None)
+    first, *_ = pieces(LONG, key="tmp/k", name="a", header=None)
     assert refused(rig.do("put", **first))[0] == "trajectories_full"
     # Whoever names it only at the end is refused there.
-    *before, last = pieces(LONG, key="k", name=None, header=None)
+    *before, last = pieces(LONG, key="tmp/k", name=None, header=None)
     for piece in before:
         assert not rig.do("put", **piece)["complete"]
     assert refused(rig.do("put", **{**last, "name": "a"}))[0] == "trajectories_full"
@@ -143,7 +143,7 @@ def test_an_owner_that_cannot_be_is_none(rig: Rig, text: str) -> None:
 
 def test_uploads_without_a_name_are_not_counted(rig: Rig) -> None:
     for number in range(4):
-        assert rig.put(TAUGHT, key=f"upload {number}")["complete"]
+        assert rig.put(TAUGHT, key=f"tmp/{number}")["complete"]
     assert usage(rig) == (0, 0)
 
 
@@ -177,7 +177,7 @@ def test_a_disk_that_fails_leaves_the_owner_with_the_content(
     assert owners(rig) == ({} if before is None else {"a": before})
     assert rig.all_files() == files
     if before is not None:
-        assert rig.read({"name": "a"}) == TAUGHT
+        assert rig.read("a") == TAUGHT
 
 
 def test_the_limits_go_to_the_helper_process_as_its_arguments() -> None:

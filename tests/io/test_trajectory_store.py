@@ -63,7 +63,7 @@ class Rig:
         return reason
 
     def put(
-        self, content: bytes, name: str | None = None, key: str = "upload 1", uid: int = UID
+        self, content: bytes, name: str | None = None, key: str = "tmp/1", uid: int = UID
     ) -> dict[str, Any]:
         answer: dict[str, Any] = {}
         for piece in pieces(content, key=key, name=name, header=None, uid=uid):
@@ -72,12 +72,10 @@ class Rig:
                 break
         return answer
 
-    def read(self, source: dict[str, str], file_format: str = "lgt", length: int = 8192) -> bytes:
+    def read(self, name: str, file_format: str = "lgt", length: int = 8192) -> bytes:
         whole, total = b"", 1
         while len(whole) < total:
-            piece = self.do(
-                "read", source=source, offset=len(whole), length=length, format=file_format
-            )
+            piece = self.do("read", name=name, offset=len(whole), length=length, format=file_format)
             total = piece["total"]
             whole += base64.b64decode(piece["data"])
         return whole
@@ -103,32 +101,32 @@ def rig(tmp_path: Path) -> Rig:
 def test_what_was_put_comes_back_to_the_bit(rig: Rig, content: bytes, length: int) -> None:
     answer = rig.put(content, "pick")
     assert (answer["complete"], answer["received"]) == (True, len(content))
-    assert rig.read({"name": "pick"}, length=length) == content
+    assert rig.read("pick", length=length) == content
     assert (rig.directory / "pick.lgt").read_bytes() == content
     assert rig.files() == ["pick.lgt"]
 
 
 def test_without_a_name_it_is_kept_until_it_is_dropped(rig: Rig) -> None:
     assert rig.put(TAUGHT)["path"] is None
-    assert rig.read({"kept": "upload 1"}) == TAUGHT
+    assert rig.read("tmp/1") == TAUGHT
     assert rig.all_files() == []
-    rig.do("drop", keys=["upload 1", "never there"])
-    assert rig.refusal("open", source={"kept": "upload 1"}) == "unknown_trajectory"
+    rig.do("drop", names=["tmp/1", "never there"])
+    assert rig.refusal("open", name="tmp/1") == "unknown_trajectory"
 
 
 def test_of_one_that_is_half_there_nothing_can_be_had(rig: Rig) -> None:
-    first, second, *_ = pieces(LONG, key="k", name="pick", header=None)
+    first, second, *_ = pieces(LONG, key="tmp/k", name="pick", header=None)
     assert rig.do("put", **first) == {"received": 8192, "complete": False}
     assert rig.names() == []
-    assert rig.refusal("open", source={"kept": "k"}) == "unknown_trajectory"
-    rig.do("drop", keys=["k"])
+    assert rig.refusal("open", name="tmp/k") == "unknown_trajectory"
+    rig.do("drop", names=["tmp/k"])
     assert rig.refusal("put", **second) == "out_of_limits"
     assert rig.all_files() == []
 
 
 @pytest.mark.parametrize("wrong", ["later", "again", "longer", "other total", "no base64", "empty"])
 def test_a_wrong_piece_is_refused_and_ends_the_whole(rig: Rig, wrong: str) -> None:
-    first, second, third, *_ = pieces(LONG, key="k", name="pick", header=None)
+    first, second, third, *_ = pieces(LONG, key="tmp/k", name="pick", header=None)
     rig.do("put", **first)
     too_long = base64.b64encode(b"x" * len(LONG)).decode()
     bad = {
@@ -145,7 +143,7 @@ def test_a_wrong_piece_is_refused_and_ends_the_whole(rig: Rig, wrong: str) -> No
 
 
 def test_what_does_not_have_its_sum_is_refused(rig: Rig) -> None:
-    for piece in pieces(TAUGHT, key="k", name="pick", header=None):
+    for piece in pieces(TAUGHT, key="tmp/k", name="pick", header=None):
         damaged = {**piece, "sha256": "0" * 64}
         answer = rig.do("put", **damaged)
     assert answer["refused"]["reason"] == "trajectory_unreadable"
@@ -162,9 +160,9 @@ def test_what_is_no_trajectory_is_refused_and_leaves_what_was_there(
     rig.put(TAUGHT, "pick")
     answer = rig.put(content, "pick")
     assert answer["refused"]["reason"] == "trajectory_unreadable"
-    assert rig.read({"name": "pick"}) == TAUGHT
+    assert rig.read("pick") == TAUGHT
     assert "refused" in rig.put(content, None, "k")
-    assert rig.refusal("open", source={"kept": "k"}) == "unknown_trajectory"
+    assert rig.refusal("open", name="tmp/k") == "unknown_trajectory"
 
 
 def test_a_recording_gets_its_header_here(rig: Rig) -> None:
@@ -175,11 +173,11 @@ def test_a_recording_gets_its_header_here(rig: Rig) -> None:
         "rad_to_mm": NOMINAL[0].rad_to_mm,
     }
     header |= {"can_id": 8, "mount": "normal"}
-    for piece in pieces(TAUGHT[HEADER_BYTES:], key="r", name=None, header=RECORDED):
+    for piece in pieces(TAUGHT[HEADER_BYTES:], key="tmp/r", name=None, header=RECORDED):
         answer = rig.do("put", **{**piece, "sha256": None})
     assert (answer["samples"], answer["created_s"], answer["mount"]) == (301, 1.7e9, "normal")
     expected = lgt(sampled(swing(), 3.0), closed_rad=0.1, open_rad=-1.5)
-    assert rig.read({"kept": "r"}) == expected
+    assert rig.read("tmp/r") == expected
 
 
 def test_an_empty_recording_is_made_of_one_empty_piece(rig: Rig) -> None:
@@ -191,41 +189,40 @@ def test_an_empty_recording_is_made_of_one_empty_piece(rig: Rig) -> None:
     }
     header |= {"can_id": 8, "mount": "normal"}
     empty = {"offset": 0, "total": 0, "sha256": None, "data": "", "name": "none"}
-    answer = rig.do("put", key="r", header=RECORDED, **empty)
+    answer = rig.do("put", key="tmp/r", header=RECORDED, **empty)
     assert (answer["samples"], answer["total"]) == (0, HEADER_BYTES)
 
 
 def test_csv_has_a_head_and_a_line_a_sample(rig: Rig) -> None:
     rig.put(TAUGHT, "pick")
-    text = rig.read({"name": "pick"}, "csv").decode()
+    text = rig.read("pick", "csv").decode()
     lines = text.splitlines()
     assert lines[0] == "t_s,openness,position_rad,velocity_rad_s,torque_nm"
     assert len(lines) == 302
     values = [tuple(map(float, line.split(","))) for line in lines[1:]]
     assert [value[:2] for value in values] == sampled(swing(), 3.0)
     rig.put(LONG, "pick")  # another content is another text
-    assert len(rig.read({"name": "pick"}, "csv").splitlines()) == 3002
+    assert len(rig.read("pick", "csv").splitlines()) == 3002
 
 
 def test_samples_come_in_pieces_of_what_was_opened(rig: Rig) -> None:
     rig.put(LONG, "pick")
-    source = {"name": "pick"}
-    facts = rig.do("open", source=source)
+    facts = rig.do("open", name="pick")
     assert facts["samples"] == 3001
     got = b""
     while len(got) < 3001 * 40:
-        answer = rig.do("samples", source=source, sha256=facts["sha256"], offset=len(got))
+        answer = rig.do("samples", name="pick", sha256=facts["sha256"], offset=len(got))
         got += base64.b64decode(answer["data"])
         assert len(got) % PIECE_BYTES == 0 or len(got) == 3001 * 40
     assert got == LONG[HEADER_BYTES:]
     rig.put(TAUGHT, "pick")
-    reason = rig.refusal("samples", source=source, sha256=facts["sha256"], offset=0)
+    reason = rig.refusal("samples", name="pick", sha256=facts["sha256"], offset=0)
     assert reason == "trajectory_unreadable"
 
 
 def test_a_piece_beyond_the_end_is_refused(rig: Rig) -> None:
     rig.put(TAUGHT, "pick")
-    wanted = {"source": {"name": "pick"}, "length": 10, "format": "lgt"}
+    wanted = {"name": "pick", "length": 10, "format": "lgt"}
     assert rig.do("read", offset=len(TAUGHT), **wanted)["data"] == ""
     assert rig.refusal("read", offset=len(TAUGHT) + 1, **wanted) == "out_of_limits"
 
@@ -234,7 +231,7 @@ def test_a_piece_beyond_the_end_is_refused(rig: Rig) -> None:
 def test_no_name_leads_out_of_the_directory(rig: Rig, name: str) -> None:
     rig.put(TAUGHT, "pick")
     assert rig.put(TAUGHT, name)["refused"]["reason"] == "out_of_limits"
-    assert rig.refusal("open", source={"name": name}) == "out_of_limits"
+    assert rig.refusal("open", name=name) == "out_of_limits"
     assert rig.refusal("delete", name=name) == "out_of_limits"
     assert rig.files() == ["pick.lgt"]
 
@@ -242,15 +239,15 @@ def test_no_name_leads_out_of_the_directory(rig: Rig, name: str) -> None:
 def test_the_longest_name_fits(rig: Rig) -> None:
     for name in ("x" * MAX_NAME, "ü" * MAX_NAME, "😀" * 50):
         assert rig.put(TAUGHT, name)["complete"]
-        assert rig.read({"name": name}) == TAUGHT
+        assert rig.read(name) == TAUGHT
 
 
 def test_a_deleted_one_is_gone(rig: Rig) -> None:
     rig.put(TAUGHT, "pick")
-    rig.read({"name": "pick"})
+    rig.read("pick")
     assert rig.do("delete", name="pick") == {"name": "pick", "deleted": True}
     assert rig.all_files() == []
-    assert rig.refusal("open", source={"name": "pick"}) == "unknown_trajectory"
+    assert rig.refusal("open", name="pick") == "unknown_trajectory"
     assert rig.refusal("delete", name="pick") == "unknown_trajectory"
 
 
@@ -326,7 +323,7 @@ def test_what_is_no_usable_file_is_refused_without_waiting(
     rig.directory.mkdir(parents=True)
     make(rig.directory / "odd.lgt")
     descriptors = len(list(Path("/proc/self/fd").iterdir()))
-    assert rig.refusal("open", source={"name": "odd"}) == "trajectory_unreadable"
+    assert rig.refusal("open", name="odd") == "trajectory_unreadable"
     assert rig.do("list", after=None)["trajectories"][0]["error"]
     assert len(list(Path("/proc/self/fd").iterdir())) == descriptors
 
@@ -343,17 +340,17 @@ def test_a_full_disk_keeps_what_was_there(tmp_path: Path) -> None:
     answer = full.put(LONG, "pick")
     assert answer["refused"]["reason"] == "not_saved"
     assert "No space left" in answer["refused"]["message"]
-    assert full.read({"name": "pick"}) == TAUGHT
+    assert full.read("pick") == TAUGHT
     assert full.files() == ["pick.lgt"]
 
 
 def test_a_file_that_changes_is_judged_anew(rig: Rig) -> None:
     rig.put(TAUGHT, "pick")
-    assert rig.do("open", source={"name": "pick"})["samples"] == 301
+    assert rig.do("open", name="pick")["samples"] == 301
     (rig.directory / "pick.lgt").write_bytes(LONG)
-    assert rig.do("open", source={"name": "pick"})["samples"] == 3001
+    assert rig.do("open", name="pick")["samples"] == 3001
     (rig.directory / "pick.lgt").write_bytes(TAUGHT[:-5])
-    assert rig.refusal("open", source={"name": "pick"}) == "trajectory_unreadable"
+    assert rig.refusal("open", name="pick") == "trajectory_unreadable"
 
 
 def test_the_helper_process_does_all_this(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -371,15 +368,15 @@ def test_the_helper_process_does_all_this(tmp_path: Path, monkeypatch: pytest.Mo
         return value
 
     try:
-        for piece in pieces(LONG, key="k", name="pick", header=None, uid=UID):
+        for piece in pieces(LONG, key="tmp/k", name="pick", header=None, uid=UID):
             last = ask("put", **piece)
         assert last["path"] == str(tmp_path / "trajectories" / "pick.lgt")
-        facts = ask("open", source={"name": "pick"})
-        wanted = {"source": {"name": "pick"}, "sha256": facts["sha256"], "offset": 0}
+        facts = ask("open", name="pick")
+        wanted = {"name": "pick", "sha256": facts["sha256"], "offset": 0}
         assert len(base64.b64decode(ask("samples", **wanted)["data"])) == PIECE_BYTES
         large = base64.b64encode(b"\0" * PIECE_BYTES).decode()
-        recorded = {"key": "r", "offset": 0, "total": 2 * PIECE_BYTES, "sha256": None}
+        recorded = {"key": "tmp/r", "offset": 0, "total": 2 * PIECE_BYTES, "sha256": None}
         assert ask("put", data=large, name=None, header={}, **recorded)["received"] == PIECE_BYTES
-        assert ask("put", data="*", key="k", offset=0, total=1, name=None, sha256="")["refused"]
+        assert ask("put", data="*", key="tmp/k", offset=0, total=1, name=None, sha256="")["refused"]
     finally:
         child.close()

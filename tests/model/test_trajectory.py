@@ -133,9 +133,9 @@ def test_a_wrong_header_is_rejected_with_its_reason(fields: dict[str, Any], reas
     [
         ([(0.0, 0.5), (0.1, 1.0000001)], "sample 1: openness"),
         ([(0.0, -1e-9)], "sample 0: openness"),
-        ([(0.0, 0.5), (math.nan, 0.5)], "sample 1 has a value that is not finite"),
-        ([(0.0, math.nan)], "sample 0 has a value that is not finite"),
-        ([(-math.inf, 0.5)], "sample 0 has a value that is not finite"),
+        ([(0.0, 0.5), (math.nan, 0.5)], "sample 1: t_s is nan, it must be a finite number"),
+        ([(0.0, math.nan)], "sample 0: openness is nan, it must be a finite number"),
+        ([(-math.inf, 0.5)], "sample 0: t_s is -inf, it must be a finite number"),
         ([(0.0, 0.5), (0.2, 0.5), (0.1, 0.5)], "sample 2: time runs backwards"),
     ],
 )
@@ -150,7 +150,7 @@ def test_no_field_of_a_sample_may_be_other_than_finite(field: int, value: float)
     values = [0.0, 0.5, 0.0, 0.0, 0.0]
     values[field] = value
     content = lgt([(0.0, 0.5)])[:HEADER_BYTES] + struct.pack("<5d", *values)
-    with pytest.raises(TrajectoryFormatError, match="not finite"):
+    with pytest.raises(TrajectoryFormatError, match="must be a finite number"):
         read(memoryview(content))
 
 

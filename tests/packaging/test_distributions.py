@@ -15,7 +15,9 @@ from tests.packaging.installed import has
 
 ROOT = Path(__file__).parents[2]
 VERSION = tomli.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
-NAMES = ("litegrip_client", "litegrip_fleet", "litegrip_web", "litegripd")
+NAMES = ("litegrip_client", "litegrip_compat", "litegrip_fleet", "litegrip_web", "litegripd")
+PACKAGES = {"litegrip_compat": ("litegrip_client/drop_in/", "litegrip")}
+"""Where a distribution's package lies, if not beside the others, and its name."""
 EPOCH = "1700000000"
 
 pytestmark = [
@@ -74,8 +76,9 @@ def test_each_module_is_in_one_wheel_and_each_file_of_the_client_in_both_of_its(
     folder: Path,
 ) -> None:
     for name in NAMES:
-        tracked = run("git", "-C", ROOT, "ls-files", name).stdout.split()
-        modules = {path for path in tracked if path.endswith(".py")}
+        place, package = PACKAGES.get(name, ("", name))
+        tracked = run("git", "-C", ROOT, "ls-files", place + package).stdout.split()
+        modules = {path.removeprefix(place) for path in tracked if path.endswith(".py")}
         inside = set(wheel(folder, name).namelist())
         assert {path for path in inside if path.endswith(".py")} == modules
     needed = {
@@ -148,3 +151,34 @@ def test_the_client_says_what_is_missing(alone: Path, case: str) -> None:
     assert done.returncode != 0
     assert said in done.stderr
     assert "Traceback" not in done.stderr
+
+
+@pytest.fixture(scope="module")
+def compat(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the environment of a robot's program: the SDK's package, and the client by itself."""
+    place = tmp_path_factory.mktemp("compat")
+    assert run(sys.executable, "-m", "venv", place).returncode == 0
+    pip = (place / "bin/python", "-m", "pip", "install", "--no-index", "--find-links", folder)
+    done = run(*pip, "litegrip-compat")
+    assert done.returncode == 0, done.stderr
+    return place
+
+
+def test_the_package_of_the_sdk_works_with_the_client_alone(compat: Path) -> None:
+    code = "import litegrip as g; print(g.__version__, g.LiteGrip('x').load_template('normal'))"
+    done = run(compat / "bin/python", "-c", code)
+    assert (done.stdout, done.stderr) == (f"{VERSION} True\n", "")
+
+
+def test_it_is_refused_beside_another_package_of_that_name(compat: Path) -> None:
+    (site,) = compat.glob("lib/python3*/site-packages")
+    other = site / "another_sdk-1.2.dist-info"
+    other.mkdir()
+    try:
+        (other / "RECORD").write_text("another/x.py,,\nlitegrip/__init__.py,sha256=x,7\n")
+        done = run(compat / "bin/python", "-c", "import litegrip")
+        assert done.returncode == 1
+        assert "pip uninstall another_sdk litegrip-compat" in done.stderr.splitlines()[-1]
+    finally:
+        (other / "RECORD").unlink()
+        other.rmdir()

@@ -121,16 +121,16 @@ def replays(here: Course) -> None:
     here.world.hold_open(20.0, 3.0)
     here.world.run(3.5)
     taught_mm = here.world.state.opening_mm or 0.0
-    recording = here.call("trajectory.record_stop").get("recording")
+    recording = here.call("trajectory.record_stop").get("name")
     here.call("motion.move", opening_mm=20.0)
-    result = here.call("trajectory.play", recording=recording)
+    result = here.call("trajectory.play", name=recording)
     if "limit" in result.get("data", {}):  # the jaws sprang when the hand let go: play it slower
         speed = 0.99 * result["data"]["limit"]
-        result = here.call("trajectory.play", recording=recording, speed=speed)
+        result = here.call("trajectory.play", name=recording, speed=speed)
     here.expect("play what was taught", result, "completed")
     here.near("play what was taught", taught_mm)
     path = sampled(swing(size=0.3, period_s=4.0), 4.0)
-    result = here.call("trajectory.play", upload=uploaded(here.client, path))
+    result = here.call("trajectory.play", name=uploaded(here.client, path))
     here.expect("play", result, "completed")
     here.near("play", 0.5 * geometry.travel_mm)
 

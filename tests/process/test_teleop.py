@@ -101,7 +101,8 @@ def nothing_but_one_connection(leading: DaemonProcess, following: DaemonProcess,
     """No discovery: the leader listens at its port, the follower at none."""
     module = "litegripd.teleop.process"
     own = network_sockets(children(leading.process.pid)[module])
-    assert own == {("tcp", port, "listens"), ("tcp", port, "connected")}
+    either = "tcp6" if socket.has_dualstack_ipv6() else "tcp"
+    assert own == {(either, port, "listens"), (either, port, "connected")}
     others = network_sockets(children(following.process.pid)[module])
     assert [(protocol, state) for protocol, _, state in others] == [("tcp", "connected")]
 

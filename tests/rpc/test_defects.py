@@ -17,7 +17,7 @@ def test_a_defect_in_a_handler_is_told_and_logged_but_not_raised(
     while world.service.take_events():
         world.tick()
 
-    def broken(*_arguments: object) -> None:
+    def broken(*_arguments: object, **_named: object) -> None:
         raise ZeroDivisionError("a defect")
 
     monkeypatch.setattr(world.controller, "settle", broken)

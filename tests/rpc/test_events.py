@@ -1,12 +1,14 @@
 """Events on the wire: numbered, in order, each to all who want its kind, and none lost."""
 
+from collections import Counter
 from typing import Any, get_args
 
 import pytest
 
+from litegripd.model.motor import UP, BusCondition, CanFrame
 from litegripd.model.state import Event, EventKind
 from litegripd.rpc.jsonrpc import encode
-from litegripd.rpc.subscriptions import EVENT_KINDS, KEPT_EVENTS, MAX_PER_SESSION
+from litegripd.rpc.subscriptions import EVENT_KINDS, KEPT_EVENTS, KEPT_OF_KIND, MAX_PER_SESSION
 from tests.rpc.raw import Raw, request
 from tests.world import PERIOD_S, Client, World
 
@@ -56,7 +58,7 @@ def test_the_state_and_the_latest_events_come_first_and_then_what_happens() -> N
     answer = watcher.answers[watcher.last_id]["result"]
     assert answer["state"]["stop"]["why"] == "before"
     assert answer["events"][-1]["kind"] == "stop"
-    assert set(answer["events"][-1]) == MEMBERS - {"subscription"}
+    assert set(answer["events"][-1]) == MEMBERS - {"subscription"} | {"terms"}
     actor.result("stop.clear")
     world.tick()
     (cleared,) = events(watcher)
@@ -204,13 +206,75 @@ def test_a_flood_of_refusals_neither_hides_the_latest_events_nor_is_lost_on_the_
 
 def test_the_latest_events_are_bounded_in_number_whatever_their_kinds() -> None:
     world = settled()
-    actor, watcher = world.client(), watching(world)
+    actor = world.client()
+    before = actor.result("events.subscribe")["events"]
+    watcher = watching(world)
     for _ in range(KEPT_EVENTS):
         actor.result("stop")
         actor.result("stop.clear")
     world.tick()
     told = world.client().result("events.subscribe")["events"]
-    assert [event["seq"] for event in told] == [e["seq"] for e in events(watcher)][-KEPT_EVENTS:]
+    after = [event["seq"] for event in events(watcher)]
+    of_kinds = [event["seq"] for event in before if event["kind"] not in ("stop", "stop_cleared")]
+    assert [event["seq"] for event in told] == of_kinds + after[-KEPT_EVENTS:]
+    world.controller.events += [
+        Event(kind, kind, {"client": 0})
+        for kind in get_args(EventKind)
+        for _ in range(2 * KEPT_EVENTS)
+    ]
+    world.tick()
+    told = world.client().result("events.subscribe", kinds=EVENT_KINDS)["events"]
+    sequences = [event["seq"] for event in told]
+    assert sequences == sorted(set(sequences))
+    assert Counter(event["kind"] for event in told) == {
+        **dict.fromkeys(EVENT_KINDS, KEPT_OF_KIND),
+        EVENT_KINDS[-1]: KEPT_EVENTS,
+    }
+
+
+def is_lost(_frame: CanFrame) -> bool:
+    return True
+
+
+def is_passed(_frame: CanFrame) -> bool:
+    return False
+
+
+def flap(world: World) -> list[Event]:
+    """Unplug the adapter for a second, and plug it in again; return what was reported."""
+    world.service.take_events()
+    found: list[Event] = []
+    for condition in (BusCondition("adapter_gone", "there is no can0"), UP):
+        world.condition = condition
+        world.lose_to_motor = is_lost if condition is not UP else is_passed
+        for _ in range(10):
+            world.run(0.1)
+            found += world.service.take_events()
+    return found
+
+
+def test_a_day_of_flapping_hides_neither_a_stop_nor_what_was_let_go() -> None:
+    """A plug that is loose for a day: who looks in the evening sees what happened at its begin."""
+    world = World()
+    actor = world.enabled()
+    actor.result("motion.open")
+    world.gripper.put_object(width_mm=40.0)
+    actor.send("motion.grasp", force_n=10.0)
+    world.run(2.0)
+    flap(world)
+    actor.result("stop", why="in the morning")
+    one_flap = flap(world)
+    assert {event.kind for event in one_flap} == {"bus", "motor"}
+    for _ in range(round(86_400 / 30.0)):
+        world.controller.events += one_flap
+        world.tick()
+    told = world.client().result("events.subscribe")["events"]
+    of_kind = {event["kind"]: event for event in told}
+    assert "in the morning" in of_kind["stop"]["message"]
+    assert "released_by_fault" in of_kind
+    assert [event["seq"] for event in told] == sorted(event["seq"] for event in told)
+    assert len(told) < 2 * KEPT_EVENTS
+    assert told[-1]["message"] == one_flap[-1].message
 
 
 def test_what_a_refused_request_did_all_the_same_is_told_before_its_refusal() -> None:

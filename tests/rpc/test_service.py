@@ -15,7 +15,8 @@ from tests.trajectories import lgt, pieces
 from tests.world import PERIOD_S, Client, World
 
 PARAMS: dict[str, dict[str, Any]] = {
-    "teleop.start": {"mode": "slave", "fake_leader": True},
+    "teleop.start": {"mode": "slave", "link": "client"},
+    "teleop.receive": {"topic": "litearm/v4/gripA/gripper_teleop", "payload": "00"},
     "hello": {"client": "a test"},
     "state.subscribe": {"hz": 50, "fields": ["position_rad", "enabled"]},
     "state.unsubscribe": {"subscription": 1},

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from litegrip_client.values.terms import methods_in
 from litegrip_client.values.trajectory_format import MAX_BYTES, MAX_GRIP_BYTES
 from litegripd.rpc.jsonrpc import MAX_LINE_BYTES
 from litegripd.rpc.sessions import Peer
@@ -31,7 +32,7 @@ def numbered(number: int) -> list[tuple[float, float]]:
 def test_a_file_goes_there_and_back_in_pieces() -> None:
     _, client = connected()
     answer = send(client, LONG, name="pick")
-    assert (answer["complete"], answer["received"], answer["upload"]) == (True, len(LONG), None)
+    assert (answer["complete"], answer["received"], answer["name"]) == (True, len(LONG), "pick")
     assert answer["samples"] == 1001
     assert answer["duration_s"] == pytest.approx(10.0)
     assert fetched(client, name="pick") == LONG
@@ -54,45 +55,47 @@ def test_until_the_last_piece_there_is_nothing() -> None:
     assert client.refusal("trajectory.get", name="pick") == "unknown_trajectory"
     assert client.result("trajectory.list")["trajectories"] == []
     client.result("trajectory.put", **pieces(LONG)[0])
-    assert client.refusal("trajectory.get", upload=1) == "unknown_trajectory"
+    assert client.refusal("trajectory.get", name="tmp/upload-2") == "unknown_trajectory"
 
 
 def test_an_upload_is_its_connections_and_goes_with_it() -> None:
     world, client = connected()
-    number = uploaded(client, numbered(0))
-    assert fetched(client, upload=number) == lgt(numbered(0))
+    name = uploaded(client, numbered(0))
+    assert fetched(client, name=name) == lgt(numbered(0))
     other = world.client()
-    assert other.refusal("trajectory.get", upload=number) == "unknown_trajectory"
-    assert other.refusal("trajectory.delete", upload=number) == "unknown_trajectory"
+    assert other.refusal("trajectory.get", name=name) == "unknown_trajectory"
+    assert other.refusal("trajectory.delete", name=name) == "unknown_trajectory"
     world.enabled()
-    assert other.refusal("trajectory.play", upload=number) == "unknown_trajectory"
+    assert other.refusal("trajectory.play", name=name) == "unknown_trajectory"
     client.leave()
     world.run(0.05)
-    reason = world.disk.do_plainly("trajectory.open", source={"kept": f"upload {number}"})
+    reason = world.disk.do_plainly("trajectory.open", name=name)
     assert reason["refused"]["reason"] == "unknown_trajectory"
 
 
 def test_a_deleted_upload_is_gone() -> None:
     _, client = connected()
-    number = uploaded(client, numbered(0))
-    assert client.result("trajectory.delete", upload=number) == {"deleted": True}
-    assert client.refusal("trajectory.get", upload=number) == "unknown_trajectory"
-    assert client.refusal("trajectory.delete", upload=number) == "unknown_trajectory"
+    name = uploaded(client, numbered(0))
+    assert client.result("trajectory.delete", name=name) == {"name": name, "deleted": True}
+    assert client.refusal("trajectory.get", name=name) == "unknown_trajectory"
+    assert client.refusal("trajectory.delete", name=name) == "unknown_trajectory"
 
 
 def test_a_connection_has_so_many_uploads_and_no_more() -> None:
     world, client = connected()
-    numbers = [uploaded(client, numbered(number)) for number in range(MOST_PER_CONNECTION)]
-    assert len(set(numbers)) == MOST_PER_CONNECTION
+    names = [uploaded(client, numbered(number)) for number in range(MOST_PER_CONNECTION)]
+    assert len(set(names)) == MOST_PER_CONNECTION
     one_more = pieces(lgt(numbered(99)))[0]
-    answer = client.call("trajectory.put", **one_more)
-    assert answer["error"]["data"] == {
+    error = client.call("trajectory.put", **one_more)["error"]
+    assert methods_in(error["data"], "message") == {"trajectory.delete"}
+    assert error["data"] == {
         "reason": "too_many_requests",
         "retryable": True,
         "limit": MOST_PER_CONNECTION,
+        "terms": error["data"]["terms"],
     }
     world.client().result("trajectory.put", **one_more)
-    client.result("trajectory.delete", upload=numbers[0])
+    client.result("trajectory.delete", name=names[0])
     client.result("trajectory.put", **one_more)
 
 
@@ -102,7 +105,9 @@ def test_a_name_without_room_is_refused_at_once_and_holds_no_upload() -> None:
     client = world.client()
     for _ in range(2 * MOST_PER_CONNECTION):
         error = client.call("trajectory.put", **pieces(LONG, name="pick")[0])["error"]
+        assert methods_in(error["data"], "message") == {"trajectory.delete"}
         assert error["data"] == {
+            "terms": error["data"]["terms"],
             "reason": "trajectories_full",
             "retryable": False,
             "requested": len(LONG),
@@ -206,16 +211,48 @@ def test_another_total_in_the_middle_is_refused() -> None:
 
 
 @pytest.mark.parametrize("method", ["trajectory.get", "trajectory.play", "trajectory.delete"])
-@pytest.mark.parametrize("source", [{}, {"name": "a", "upload": 1}])
-def test_exactly_one_source_is_meant(method: str, source: dict[str, Any]) -> None:
+@pytest.mark.parametrize(
+    "meant", [{}, {"name": "a", "upload": 1}, {"upload": 1, "recording": 1}, {"upload": "1"}]
+)
+def test_one_name_is_meant(method: str, meant: dict[str, Any]) -> None:
     client = World().enabled()
-    assert client.refusal(method, **source) == "invalid_params"
+    assert client.refusal(method, **meant) == "invalid_params"
+
+
+def test_a_client_of_0_1_0_calls_what_it_sent_and_recorded_by_numbers() -> None:
+    world = World()
+    client = world.enabled()
+    client.result("trajectory.record_start", zero_gravity=False)
+    world.run(0.5)
+    recorded = client.result("trajectory.record_stop")
+    whole = fetched(client, recording=recorded["recording"])
+    assert whole == fetched(client, name=recorded["name"])
+    sent = send(client, lgt(numbered(0)))
+    assert fetched(client, upload=sent["upload"]) == lgt(numbered(0))
+    assert client.result("trajectory.play", upload=sent["upload"])["outcome"] == "completed"
+    assert client.result("trajectory.play", recording=recorded["recording"])["ok"]
+    assert client.result("trajectory.delete", upload=sent["upload"])["deleted"]
+    assert client.refusal("trajectory.get", upload=sent["upload"]) == "unknown_trajectory"
+
+
+def test_a_recording_is_its_connections_and_goes_with_it() -> None:
+    world = World()
+    client, other = world.enabled(), world.client()
+    client.result("trajectory.record_start", zero_gravity=False)
+    world.run(0.5)
+    name = client.result("trajectory.record_stop")["name"]
+    assert other.refusal("trajectory.get", name=name) == "unknown_trajectory"
+    assert fetched(client, name=name)
+    client.leave()
+    world.run(0.05)
+    reason = world.disk.do_plainly("trajectory.open", name=name)
+    assert reason["refused"]["reason"] == "unknown_trajectory"
 
 
 def test_loop_and_repeat_do_not_go_together() -> None:
     client = World().enabled()
-    upload = uploaded(client, numbered(0))
-    answer = client.call("trajectory.play", upload=upload, loop=True, repeat=2)
+    name = uploaded(client, numbered(0))
+    answer = client.call("trajectory.play", name=name, loop=True, repeat=2)
     assert answer["error"]["data"]["parameter"] == "repeat"
 
 

@@ -75,6 +75,10 @@ def conversation(client: Client) -> Iterator[tuple[str, Params]]:
     client.world.run(0.2)
     yield "teleop.status", {}
     yield "teleop.stop", {}
+    yield "teleop.start", {"mode": "slave", "link": "client"}
+    client.world.run(0.1)
+    yield "teleop.receive", {"topic": "litearm/v4/gripA/gripper_teleop", "payload": "00"}
+    yield "teleop.stop", {}
     yield "stop", {"level": "hold", "why": "a test"}
     yield "motion.open", {}
     yield "stop.clear", {}

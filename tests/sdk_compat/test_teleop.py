@@ -1,5 +1,6 @@
 """The SDK's description, section "Leader/follower teleoperation": two grippers, and one hand."""
 
+import json
 import math
 import struct
 from collections.abc import Callable, Iterator
@@ -136,7 +137,7 @@ def test_what_travels_is_the_opening_so_calibrations_need_not_be_the_same(pair: 
 
 
 def test_the_master_goes_slack_and_publishes_at_the_loop_rate(pair: Pair) -> None:
-    pair.master.teleop_start("master")
+    pair.master.teleop_start("master", require_ready=False)  # nobody follows here
     assert jaws_are_loose(pair.site, pair.leader)
     before = pair.master.teleop_status()["frames"]
     pair.site.run(1.0)
@@ -240,6 +241,10 @@ FIELDS = {
     "torque_nm",
     "over_torque",
     "torque_trips",
+    "ready",
+    "ready_rx",
+    "ready_pubs",
+    "ready_timed_out",
 }
 
 
@@ -373,6 +378,28 @@ def test_the_target_is_clamped_into_the_own_travel(pair: Pair, openness: float, 
     pair.slave.teleop_start("slave", host="x")
     pair.say(openness, 2.5)
     assert pair.openness[1] == pytest.approx(end, abs=0.015)
+
+
+def test_the_masters_jaws_hold_until_the_slave_is_ready(pair: Pair) -> None:
+    pair.master.teleop_start("master")
+    pair.site.run(0.3)
+    assert not jaws_are_loose(pair.site, pair.leader)
+    pair.slave.teleop_start("slave", host="192.168.1.20")
+    pair.site.run_until(lambda: bool(pair.master.teleop_status()["ready"]))
+    leads, follows = pair.openness
+    assert follows == pytest.approx(leads, abs=0.03)
+    assert pair.slave.teleop_status()["ready"]
+    assert jaws_are_loose(pair.site, pair.leader)
+
+
+def test_every_status_can_be_written_as_json(pair: Pair) -> None:
+    for gripper in (pair.master, pair.slave):
+        json.dumps(gripper.teleop_status(), allow_nan=False)
+    pair.start()
+    for status in (pair.master.teleop_status(), pair.slave.teleop_status()):
+        json.dumps(status, allow_nan=False)
+        assert status["fault"] == ""
+    json.dumps(pair.slave.teleop_stop(), allow_nan=False)
 
 
 def test_a_fault_is_reported(pair: Pair) -> None:

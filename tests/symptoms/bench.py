@@ -23,7 +23,8 @@ import litegrip_client
 from litegrip_client.core import discovery, sockets
 from litegrip_client.ctl.commands.machine import CHECKS
 from litegrip_client.ctl.doctor import gather
-from litegrip_client.ctl.doctor.findings import Finding, User, examine
+from litegrip_client.ctl.doctor.facts import User
+from litegrip_client.ctl.findings import Finding, findings_of
 from litegrip_client.socketcan import link as can_link
 from litegrip_client.values.atomic_file import Shortage
 from litegripd.app.build import motor_figures
@@ -99,6 +100,7 @@ class Bench:
         self.bus = BusSettings("socketcan", "can0", 1_000_000)
         self.control: dict[str, Any] = {"fifo_priority": 50, "memory_locked": True}
         self.stroke_mm = 85.0
+        self.mount: str | None = None
         self.user = User("alice", 1000, "litegrip")
         self.told: dict[str, Any] = {}
         self.disks: list[Shortage] = []
@@ -191,7 +193,7 @@ class Bench:
         facts = gather.gather(channel or "can0", None, channel_chosen=channel is not None)
         if scans:
             facts = replace(facts, scan=gather.scan(facts))
-        return dict(examine(facts, CHECKS))
+        return dict(findings_of(CHECKS, facts))
 
     def carry_out(self, command: str) -> None:
         """Run what the doctor has printed in a shell; raises if that fails.
@@ -227,7 +229,8 @@ class Bench:
 
     def _facts(self) -> DaemonFacts:
         config = Config("can0", self.bus)
-        config = replace(config, gripper=replace(config.gripper, stroke_mm=self.stroke_mm))
+        gripper = replace(config.gripper, stroke_mm=self.stroke_mm, mount=self.mount)
+        config = replace(config, gripper=gripper)
         return judged(self.world, config=config, figures=self._figures)
 
     def _figures(self, uptime_s: float, _machine: object) -> Mapping[str, Any]:

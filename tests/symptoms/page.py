@@ -3,8 +3,7 @@
 import contextlib
 from pathlib import Path
 
-from litegrip_client.ctl.doctor.findings import Finding
-from litegrip_client.values.voices import in_shell
+from litegrip_client.ctl.findings import Finding
 from tests.symptoms.bench import Bench, bench
 from tests.symptoms.scenes import Scene
 
@@ -45,11 +44,11 @@ def _look(scene: Scene, made: Bench) -> Finding | None:
 
 
 def _row(scene: Scene, made: Bench, found: Finding) -> str:
-    does = f"`{found.command}`" if found.command else in_shell(str(found.advice))
+    does = f"`{found.command}`" if found.command else str(found.advice)
     tried = "yes" if scene.mend is None else "the cause"
     cells = (
         scene.symptom,
-        f"{found.level.upper()} {scene.check}: {in_shell(found.text)}",
+        f"{found.level.upper()} {scene.check}: {found.text}",
         does,
         scene.mend if isinstance(scene.mend, str) else tried,
     )

@@ -15,6 +15,7 @@ from typing import Any, TypeAlias
 from litegrip_client.values.atomic_file import Shortage
 from litegripd.io.can.bus import BusSettings
 from litegripd.io.can.pumped import PumpedBus
+from litegripd.model.errors import Refusal
 from litegripd.model.motor import UP, BusCondition, CanFrame, Status
 from litegripd.sim.plant import SimulatorParameters
 from tests.io.test_slcan import GOOD, Line
@@ -78,6 +79,11 @@ def unplugged(bench: Bench) -> None:
 def plugged(bench: Bench) -> None:
     bench.driver("gs_usb")
     bench.link("healthy")
+
+
+def renamed(bench: Bench) -> None:
+    unplugged(bench)
+    bench.put("net/can1/type", "280\n")
 
 
 def virtual(bench: Bench) -> None:
@@ -203,6 +209,20 @@ def a_port_by_its_path(bench: Bench) -> None:
     well_again(bench)
 
 
+def two_ports(bench: Bench) -> None:
+    serial()(bench)
+    names = bench.folder / "dev/serial/by-id"
+    names.mkdir(parents=True)
+    for name, port in (("ttyACM0", "/dev/null"), ("ttyACM1", "/dev/zero")):
+        (bench.folder / "dev" / name).symlink_to(port)
+        (names / f"usb-CANable-{name[-1]}-if00").symlink_to(f"../../{name}")
+
+
+def named_by_its_number(bench: Bench) -> None:
+    name = bench.folder / "dev/serial/by-id/usb-CANable-0-if00"
+    bench.bus = BusSettings("slcan", str(name), 1_000_000)
+
+
 def with_modem_manager(bench: Bench) -> None:
     serial()(bench)
     a_port(bench)
@@ -254,6 +274,11 @@ def motor_at(can_id: int) -> Act:
 
 def enabled(bench: Bench) -> None:
     bench.world.start().client().result("motor.enable")
+
+
+def stopped(bench: Bench) -> None:
+    calibrated()(bench)
+    bench.world.client().result("stop", why="a hand was near")
 
 
 def faulted(bench: Bench) -> None:
@@ -311,6 +336,24 @@ def load_template_and_measure(bench: Bench) -> None:
         bench.carry_out(f"litegripctl -c can0 {words}")
 
 
+def unreadable(bench: Bench) -> None:
+    text = "no calibration: /var/lib/litegripd/can0_calibration.json: Permission denied"
+    uncalibrated(bench)
+    bench.world.controller.use_calibration(None, Refusal("calibration_unreadable", text))
+
+
+def measured_beside_a_named_file(bench: Bench) -> None:
+    calibrated()(bench)
+    controller = bench.world.controller
+    own = "/var/lib/litegripd/can0_calibration.json"
+    controller.use_calibration(controller.calibrated.calibration, file=own)
+    bench.mount = "/home/alice/mine.json"
+
+
+def no_file_named(bench: Bench) -> None:
+    bench.mount = "normal"
+
+
 def set_zero(bench: Bench) -> None:
     calibrated()(bench)
     bench.world.gripper.jump(6.28)
@@ -344,6 +387,20 @@ def wrong_file(bench: Bench) -> None:
     bench.put("etc/litegripd/can0.toml", "[buss]\n")
 
 
+def wrong_mount(bench: Bench) -> None:
+    file = bench.put("mine.json", '{"zero_position_rad": 0, "max_position_rad": -90}')
+    bench.put("etc/litegripd/can0.toml", f'[gripper]\nmount = "{file}"\n')
+
+
+def edited(bench: Bench) -> None:
+    bench.put("etc/litegripd/can0.toml", "[control]\nrate_hz = 400\n")
+    bench.tell(health_uptime_s=3600.0)
+
+
+def misnamed(bench: Bench) -> None:
+    bench.put("etc/litegripd/can0.toml.txt", "[control]\nrate_hz = 400\n")
+
+
 def stood_still(bench: Bench) -> None:
     bench.control |= {"lateness": {"worst_us": 312_000}, "lost_ticks": 62}
 
@@ -364,6 +421,11 @@ def granted(bench: Bench) -> None:
 def disk(word: str, free_bytes: int, where: str) -> Act:
     text = f"{word} space left on {where}: {free_bytes} bytes free, free some"
     return lambda bench: bench.disks.append(Shortage(text, is_full=word == "No"))
+
+
+def read_only(bench: Bench) -> None:
+    text = "/var/lib/litegripd can only be read: nothing can be kept there"
+    bench.disks.append(Shortage(text, is_full=False, is_read_only=True))
 
 
 def disk_freed(bench: Bench) -> None:
@@ -388,12 +450,16 @@ def with_names(bench: Bench) -> None:
         bench.put(f"enabled/litegripd@{name}.service")
 
 
+BUS = {"state": "up", "error": None, "load": 0.05, "send_failures": 0, "reopened": 0}
+
 SCENES = [
     Scene("no bit rate, no error counters in the doctor's lines", "iproute2", without_ip, with_ip,
           remains="none"),
     Scene("nothing works after a boot or a plug", "link", link("down")),
     Scene("the same, with an adapter that was never set up", "link", link("unset")),
     Scene("the same, and `ip link` does not list it", "link", unplugged, plugged),
+    Scene("the same, since the adapter is at another hub, or after a boot", "link", renamed,
+          plugged),
     Scene("`can0` is there, and python-can refuses it", "link", named_wrongly, plugged),
     Scene("a simulated bus is down", "link", virtual),
     Scene("the motor is silent, the adapter's lamp flashes errors", "bit-rate", at_rate(500_000)),
@@ -429,7 +495,10 @@ SCENES = [
           lambda bench: bench.driver(None), adapter(b"V1013\r" + GOOD, sends=GOOD),
           remains="none"),
     Scene("the serial adapter is not found", "device", serial(), a_port),
-    Scene("the same, with a name of another system", "device", no_path, a_port_by_its_path),
+    Scene("another gripper moves after a boot or a plug", "device", two_ports,
+          named_by_its_number),
+    Scene("the serial adapter is not found, by a name of another system", "device", no_path,
+          a_port_by_its_path),
     Scene("its file is no device", "device", a_plain_file, tty_left),
     Scene("a console or a modem is at the port, or its plug loops back", "device",
           adapter(b"", echoes=True), well_again),
@@ -451,6 +520,13 @@ SCENES = [
     Scene("a daemon that was edited does not start", "configuration", wrong_file,
           lambda bench: (bench.folder / "etc/litegripd/can0.toml").unlink(), runs=False,
           remains="none"),
+    Scene("a daemon that was edited starts, and refuses motions", "configuration", wrong_mount,
+          lambda bench: (bench.folder / "etc/litegripd/can0.toml").unlink(), runs=False,
+          remains="none"),
+    Scene("what was written into the configuration has no effect", "configuration", edited,
+          told(health_uptime_s=-1.0), remains="none"),
+    Scene("the same, with a file that was made on another system", "configuration", misnamed,
+          lambda bench: (bench.folder / "etc/litegripd/can0.toml.txt").unlink(), remains="none"),
     Scene("a new version is installed, the old one answers", "version", told(hello_version="1.2.2"),
           SYSTEMD),
     Scene("`permission denied`, for everybody", "sockets", closed, SYSTEMD),
@@ -462,10 +538,18 @@ SCENES = [
     Scene("nothing is kept any more, or a daemon does not start (226)", "disk",
           disk("No", 0, "/tmp"), disk_freed),
     Scene("the same, soon", "disk", disk("Little", 900_000, "/var/lib/litegripd"), disk_freed),
+    Scene("the same, with an error of the disk before, or an image that can only be read", "disk",
+          read_only, disk_freed),
     Scene("the bus is lost while the daemon runs", "bus", condition("down", "Network is down"),
           well_again),
+    Scene("the gripper is gone for a moment, again and again", "bus",
+          told(health_bus=BUS | {"reopened": 500}, health_uptime_s=86_400.0),
+          told(health_bus=BUS)),
+    Scene("commands come late, and other devices are on the bus", "bus",
+          told(health_bus=BUS | {"load": 0.97}), told(health_bus=BUS)),
     Scene("the motor does not answer", "motor", no_power, power),
     Scene("the motor has faulted", "motor", faulted),
+    Scene("motions are refused, and all else is well", "stop", stopped, remains="none"),
     Scene("the daemon is not content", "health", faulted, lambda bench:
           bench.carry_out("litegripctl enable")),
     Scene("the motor does not answer, and its 24 V are on: it has another id", "scan", motor_at(9),
@@ -485,7 +569,13 @@ SCENES = [
           corrected(r23=10.0)),
     Scene("motions are refused", "calibration", uncalibrated, load_template_and_measure,
           remains="ok"),
+    Scene("the same, though a calibration file is there", "calibration", unreadable, calibrated(),
+          remains="warning"),
+    Scene("an old calibration is back after each restart", "calibration",
+          measured_beside_a_named_file, no_file_named),
     Scene("all millimetres are too large", "calibration", calibrated(rad_to_mm=75.0)),
+    Scene("`open` goes to the stop though the calibration has a work stroke", "calibration",
+          calibrated(work_stroke_mm=95.0), calibrated(), remains="warning"),
     Scene("millimetres do not agree with a caliper", "stroke", other_stroke),
     Scene("motions are refused after a power cycle", "position", set_zero, turned_back),
     Scene("the jaws stop short of the stops, or close the wrong way, after a file was loaded",

@@ -30,10 +30,11 @@ from litegrip_client.ctl.run import (
     one_line,
     say,
 )
-from litegrip_client.values import strict_json
+from litegrip_client.values.checks import given_numbers
 from litegrip_client.values.errors import CancelledError, CommandError, LiteGripError
 from litegrip_client.values.fields import SPAN_INSET_MM
-from litegrip_client.values.text import cause, text_of
+from litegrip_client.values.terms import told
+from litegrip_client.values.text import json_of
 from litegrip_client.values.voices import in_shell
 
 TYPE_CHECKING = False
@@ -91,7 +92,9 @@ def _lead(run: Run) -> dict[str, Any]:
         if answer.startswith("c"):
             raise _NotWantedError
         try:
-            return _step(run, "finish", save=answer.startswith("y"), **_stroke(stroke_mm))
+            return _step(
+                run, "finish", save=answer.startswith("y"), **given_numbers(stroke_mm=stroke_mm)
+            )
         except CommandError as error:
             if error.reason != "out_of_limits":
                 raise
@@ -126,13 +129,9 @@ def _ask_stroke(run: Run) -> float | None:
         raise _NotWantedError from None
 
 
-def _stroke(stroke_mm: float | None) -> dict[str, float]:
-    return {} if stroke_mm is None else {"stroke_mm": stroke_mm}
-
-
 def _step(run: Run, step: str, **params: object) -> dict[str, Any]:
-    call = run.connection.prepare_guarded("calibration.manual", {"step": step, **params})
-    return run.connection.run(call, ACTION_TIMEOUT_S)
+    wanted = {"step": step, **params}
+    return run.connection.command("calibration.manual", wanted, ACTION_TIMEOUT_S)
 
 
 def _report(run: Run, how: str) -> None:
@@ -201,7 +200,7 @@ def zero(run: Run) -> int:
         except _NotWantedError:
             run.output.error(CommandError("nothing was done", reason="not_wanted"), "")
             return NOT_OK
-    params: dict[str, Any] = {"save": not options.no_save, **_stroke(stroke_mm)}
+    params: dict[str, Any] = {"save": not options.no_save, **given_numbers(stroke_mm=stroke_mm)}
     if options.mount is not None:
         params["mount"] = options.mount
     return finish(run, "calibration.zero", params, lambda data: _measured_text("zero", data))
@@ -211,7 +210,7 @@ def _measured_text(name: str, data: Data) -> str:
     """Return what was measured between the stops, and where it is stored."""
     text = f"{name}: {verdict(data)}"
     if data.get("message"):
-        text += f": {plain(in_shell(str(data['message'])))}"
+        text += f": {plain(told(data, 'message', in_shell))}"
     if data.get("closed_rad") is not None and data.get("open_rad") is not None:
         text += f"\n{_travel_text(data)}"
     if data.get("ok") and data.get("rad_to_mm") is not None:
@@ -321,7 +320,7 @@ def _calibration_text(data: Data) -> str:
     """Return the calibration in use in aligned lines."""
     if not data.get("calibrated"):
         if data.get("problem"):
-            return f"not calibrated: {plain(in_shell(str(data['problem'])))}\n{CHOOSE_MOUNT}"
+            return f"not calibrated: {plain(told(data, 'problem', in_shell))}\n{CHOOSE_MOUNT}"
         return f"not calibrated; {CHOOSE_MOUNT}"
     rows = [
         ("mount", data.get("mount")),
@@ -345,7 +344,7 @@ def _work_stroke(data: Data) -> str:
 
 def _doubt(data: Data) -> list[str]:
     """Return a line for each reason why the calibration is probably wrong."""
-    return [f"WARNING: {plain(in_shell(warning))}" for warning in warnings_in(data)]
+    return [f"WARNING: {plain(warning)}" for warning in warnings_in(data, in_shell)]
 
 
 def templates(run: Run) -> int:
@@ -411,13 +410,9 @@ def _loaded_text(data: Data, *, source: str | None) -> str:
 def _read_file(path: str) -> dict[str, Any]:
     """Read a calibration file; raises `CommandError` when it is no JSON object."""
     try:
-        text = text_of(Path(path).read_bytes())
+        content = json_of(Path(path).read_bytes())
     except (OSError, ValueError) as error:
         raise _unreadable(path, getattr(error, "strerror", None) or str(error)) from error
-    try:
-        content = strict_json.decode(text)
-    except (ValueError, RecursionError) as error:
-        raise _unreadable(path, f"not valid JSON: {error}{cause(text)}") from error
     if not isinstance(content, dict):
         raise _unreadable(path, "not a JSON object")
     return content
@@ -434,8 +429,9 @@ def _unreadable(path: str, why: str) -> CommandError:
 def rescale(run: Run) -> int:
     """Have the daemon correct the millimetres of the calibration in use, and store it."""
     before = run.connection.call("calibration.get")
-    call = run.connection.prepare_guarded("calibration.rescale", _stroke(run.options.stroke_mm))
-    data = run.connection.run(call)
+    data = run.connection.command(
+        "calibration.rescale", given_numbers(stroke_mm=run.options.stroke_mm)
+    )
     try:
         saved = _store(run)
     except LiteGripError as error:

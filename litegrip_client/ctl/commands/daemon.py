@@ -11,6 +11,7 @@ from litegrip_client.ctl.figures import Data, figure, plain
 from litegrip_client.ctl.parser import NUMBER, LateParser
 from litegrip_client.ctl.run import OK, Commands, Run, connected, installing
 from litegrip_client.values.errors import CommandError, LiteGripError, ParameterError
+from litegrip_client.values.terms import told_all
 from litegrip_client.values.voices import in_shell
 
 TYPE_CHECKING = False
@@ -119,15 +120,15 @@ def health(run: Run) -> int:
     return {"ok": 0, "degraded": 1}.get(data["verdict"], 2)
 
 
-_WORDS = ("verdict", "reasons", "notes")
+_WORDS = ("verdict", "reasons", "notes", "terms")
 
 
 def _health_text(data: Data) -> str:
     """Return the daemon's verdict, its reasons and notes, and then the figures."""
     figures = {name: value for name, value in data.items() if name not in _WORDS}
     lines = [f"verdict: {plain(data.get('verdict'))}"]
-    lines += [f"- {plain(in_shell(str(reason)))}" for reason in data.get("reasons", ())]
-    lines += [f"note: {plain(in_shell(str(note)))}" for note in data.get("notes", ())]
+    lines += [f"- {plain(reason)}" for reason in told_all(data, "reasons", in_shell)]
+    lines += [f"note: {plain(note)}" for note in told_all(data, "notes", in_shell)]
     return "\n".join([*lines, "", _tree_text(figures)] if figures else lines)
 
 

@@ -10,9 +10,10 @@ from pathlib import Path
 from runpy import run_path
 
 from litegrip_client.ctl import install
-from litegrip_client.ctl.doctor import daemon_checks, fleet_checks, gripper_checks, link_checks
-from litegrip_client.ctl.doctor.findings import Check, as_data, as_text, examine
+from litegrip_client.ctl.doctor import daemon_checks, gripper_checks, link_checks
+from litegrip_client.ctl.doctor.facts import Facts
 from litegrip_client.ctl.doctor.gather import gather, scan
+from litegrip_client.ctl.findings import Check, as_data, as_text, findings_of, is_well
 from litegrip_client.ctl.install import Done, Wanted
 from litegrip_client.ctl.parser import LateParser
 from litegrip_client.ctl.run import NOT_OK, OK, Commands, Run, installing
@@ -20,7 +21,7 @@ from litegrip_client.socketcan.managers import uses_networkd
 from litegrip_client.threads.blocking import connect
 from litegrip_client.values.errors import CommandError, LiteGripError
 
-CHECKS: tuple[Check, ...] = (
+CHECKS: tuple[Check[Facts], ...] = (
     Check("configuration", daemon_checks.configuration),
     Check("iproute2", link_checks.tool),
     Check("link", link_checks.link),
@@ -38,12 +39,13 @@ CHECKS: tuple[Check, ...] = (
     Check("daemon", daemon_checks.daemon),
     Check("version", daemon_checks.version),
     Check("sockets", daemon_checks.sockets),
-    Check("protection", fleet_checks.protection),
+    Check("protection", daemon_checks.protection),
     Check("group", daemon_checks.group),
     Check("real-time", daemon_checks.real_time),
     Check("disk", daemon_checks.disk),
     Check("bus", gripper_checks.bus),
     Check("motor", gripper_checks.motor),
+    Check("stop", gripper_checks.stop),
     Check("scan", gripper_checks.scan),
     Check("other-master", gripper_checks.other_master),
     Check("control-mode", gripper_checks.control_mode),
@@ -75,10 +77,10 @@ def doctor(run: Run) -> int:
     facts = gather(options.channel, options.socket, channel_chosen=options.channel_chosen)
     if options.scan:
         facts = replace(facts, scan=scan(facts))
-    findings = [*examine(facts, CHECKS), *fleet_checks.of_fleet(facts)]
-    data = as_data(facts.channel if facts.is_channel_known else None, findings)
-    run.output.result(data, as_text(findings))
-    return OK if data["ok"] else NOT_OK
+    found = [*findings_of(CHECKS, facts), *facts.fleet]
+    channel = facts.channel if facts.is_channel_known else None
+    run.output.result(as_data(found, channel=channel), as_text(found))
+    return OK if is_well(found) else NOT_OK
 
 
 _DATA = Path(__file__).resolve().parents[2] / "data"

@@ -22,7 +22,8 @@ from litegrip_client.ctl.render import (
     words,
 )
 from litegrip_client.ctl.run import ENDING, NOT_OK, OK, Commands, Run
-from litegrip_client.values.errors import CommandError, HardwareError
+from litegrip_client.values.checks import given_numbers
+from litegrip_client.values.errors import CommandError, HardwareError, from_error_object
 from litegrip_client.values.voices import in_shell
 
 TYPE_CHECKING = False
@@ -41,9 +42,7 @@ def enable(run: Run) -> int:
     params: dict[str, Any] = {"detach": True}
     if run.options.retries is not None:
         params["retries"] = run.options.retries
-    data = run.connection.run(
-        run.connection.prepare_guarded("motor.enable", params), ACTION_TIMEOUT_S
-    )
+    data = run.connection.command("motor.enable", params, ACTION_TIMEOUT_S)
     failure = f"NOT enabled: {data.get('message') or data.get('reason')} (tries: {data['tries']})"
     run.output.result(data, "enabled" if data["ok"] else plain(failure))
     return OK if data["ok"] else NOT_OK
@@ -118,7 +117,7 @@ def _no_wait_options(parser: LateParser) -> None:
 
 def open_or_close(run: Run) -> int:
     """Move to the stop that `options.command` names."""
-    return _move(run, f"motion.{run.options.command}", _given(speed_mm_s=run.options.speed))
+    return _move(run, f"motion.{run.options.command}", given_numbers(speed_mm_s=run.options.speed))
 
 
 _MOVE_EXAMPLES = """\
@@ -149,7 +148,7 @@ def move_options(parser: LateParser) -> None:
 def move(run: Run) -> int:
     """Move to a target."""
     parameter, value = run.options.target
-    paces = _given(speed_mm_s=run.options.speed, duration_s=run.options.duration)
+    paces = given_numbers(speed_mm_s=run.options.speed, duration_s=run.options.duration)
     return _move(run, "motion.move", {parameter: value, **paces})
 
 
@@ -209,7 +208,7 @@ def grasp_options(parser: LateParser) -> None:
 def grasp(run: Run) -> int:
     """Close until something is held; wait for the verdict, or through the holding."""
     options = run.options
-    params = _given(
+    params = given_numbers(
         force_n=options.force,
         speed_mm_s=options.speed,
         width_mm=options.width,
@@ -291,7 +290,7 @@ def force_options(parser: LateParser) -> None:
 def force(run: Run) -> int:
     """Set the squeezing force."""
     _note_force(run, run.options.newtons)
-    data = _settle(run, "motion.set_force", {"force_n": run.options.newtons})
+    data = run.connection.command("motion.set_force", {"force_n": run.options.newtons})
     run.output.result(data, _force_text(data))
     return OK
 
@@ -306,23 +305,14 @@ def _force_text(data: Data) -> str:
 
 def slack(run: Run) -> int:
     """Let the jaws move freely."""
-    data = _settle(run, "motion.zero_gravity", {})
+    data = run.connection.command("motion.zero_gravity", {})
     run.output.result(data, "jaws move freely; hold again with: litegripctl hold")
     return OK
 
 
-def _settle(run: Run, method: str, params: Mapping[str, Any]) -> dict[str, Any]:
-    """Have something in force from now on; there is no end to wait for."""
-    return run.connection.run(run.connection.prepare_guarded(method, params))
-
-
-def _given(**options: float | None) -> dict[str, Any]:
-    return {name: value for name, value in options.items() if value is not None}
-
-
 def hold(run: Run) -> int:
     """Hold the measured position."""
-    data = run.connection.run(run.connection.prepare_guarded("motion.hold", {}))
+    data = run.connection.command("motion.hold", {})
     opening = figure(data["state"].get("opening_mm"), ".2f", "mm")
     run.output.result(data, f"holding at {opening}")
     return OK
@@ -389,7 +379,8 @@ def job(run: Run) -> int:
         ("owner", plain(owner(data["owner"])) + (", detached" if data["detached"] else "")),
     ]
     if data["error"]:
-        rows.append(("why", plain(in_shell(str(data["error"]["message"])))))
+        error = from_error_object(data["error"], voice=in_shell)
+        rows.append(("why", plain(error.message)))
     rows += [
         (name, plain(f"{value:.4g}" if isinstance(value, float) else value))
         for name, value in (data["result"] or {}).items()

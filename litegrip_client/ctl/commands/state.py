@@ -10,7 +10,7 @@ from itertools import chain, islice
 
 from litegrip_client.core.discovery import socket_paths
 from litegrip_client.core.sockets import STOP_LEVELS
-from litegrip_client.core.stop import is_taken_as_meant, stop_at
+from litegrip_client.core.stop import is_taken_as_meant, stop_at, stop_params
 from litegrip_client.ctl import render
 from litegrip_client.ctl.figures import Data, figure, owner, plain
 from litegrip_client.ctl.parser import LateParser, count, positive
@@ -26,7 +26,6 @@ from litegrip_client.ctl.run import (
 )
 from litegrip_client.ctl.state_view import state_line, state_text, stopped
 from litegrip_client.values.errors import CommandError
-from litegrip_client.values.voices import in_shell
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
@@ -151,7 +150,7 @@ def stop_first(options: Namespace, output: Output) -> bool:
 
     A daemon that serves none is stopped as by any other request, and so for too long a reason.
     """
-    if not is_taken_as_meant(_params(options)):
+    if not is_taken_as_meant(stop_params(options.level, options.why)):
         return False
     for path in socket_paths(options.channel, options.socket):
         with suppress(*_NOT_LISTENING):
@@ -174,18 +173,14 @@ def stop_options(parser: LateParser) -> None:
 
 def stop(run: Run) -> int:
     """Latch a stop by the socket of all requests."""
-    data = run.connection.call("stop", _params(run.options))
+    data = run.connection.call("stop", stop_params(run.options.level, run.options.why))
     run.output.result(data, stopped(data))
     return OK
 
 
-def _params(options: Namespace) -> dict[str, str]:
-    return {"level": options.level} | ({} if options.why is None else {"why": options.why})
-
-
 def clear(run: Run) -> int:
     """Clear a stop."""
-    data = run.connection.run(run.connection.prepare_guarded("stop.clear", {}))
+    data = run.connection.command("stop.clear", {})
     state = data.get("state") or {}
     text = "cleared: motions are allowed"
     if state.get("enabled") is not True:
@@ -293,7 +288,7 @@ def events(run: Run) -> int:
     clock = render.clock_of(run.connection)
     with run.connection.subscribe_events(run.options.kind) as events:
         for event in chain(events.recent, events if run.options.follow else ()):
-            text = plain(in_shell(event.message))
+            text = plain(event.message)
             run.output.result(asdict(event), f"{clock(event.monotonic_s)}  {text}")
     return OK
 

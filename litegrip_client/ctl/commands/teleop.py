@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 from litegrip_client.ctl.figures import Data, figure, plain
-from litegrip_client.ctl.parser import LateParser, count, positive
+from litegrip_client.ctl.parser import LateParser, count, not_negative, positive
 from litegrip_client.ctl.run import NOT_OK, OK, Commands, Run
 
 TYPE_CHECKING = False
@@ -24,6 +24,9 @@ _OPTIONS = {
     "torque_limit": "torque_limit_nm",
     "force_limit": "force_limit_n",
     "watchdog": "watchdog_s",
+    "align_speed": "align_speed_mm_s",
+    "lead_cap": "lead_cap_mm",
+    "ready_timeout": "ready_timeout_s",
     "reflect_force": "reflect_n",
     "reflect_gain": "reflect_gain",
 }
@@ -44,6 +47,7 @@ _COUNTS = (
 _TELEOP = """\
 Let one gripper follow another one. Enable both before.
 
+The master's jaws hold until the slave is where they are; then they are loose.
 Without --detach it shows how it goes until Ctrl-C ends it. Then the jaws hold;
 those that the torque guard has let go of stay loose.
 """
@@ -65,7 +69,7 @@ def teleop_options(parser: LateParser) -> None:
     add = parser.add_subparsers(
         dest="action", required=True, metavar="ACTION", parser_class=LateParser
     ).add_parser
-    add("master", help="lead: the jaws go slack, and are moved by hand", fill=_master_options)
+    add("master", help="lead: the jaws are moved by hand", fill=_master_options)
     add("slave", help="follow a leader", fill=_slave_options)
     add("status", help="show how it goes")
     add("stop", help="end it")
@@ -78,6 +82,15 @@ def _master_options(parser: LateParser) -> None:
     )
     parser.add_argument(
         "--rate", type=positive, metavar="HZ", help="frames a second (default: the control rate)"
+    )
+    parser.add_argument(
+        "--no-require-ready", action="store_true", help="go slack at once, whoever follows"
+    )
+    parser.add_argument(
+        "--ready-timeout",
+        type=not_negative,
+        metavar="S",
+        help="go slack after so long, though no slave is ready (10; 0: never)",
     )
     parser.add_argument(
         "--reflect-force",
@@ -108,6 +121,18 @@ def _slave_options(parser: LateParser) -> None:
         type=positive,
         metavar="N",
         help="push by no more than this, in newtons; more than 20 (2 N·m) counts as that",
+    )
+    parser.add_argument(
+        "--align-speed",
+        type=positive,
+        metavar="MM_S",
+        help="go to where the leader is at this speed (default: speed_mm_s of the configuration)",
+    )
+    parser.add_argument(
+        "--lead-cap",
+        type=not_negative,
+        metavar="MM",
+        help="lead the jaws by no more than this, 1.34 N·m a mm (max_lead_mm); 0: 2 N·m, the most",
     )
     parser.add_argument("--reflect", action="store_true", help="report that force to the leader")
     parser.add_argument(
@@ -146,9 +171,11 @@ def _start(run: Run, mode: str) -> int:
         if value is not None:
             params[name] = value
     params |= {name: True for name in _FLAGS if getattr(options, name, False)}
+    if getattr(options, "no_require_ready", False):
+        params["require_ready"] = False
     if options.detach:
         params["detach"] = True
-    data = run.connection.run(run.connection.prepare_guarded("teleop.start", params))
+    data = run.connection.command("teleop.start", params)
     if options.detach:
         return _leave(run, data)
     try:
@@ -245,7 +272,7 @@ def status_text(data: Data) -> str:
             f"{whose}opening",
             f"{figure(data.get('position_mm'), '.2f', 'mm')}, {_percent(data)} open",
         ),
-        (f"{whose}force", figure(data.get("force_n"), "+.1f", "N")),
+        (f"{whose}force", figure(_of_frame(data, "force_n"), "+.1f", "N")),
         (f"{own}torque", figure(data.get("torque_nm"), "+.2f", "N·m")),
         ("frames", f"{data.get('frames')}, the last {_age(data)} ago"),
         ("loop", figure(data.get("loop_hz"), ".0f", "Hz")),
@@ -341,15 +368,29 @@ def _troubles(data: Data) -> list[str]:
         found.append(f"link failed: {data.get('link_error')}")
     if data.get("mode") == "master" and data.get("matching") is False:
         found.append("nobody follows")
-    return found + _counts(data)
+    return found + _gate(data) + _counts(data)
+
+
+def _gate(data: Data) -> list[str]:
+    """Say of a master if its jaws hold, and if they went slack though no slave was ready."""
+    if data.get("mode") != "master" or data.get("ready"):
+        return []
+    if data.get("active") and data.get("phase") == "waiting":
+        return ["holds until a slave is ready"]
+    return ["no slave was ready"] if data.get("ready_timed_out") else []
 
 
 def _counts(data: Data) -> list[str]:
     return [f"{name} {data[name]}" for name in _COUNTS if data.get(name)]
 
 
+def _of_frame(data: Data, name: str) -> object:
+    """Return a figure of the newest frame, None before the first one."""
+    return data.get(name) if data.get("frames") else None
+
+
 def _percent(data: Data) -> str:
-    openness = data.get("openness")
+    openness = _of_frame(data, "openness")
     return f"{100.0 * openness:.1f} %" if isinstance(openness, int | float) else "--"
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict
 
 from litegrip_client.core.session import ACTION_TIMEOUT_S
-from litegrip_client.core.trajectories import Recording, fetch, fetch_grips, listed, send
+from litegrip_client.core.trajectories import Recording, fetch, fetch_grips, listed, named, send
 from litegrip_client.ctl.figures import Data, figure, plain
 from litegrip_client.ctl.files import put_file, refuse_existing
 from litegrip_client.ctl.parser import LateParser, count, positive
@@ -263,7 +263,7 @@ def _refuse_no_name(run: Run, name: str) -> None:
     try:
         run.connection.call("trajectory.get", {"name": name, "offset": 0, "length": 1})
     except CommandError as error:
-        if error.reason == "invalid_params":
+        if error.reason == "invalid_params" or "/" in name:
             raise
 
 
@@ -464,7 +464,7 @@ def play(run: Run) -> int:
     if options.force != "path":
         params["force"] = options.force
     if options.local:
-        params["upload"] = _uploaded(run)
+        params.update(_uploaded(run))
     else:
         params["name"] = options.name
     return finish(run, "trajectory.play", params, played_text)
@@ -484,11 +484,11 @@ def played_text(data: Data) -> str:
     return text
 
 
-def _uploaded(run: Run) -> int:
+def _uploaded(run: Run) -> Mapping[str, Any]:
     wire, content = BlockingWire(run.connection), read_file(run.options.name)
     grips = b"" if run.options.force == "path" else read_grips(run.options.name)
     with showing(run) as share:
-        return int(complete(send(wire, content, None, share, grips))["upload"])
+        return named(complete(send(wire, content, None, share, grips)))
 
 
 COMMANDS: Commands = {

@@ -8,27 +8,24 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from litegrip_client.ctl.doctor.findings import (
-    SIMULATED,
-    Daemon,
-    Facts,
-    Finding,
-    error,
-    ok,
-    warning,
-)
+from litegrip_client.ctl.doctor.facts import SIMULATED, Daemon, Facts
+from litegrip_client.ctl.findings import Finding, error, ok, warning
+from litegrip_client.values.terms import told_all
+from litegrip_client.values.voices import in_shell
 
 STANDSTILL_US = 100_000
 """From so late a tick on some motors report "communication lost", others later."""
 _LIMITS = "[Service]\\nLimitRTPRIO=99\\nLimitMEMLOCK=infinity\\n"
 _DROP_IN = "/etc/systemd/system/litegripd@.service.d"
+SHORT_S = 30 * 86_400.0
+"""A certificate that is good for less is about to be over."""
 
 
 def configuration(facts: Facts) -> Finding | None:
-    """Check the configuration with which a daemon that does not run would be started."""
+    """Check the file with which a daemon would be started, and that one that runs has read it."""
     found = facts.configuration
     if found is None:
-        return None
+        return _unread(facts)
     as_user = f"sudo -u {found.as_user} " if found.as_user else ""
     again = f"{as_user}litegripd {facts.channel} --check"
     if found.error is not None:
@@ -42,7 +39,43 @@ def configuration(facts: Facts) -> Finding | None:
             f"{found.file} was not checked, {bus}: {found.unchecked}",
             advice=f"where the daemon is installed, as who may read it: {again}",
         )
+    named = found.content.get("calibration") or {}
+    if named.get("problem"):
+        return error(
+            f"{found.file}: {named['problem']} ({named.get('named_by')} names it)",
+            advice="a daemon starts with it, and refuses motions: correct it, and check it again:"
+            f" {again}",
+        )
+    if named.get("warnings"):
+        doubts = "; ".join(map(str, named["warnings"]))
+        return warning(
+            f"{named.get('file')}, which {named.get('named_by')} names: {doubts}",
+            advice=f"correct it, and check it again: {again}",
+        )
     return ok(f"{found.file}: interface {facts.interface}, channel {facts.bus_channel}")
+
+
+def _unread(facts: Facts) -> Finding | None:
+    """Return that what was written has no effect on the daemon that runs, or would be started."""
+    if facts.misnamed is not None:
+        right = f"/etc/litegripd/{facts.channel}.toml"
+        return warning(
+            f"{facts.misnamed} is no file that a daemon reads, which would be {right}",
+            f"sudo mv {facts.misnamed} {right}" if facts.misnamed != right else None,
+            "then restart the daemon; a folder is to be moved away",
+        )
+    uptime_s = None if facts.daemon is None else facts.daemon.health.get("uptime_s")
+    if facts.edited is None or uptime_s is None:
+        return None
+    path, written_s = facts.edited
+    if written_s <= facts.now_s - uptime_s:
+        return None
+    again = _systemctl("restart", facts) or "end it, and start it again"
+    return warning(
+        f"{path} was written after the daemon was started, which continues with the one before",
+        f"{facts.ctl} restart --hold",
+        f"where that is refused, since other tables have changed: {again}, with empty jaws",
+    )
 
 
 def daemon(facts: Facts) -> Finding | None:
@@ -172,6 +205,9 @@ def disk(facts: Facts) -> Finding | None:
     if any(lacking.is_full for lacking in facts.disks):
         advice = "nothing can be kept meanwhile, and no daemon can be started while /tmp is full"
         return error(text, "df -h /var/lib/litegripd /run /tmp /var/log", advice)
+    if any(lacking.is_read_only for lacking in facts.disks):
+        advice = "an error of the disk makes it so: repair it, and restart; else mount it writable"
+        return warning(text, "sudo dmesg | tail", advice)
     return warning(text, "sudo du -xh --max-depth=2 /var | sort -h | tail", "what is largest")
 
 
@@ -182,7 +218,7 @@ def health(facts: Facts) -> Finding | None:
     verdict = facts.daemon.health.get("verdict")
     if verdict == "ok":
         return ok("the daemon's verdict on itself is ok")
-    reasons = "; ".join(map(str, facts.daemon.health.get("reasons", ())))
+    reasons = "; ".join(told_all(facts.daemon.health, "reasons", in_shell))
     found = warning if verdict == "degraded" else error
     return found(f"{verdict}: {reasons}", f"{facts.ctl} health")
 
@@ -209,6 +245,33 @@ def teleop(facts: Facts) -> Finding | None:
         "the same command on the leader's machine says if it leads, and at which port; both ends"
         " need the same port, and a firewall must let it through",
     )
+
+
+def protection(facts: Facts) -> Finding | None:
+    """Check how the way to another machine's gripper is protected, as its portal says."""
+    told = None if facts.daemon is None else facts.daemon.health.get("remote")
+    if not isinstance(told, Mapping):
+        return None
+    if told.get("insecure"):
+        return warning(
+            "insecure = true in the portal's fleet.toml: nothing is encrypted, and everybody on the"
+            " network may do everything",
+            advice="make certificates with etc/zenoh-certificates, see docs/fleet.md",
+        )
+    expires_s = told.get("certificate_expires_s")
+    if not isinstance(expires_s, int | float):
+        return ok("encrypted")
+    days = (expires_s - facts.now_s) / 86_400.0
+    if days < 0.0:
+        return error("the portal's certificate is over", advice=_RENEW)
+    text = f"encrypted; the portal's certificate is good for {days:.0f} days"
+    return ok(text) if expires_s - facts.now_s >= SHORT_S else warning(text, advice=_RENEW)
+
+
+_RENEW = (
+    "where the authority's ca.key is: etc/zenoh-certificates DIRECTORY user:NAME; copy it here,"
+    " then restart the portal"
+)
 
 
 def _not_answering(facts: Facts) -> Finding:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import grp
 import json
 import os
@@ -11,7 +12,7 @@ import shlex
 import stat
 import subprocess
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,19 +28,18 @@ from litegrip_client.core.discovery import (
     running_channels,
     socket_paths,
 )
-from litegrip_client.ctl.doctor import fleet_checks
-from litegrip_client.ctl.doctor.findings import (
+from litegrip_client.ctl.doctor.facts import (
     SIMULATED,
     Configuration,
     Daemon,
     Device,
     Facts,
-    Fleet,
     Scan,
     Socket,
     System,
     User,
 )
+from litegrip_client.ctl.findings import Named, read, warning
 from litegrip_client.socketcan.link import (
     ARPHRD_CAN,
     IpError,
@@ -57,6 +57,7 @@ from litegrip_client.values.atomic_file import (
     shortages,
 )
 from litegrip_client.values.errors import LiteGripError
+from litegrip_client.values.voices import in_shell
 
 DIRECTORY = Path("/etc/litegripd")
 CHECK_WITHIN_S = 10.0
@@ -73,42 +74,51 @@ _WRONG = 2
 """The exit code of litegripd for a configuration that is wrong, and for its usage."""
 
 
+def _configuration_path(channel: str) -> str | None:
+    """Return the file that a daemon of `channel` reads, None where there is none."""
+    candidates = (DIRECTORY / f"{channel}.toml", DIRECTORY / "litegripd.toml")
+    return next((str(path) for path in candidates if os.path.isfile(path)), None)  # noqa: PTH113
+
+
+def _edited(path: str | None) -> tuple[str, float] | None:
+    try:
+        return None if path is None else (path, Path(path).stat().st_mtime)
+    except OSError:
+        return None
+
+
+_ENDINGS = (".toml", ".toml.txt", ".txt", ".conf", ".cfg", ".ini")
+
+
+def _misnamed(channel: str) -> str | None:
+    """Return what was probably meant as the channel's file; editors add an ending, and hide it."""
+    meant = [f"{channel}{ending}".lower() for ending in _ENDINGS]
+    with contextlib.suppress(OSError):
+        for path in sorted(DIRECTORY.iterdir()):
+            if path.name.lower() in meant:
+                return str(path)
+    return None
+
+
 def configuration_file(channel: str) -> Configuration | None:
     """Have the file of `channel` checked, or the common one; None where there is neither."""
-    candidates = (DIRECTORY / f"{channel}.toml", DIRECTORY / "litegripd.toml")
-    path = next((str(path) for path in candidates if os.path.isfile(path)), None)  # noqa: PTH113
+    path = _configuration_path(channel)
     if path is None:
         return None
     if not os.access(path, os.R_OK):
         return Configuration(path, unchecked="this user may not read it")
-    program = program_of("litegripd")
-    if program is None:
-        return Configuration(path, unchecked="the program litegripd is not found here")
     identity = _daemons_identity()
     as_user = USER if identity else None
-    command = [program, channel, "--config", path, "--check"]
-    try:
-        done = subprocess.run(
-            command,
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            timeout=CHECK_WITHIN_S,
-            check=False,
-            **identity,
-        )
-    except (OSError, subprocess.TimeoutExpired) as error:
-        return Configuration(
-            path, unchecked=f"litegripd cannot be run{f' as {USER}' if identity else ''}: {error}"
-        )
-    said = done.stderr.decode(errors="replace").strip()
-    if done.returncode == _WRONG and not said.startswith("usage:"):  # of an older litegripd
-        why = said.rpartition("\n")[2].removeprefix("litegripd: ")
-        return Configuration(path, error=why, as_user=as_user)
+    done = _run("litegripd", [channel, "--config", path, "--check"], CHECK_WITHIN_S, identity)
+    if isinstance(done, str):
+        return Configuration(path, unchecked=done)
+    last = _last_line(done)
     try:
         return Configuration(path, content=json.loads(done.stdout), as_user=as_user)
     except ValueError:
-        last = said.rpartition("\n")[2] or "no word"
-        why = f"litegripd --check ended with {done.returncode}: {last}"
+        if done.returncode == _WRONG and not done.stderr.startswith(b"usage:"):  # of an older one
+            return Configuration(path, error=last.removeprefix("litegripd: "), as_user=as_user)
+        why = f"litegripd --check ended with {done.returncode}: {last or 'no word'}"
         return Configuration(path, unchecked=why)
 
 
@@ -130,26 +140,50 @@ def _daemons_identity() -> dict[str, Any]:
 FLEET_CHECK_WITHIN_S = 60.0
 
 
-def fleet_check(file: str) -> Fleet:
-    """Have this machine's parts of a fleet checked by their own program."""
-    program = program_of(FLEET_PROGRAM)
+def fleet_check(file: str) -> Sequence[Named]:
+    """Have this machine's parts of a fleet checked by their own program.
+
+    Its checks are called `fleet-` and their names.
+    """
+    done = _run(FLEET_PROGRAM, ["--config", file, "check", "--json"], FLEET_CHECK_WITHIN_S, {})
+    if isinstance(done, str):
+        problem = done
+    else:
+        try:
+            found = read(json.loads(done.stdout))
+        except ValueError:
+            last = _last_line(done) or "no word"
+            problem = f"{FLEET_PROGRAM} check ended with {done.returncode}: {last}"
+        else:
+            if found is not None:
+                return [(f"fleet-{name}", finding) for name, finding in found]
+            problem = f"{FLEET_PROGRAM} check has printed something else than findings"
+    text = f"{file} was not checked: {problem}"
+    return [("fleet", warning(text, advice="run there: litegripd-fleet check"))]
+
+
+def _run(
+    name: str, options: Sequence[str], within_s: float, identity: Mapping[str, Any]
+) -> subprocess.CompletedProcess[bytes] | str:
+    """Run one of our programs; return why it cannot be, where that is so."""
+    program = program_of(name)
     if program is None:
-        return Fleet(file, problem=f"the program {FLEET_PROGRAM} is not found here")
+        return f"the program {name} is not found here"
     try:
-        done = subprocess.run(
-            [program, "--config", file, "check", "--json"],
+        return subprocess.run(
+            [program, *options],
             stdin=subprocess.DEVNULL,
             capture_output=True,
-            timeout=FLEET_CHECK_WITHIN_S,
+            timeout=within_s,
             check=False,
+            **identity,
         )
     except (OSError, subprocess.TimeoutExpired) as error:
-        return Fleet(file, problem=str(error))
-    try:
-        return fleet_checks.read(file, json.loads(done.stdout))
-    except ValueError:
-        last = done.stderr.decode(errors="replace").strip().rpartition("\n")[2] or "no word"
-        return Fleet(file, problem=f"{FLEET_PROGRAM} check ended with {done.returncode}: {last}")
+        return f"{name} cannot be run{f' as {USER}' if identity else ''}: {error}"
+
+
+def _last_line(done: subprocess.CompletedProcess[bytes]) -> str:
+    return done.stderr.decode(errors="replace").strip().rpartition("\n")[2]
 
 
 def other_channels(usual: str) -> tuple[str, ...]:
@@ -315,6 +349,9 @@ def _device(bus_channel: str, root: Path) -> Device | None:
     accessible = os.access(path, os.R_OK | os.W_OK)
     is_device = stat.S_ISCHR(status.st_mode)
     number = f"c{os.major(status.st_rdev)}:{os.minor(status.st_rdev)}"
+    named = {entry: entry.resolve() for entry in sorted((root / _BY_ID).glob("*"))}
+    own = Path(path).resolve()
+    lasting = next((str(entry) for entry, port in named.items() if port == own), None)
     return Device(
         path,
         True,
@@ -323,9 +360,12 @@ def _device(bus_channel: str, root: Path) -> Device | None:
         group,
         is_left_alone=is_device and _IGNORED in _udev_properties(root, number),
         probers=tuple(name for name, files in _PROBERS.items() if _is_any(root, files)),
+        lasting_path=None if path in map(str, named) else lasting,
+        other_ports=len(set(named.values()) - {own}),
     )
 
 
+_BY_ID = "dev/serial/by-id"
 _IGNORED = "E:ID_MM_DEVICE_IGNORE=1"
 _PROBERS = {
     "ModemManager": ("usr/sbin/ModemManager", "sbin/ModemManager"),
@@ -403,12 +443,16 @@ def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
         hung_pid=hung_pid,
         blocked=blocked,
         configuration=file,
+        edited=None
+        if daemon is None or is_remote
+        else _edited(configuration.get("file") or _configuration_path(channel)),
+        misnamed=None if is_remote or _configuration_path(channel) else _misnamed(channel),
         interface=interface,
         bus_channel=bus_channel,
         now_s=time.time(),
         is_remote=is_remote,
         disks=() if is_remote else tuple(shortages(_WRITTEN)),
-        fleet=fleet_check(str(fleet_file)) if is_in_fleet else None,
+        fleet=fleet_check(str(fleet_file)) if is_in_fleet else (),
     )
 
 
@@ -418,6 +462,7 @@ def scan(facts: Facts) -> Scan:
         return Scan(problem="no daemon answers, which would ask")
     try:
         with connect(facts.channel, facts.daemon.path, ANSWER_WITHIN_S) as connection:
+            connection.voice = in_shell
             connection.greet("litegripctl doctor")
             told = connection.call("motor.scan")
     except LiteGripError as error:
@@ -433,7 +478,7 @@ def _daemon(
     pid = 0
     try:
         with connect(channel, socket, ANSWER_WITHIN_S) as connection:
-            pid = connection.daemon_pid
+            pid, connection.voice = connection.daemon_pid, in_shell
             hello = connection.greet("litegripctl doctor")
             answers = [connection.call(method) for method in ("info.get", "health", "state.get")]
             return Daemon(connection.path, hello, *answers), None, None, None

@@ -8,9 +8,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from litegrip_client.ctl.doctor.findings import Daemon, Facts, Finding, error, ok, warning
+from litegrip_client.ctl.doctor.facts import Daemon, Facts
+from litegrip_client.ctl.findings import Finding, error, ok, warning
 from litegrip_client.values.fields import SPAN_INSET_MM, STROKE_MM
 from litegrip_client.values.results import USABLE_BUS
+from litegrip_client.values.terms import told
+from litegrip_client.values.voices import in_shell
 
 MIT_MODE = 1
 CAN_BR_1_MBIT_S = 4
@@ -48,7 +51,11 @@ _RESTING: Mapping[str, tuple[str, str | None]] = {
 """By the status of a disabled motor: what it means, and what to do, if anything."""
 _LOOK_AT_MOUNT = "closing may have the other direction: look at its mount first"
 
-_DAY_S = 86_400.0
+MOST_LOAD = 0.8
+"""The daemon and a motor take 5% at 200 Hz; with so much, frames wait for each other."""
+FLAPS = 3
+"""So often, and once an hour at least, a bus is not lost by somebody who repairs it."""
+_HOUR_S, _DAY_S = 3600.0, 86_400.0
 _SET = "with the maker's tool, while the daemon does not run"
 _NO_ANSWER = (
     "switch its 24 V on and look at its plug; it is expected at 0x%02X, at 1 Mbit/s; if it may have"
@@ -72,7 +79,21 @@ def bus(facts: Facts) -> Finding | None:
             advice="fix what is found above, else what this error names; the daemon then continues",
         )
     load = figures.get("load") or 0.0
-    return ok(f"the daemon uses it, load {load:.0%}, {figures.get('send_failures')} lost frames")
+    text = f"the daemon uses it, load {load:.0%}, {figures.get('send_failures')} lost frames"
+    if load >= MOST_LOAD:
+        return warning(
+            f"{text}: somebody fills it, and commands come late",
+            f"candump {facts.bus_channel}" if facts.interface == "socketcan" else None,
+            "end who sends so much; a gripper needs a bus of its own",
+        )
+    reopened, uptime_s = figures.get("reopened") or 0, facts.daemon.health.get("uptime_s") or 0.0
+    if reopened >= FLAPS and reopened * _HOUR_S >= uptime_s:
+        return warning(
+            f"{text}; it was lost and opened again {reopened} times in {uptime_s / _HOUR_S:.1f} h",
+            "sudo dmesg | tail",
+            "a loose plug, cable or hub, or a program that sets the link down: see who",
+        )
+    return ok(text)
 
 
 def motor(facts: Facts) -> Finding | None:
@@ -101,6 +122,19 @@ def motor(facts: Facts) -> Finding | None:
         text = f"{phase}, {age}: {meaning}"
         return ok(text) if remedy is None else warning(text, advice=remedy)
     return ok(f"{phase}, {age}")
+
+
+def stop(facts: Facts) -> Finding | None:
+    """Check that no stop is latched, with which motions are refused; None where that is so."""
+    latched = None if facts.daemon is None else facts.daemon.state.get("stop")
+    if not latched:
+        return None
+    why = f": {latched['why']}" if latched.get("why") else ""
+    return warning(
+        f"a stop of {latched.get('by')} is latched, and motions are refused{why}",
+        f"{facts.ctl} clear",
+        "when it is safe",
+    )
 
 
 def _is_in_use(daemon: Daemon) -> bool:
@@ -253,11 +287,7 @@ def calibration(facts: Facts) -> Finding | None:
         return None
     gripper, source = daemon.hello.get("gripper", {}), _calibration(daemon)
     if not gripper.get("calibrated"):
-        return warning(
-            "none: motions are refused",
-            advice=f"load the mount's template: {facts.ctl} calibration load normal (or reverse);"
-            f" then measure: {facts.ctl} enable && {facts.ctl} zero",
-        )
+        return _uncalibrated(facts, source)
     text = (
         f"mount {gripper.get('mount')}, travel {gripper.get('travel_mm', 0.0):.1f} mm"
         f"{_work_stroke(gripper)}"
@@ -281,6 +311,11 @@ def calibration(facts: Facts) -> Finding | None:
             f" {gripper.get('stroke_mm', STROKE_MM):g} mm, then:"
             f" {facts.ctl} calibration rescale --stroke-mm MM",
         )
+    if source.get("work_stroke"):
+        return warning(
+            f"{text}{where}: {source['work_stroke']}",
+            advice=f"then have the file read again: {facts.ctl} calibration load --chain",
+        )
     if source.get("nominal"):
         return warning(
             f"{text}, nominal: it was not measured on this gripper",
@@ -288,7 +323,30 @@ def calibration(facts: Facts) -> Finding | None:
         )
     if file is None:
         return warning(f"{text}, in no file: lost at a restart", f"{facts.ctl} calibration save")
+    named = (daemon.info.get("configuration") or {}).get("gripper", {}).get("calibration")
+    if named not in (None, file):
+        return warning(
+            f"{text}, {file}: at its next start the daemon takes {named}, which [gripper] mount or"
+            " LITEGRIP_CALIB names",
+            advice=f'to keep this one, set mount = "{gripper.get("mount")}" in [gripper]: what the'
+            " daemon has measured of such a mount counts then",
+        )
     return ok(f"{text}, {_age(facts.now_s, source.get('saved_s'))}, {file}")
+
+
+def _uncalibrated(facts: Facts, source: Mapping[str, Any]) -> Finding:
+    if source.get("problem"):
+        return error(
+            f"none, and motions are refused: {source['problem']}",
+            advice=f"repair that file and have it read again: {facts.ctl} calibration load --chain;"
+            f" or measure again: {facts.ctl} enable"
+            f" && {facts.ctl} zero --mount normal (or reverse)",
+        )
+    return warning(
+        "none: motions are refused",
+        advice=f"load the mount's template: {facts.ctl} calibration load normal (or reverse);"
+        f" then measure: {facts.ctl} enable && {facts.ctl} zero",
+    )
 
 
 def _work_stroke(gripper: Mapping[str, Any]) -> str:
@@ -350,7 +408,8 @@ def calibration_channel(facts: Facts) -> Finding | None:
     source = {} if facts.daemon is None else _calibration(facts.daemon)
     channel, foreign = source.get("channel"), source.get("foreign")
     if foreign:
-        return warning(str(foreign), f"{facts.ctl} enable && {facts.ctl} zero", _LOOK_AT_MOUNT)
+        text = told(source, "foreign", in_shell)
+        return warning(text, f"{facts.ctl} enable && {facts.ctl} zero", _LOOK_AT_MOUNT)
     if facts.daemon is None or channel is None:
         return None
     # A gripper of another machine is called otherwise there.
@@ -382,4 +441,6 @@ def _age(now_s: float, saved_s: object) -> str:
     if not isinstance(saved_s, int | float):
         return "of unknown date"
     days = (now_s - saved_s) / _DAY_S
+    if days < -1.0:
+        return f"dated {-days:.0f} days ahead of this machine's clock"
     return "of today" if days < 1.0 else f"{days:.0f} days old"

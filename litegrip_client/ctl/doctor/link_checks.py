@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from litegrip_client.ctl.doctor.findings import SIMULATED, Facts, Finding, error, ok, warning
+from litegrip_client.ctl.doctor.facts import SIMULATED, Device, Facts
+from litegrip_client.ctl.findings import Finding, error, ok, warning
 from litegrip_client.socketcan.link import BITRATE, HINDERING, Link, rate_text, switch_off
 from litegrip_client.values.results import USABLE_BUS
 
@@ -256,7 +257,7 @@ def device(facts: Facts) -> Finding | None:
     if facts.interface in (None, "socketcan"):
         return None
     if facts.interface in SIMULATED:
-        return ok(f"interface {facts.interface}: no adapter to check")
+        return ok(f"interface {facts.interface}: SIMULATED, no jaws move; no adapter to check")
     found, bus = facts.system.device, _bus_figures(facts)
     if found is None:
         text = f"interface {facts.interface}, channel {facts.bus_channel}"
@@ -269,11 +270,23 @@ def device(facts: Facts) -> Finding | None:
         return error(f"{found.path} is no device", "ls -l /dev/serial/by-id/", advice)
     if found.is_accessible or bus.get("state") in USABLE_BUS:
         unopened = _unopened(facts, found.path)
-        return unopened or ok(f"{found.path} is there and accessible")
+        return unopened or _unstable(found) or ok(f"{found.path} is there and accessible")
     return warning(
         f"{found.path} is there, but not for {facts.user.name}",
         f"sudo usermod --append --groups {found.group or 'dialout'} {facts.user.name}",
         "needed if the daemon runs as this user; then log in again",
+    )
+
+
+def _unstable(found: Device) -> Finding | None:
+    """Return that another adapter may have this name after a boot, or None."""
+    if found.lasting_path is None or not found.other_ports:
+        return None
+    others = "another adapter is" if found.other_ports == 1 else f"{found.other_ports} others are"
+    return warning(
+        f"{found.path} is there, but {others}, too, and such names follow the order of plugging:"
+        " after a boot it may be another gripper's",
+        advice=f'set [bus] channel = "{found.lasting_path}" and restart the daemon',
     )
 
 
@@ -319,10 +332,21 @@ def _missing(facts: Facts) -> Finding:
     text = f"there is no network interface {name}{listed}"
     if name.startswith("vcan"):
         return error(text, f"sudo ip link add dev {name} type vcan && sudo ip link set {name} up")
+    if name.startswith("/"):
+        return error(
+            text, advice='at a serial port it needs [bus] interface = "slcan": etc/slcan.toml'
+        )
+    plug = "plug the adapter in and load its driver (sudo modprobe gs_usb, say)"
+    if others:
+        return error(
+            text,
+            advice=f"if {others[0]} is its adapter, under another name since a plug or a boot: set"
+            f' [bus] channel = "{others[0]}" in the configuration and restart the daemon; else'
+            f" {plug}",
+        )
     return error(
         text,
-        advice="plug the adapter in and load its driver (sudo modprobe gs_usb, say); one on a"
-        " serial line is named in the configuration, see etc/slcan.toml",
+        advice=f"{plug}; one on a serial line is named in the configuration, see etc/slcan.toml",
     )
 
 

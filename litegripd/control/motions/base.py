@@ -62,6 +62,9 @@ class Action(Protocol):
     bounds: Bounds | None
     """The bounds of its commands; None for those of the calibrated travel."""
 
+    by_force: bool
+    """True while it drives the jaws by a set torque, and not by a grip that it would leave."""
+
     def step(self, now_s: float, motor: MotorView) -> Step:
         """Advance to `now_s`. A position on a ramp follows from the time, not from the calls."""
 
@@ -96,10 +99,11 @@ def progress_of(
 
 
 class PlainAction:
-    """What most actions have in common: no own bounds, a hold at the end, no progress."""
+    """What most actions have in common: no own bounds or torque, a hold at the end, no progress."""
 
     needs_power = True
     bounds: Bounds | None = None
+    by_force = False
 
     def idle_after(self) -> Idle | None:
         """Return None: the jaws hold where they are."""

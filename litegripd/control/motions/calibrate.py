@@ -39,6 +39,7 @@ from litegripd.control.motions.base import PlainAction, Step, progress_of
 from litegripd.model.errors import Refusal
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorView
+from litegripd.model.sentence import sentence
 from litegripd.model.state import Progress, ZeroResult
 
 ProbeVerdict: TypeAlias = Literal["found", "not_found"]
@@ -511,7 +512,8 @@ class CalibrateByHand(PlainAction):
             return Refusal("out_of_limits", text)
         failure = saving.begin(self.marks["closed"], self.marks["open"], plausible=False)
         if failure is not None:
-            return Refusal("out_of_limits", f"{failure.message}; mark them again")
+            text = sentence("{why}; mark them again", why=failure.message)
+            return Refusal("out_of_limits", text)
         self._saving = saving
         return None
 

@@ -1,4 +1,4 @@
-"""Moves: to a position, to a stop, which is pressed gently, and after a stream of set-points.
+"""Moves: to a position, and to a stop, which is pressed gently.
 
 `MoveTo` goes to a position inside the travel, at a speed: a ramp with velocity feed-forward. Moves
 may be slow. Static friction holds slow jaws for longer than a stall window. So on the way they
@@ -17,10 +17,6 @@ a late tick has left behind, go on as at the beginning of the move, and do not c
 Damping turns the velocity of the command into torque as soon as something stops the jaws. So the
 torque of lead and velocity together is bounded: kp times the lead, and at most `_FED_SHARE` more
 while the ramp lasts.
-
-In a stream, for policies and teleoperation at 10 to 200 Hz, the latest set-point wins. The command
-moves towards it at no more than its speed, and presses on whatever the jaws meet with no more than
-its torque.
 """
 
 import math
@@ -28,12 +24,10 @@ from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 from litegripd.control.detectors import StallDetector, TorqueGuard
-from litegripd.control.holds import Hold, Idle
 from litegripd.control.limiter import (
     DEFAULT_GAINS,
     Gains,
     bounds_of,
-    budgeted,
     clamp_lead,
     is_in_press_zone,
     lead_within,
@@ -42,7 +36,7 @@ from litegripd.control.motions.base import PlainAction, Step, gives_up_after_s, 
 from litegripd.model.gripper import FASTEST_RAD_S, Geometry
 from litegripd.model.motion_config import MOVING_KD_NM_S_RAD, MOVING_KP_NM_RAD, MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorView
-from litegripd.model.state import MoveOutcome, MoveResult, Progress, StreamResult
+from litegripd.model.state import MoveOutcome, MoveResult, Progress
 
 SPEED_UP_S = 0.04
 """A velocity that is fed forward at once throws light jaws beyond it, by a third: the motor's own
@@ -447,56 +441,3 @@ class MoveToStop(PlainAction):
             final_command_rad=self._command_rad,
             steps=self._steps,
         )
-
-
-@dataclass(frozen=True, slots=True)
-class SetPoint:
-    """Where to move the jaws, until when (CLOCK_MONOTONIC) this is valid, and how."""
-
-    position_rad: float
-    valid_until_s: float
-    speed_rad_s: float
-    torque_nm: float
-    gains: Gains
-    """The stiffest that the command may be."""
-
-
-class Stream(PlainAction):
-    """Follows set-points until the latest one has expired; then holds with the last pressure."""
-
-    def __init__(self, period_s: float) -> None:
-        self._period_s = period_s
-        self._point: SetPoint | None = None
-        self._set_points = 0
-        self._reference: tuple[float, float] | None = None
-        self._velocity_rad_s = 0.0
-        self._hold: Hold | None = None
-
-    def set(self, point: SetPoint) -> None:
-        """Follow another set-point from the next tick on."""
-        self._point = point
-        self._set_points += 1
-
-    def step(self, now_s: float, motor: MotorView) -> Step:
-        """Return the next command towards the set-point."""
-        feedback, point = motor.feedback, self._point
-        if feedback is None or point is None:
-            return Step()
-        if now_s >= point.valid_until_s:
-            return Step(outcome=StreamResult(self._set_points))
-        gains, lead_rad = budgeted(point.torque_nm, point.speed_rad_s, point.gains, self._period_s)
-        was_s, was_rad = self._reference or (now_s, feedback.position_rad)
-        elapsed_s = max(now_s - was_s, 0.0)
-        faster_rad_s = abs(self._velocity_rad_s) + SPEED_UP_RAD_S2 * elapsed_s
-        step_rad = min(point.speed_rad_s, faster_rad_s) * elapsed_s
-        wanted_rad = was_rad + min(max(point.position_rad - was_rad, -step_rad), step_rad)
-        reference_rad = clamp_lead(wanted_rad, feedback.position_rad, lead_rad)
-        velocity_rad_s = (wanted_rad - was_rad) / elapsed_s if elapsed_s > 0.0 else 0.0
-        self._velocity_rad_s = velocity_rad_s
-        self._reference = (now_s, reference_rad)
-        self._hold = Hold(reference_rad, gains, point.torque_nm)
-        return Step(gains.at(reference_rad, velocity_rad_s))
-
-    def idle_after(self) -> Idle | None:
-        """Return the hold that presses as in the latest tick."""
-        return self._hold

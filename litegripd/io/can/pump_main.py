@@ -7,6 +7,7 @@ the first reads the daemon's socket and ends the process, blocked threads and al
 import errno
 import fcntl
 import json
+import logging
 import os
 import socket
 import struct
@@ -191,6 +192,7 @@ def main() -> None:
     interface, channel, bitrate, options, lifetime_s, priority = json.loads(sys.argv[1])
     if interface == "slcan":
         options.setdefault("timeout", _READ_TIMEOUT_S)  # else its reader wakes 1000 times a second
+    logging.getLogger("can").setLevel(logging.CRITICAL)  # it raises what it logs; that is reported
     use_all_cpus()
     peer = inherited_socket()
     bus: can.BusABC

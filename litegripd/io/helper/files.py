@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from litegrip_client.values import strict_json
 from litegrip_client.values.atomic_file import why_not_written
 from litegrip_client.values.text import cause
 from litegripd.io.helper import atomic_file
@@ -240,9 +241,9 @@ def load_motion(parameters: Mapping[str, object]) -> dict[str, object]:
     except FileNotFoundError:
         return {"config": None, "path": str(path)}
     try:
-        content = json.loads(text, parse_constant=_refuse_constant)
+        content = strict_json.decode_file(text)
         return {"config": _checked_motion(content, channel), "path": str(path)}
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise FileError(f"{path}: {error}{cause(text)}; repair or remove it") from None
 
 
@@ -274,10 +275,6 @@ def _checked_motion(content: Any, channel: str) -> dict[str, Any]:
         if value is not None and not isinstance(value, str | int | float):
             raise ValueError(f"config: {name[:64]} is neither a number, boolean, string nor null")
     return config
-
-
-def _refuse_constant(name: str) -> float:
-    raise ValueError(f"not valid JSON: {name} is no number")
 
 
 def _text(content: Mapping[str, Any], *, allow_nan: bool = True) -> str:

@@ -114,7 +114,11 @@ class HelperRequests:
 
 _log = logging.getLogger(__name__)
 
-_RESTART_AFTER_S = 0.5
+_RESTART_FIRST_S = 0.5
+_RESTART_AT_MOST_S = 5.0
+_SETTLED_S = 10.0
+"""A helper that has lived so long is restarted at once again. One that dies at each start, as after
+an upgrade under a running daemon, has a traceback in the journal each time."""
 END_WITHIN_S = 0.5
 FINISH_WITHIN_S = 2.5
 """So long the end waits for a helper that has something to finish, the dump of a fault for one."""
@@ -169,6 +173,8 @@ class Helper:
         self._refused_s = float("-inf")
         self._next_id = 0
         self._restart_at_s = 0.0
+        self._restart_after_s = _RESTART_FIRST_S
+        self._started_s = 0.0
         self._kept: list[bytes] = []
         self._child: Child | None = None
         self._lost_by_child = 0
@@ -277,10 +283,11 @@ class Helper:
             self._child = None
 
     def _start(self) -> None:
+        self._started_s = time.monotonic()
         try:
             self._child = self._start_child(self._module, self._arguments, self._memory_fd)
         except OSError as error:
-            self._restart_at_s = time.monotonic() + _RESTART_AFTER_S
+            self._restart_later()
             _log.error("the helper process cannot be started: %s", error)
             return
         self._watch(self._child)
@@ -322,6 +329,13 @@ class Helper:
         self.log_lines_lost += lost - self._lost_by_child
         self._lost_by_child, self.log_is_stuck = lost, is_stuck
 
+    def _restart_later(self) -> None:
+        now_s = time.monotonic()
+        if now_s - self._started_s >= _SETTLED_S:
+            self._restart_after_s = _RESTART_FIRST_S
+        self._restart_at_s = now_s + self._restart_after_s
+        self._restart_after_s = min(2 * self._restart_after_s, _RESTART_AT_MOST_S)
+
     def _bury(self, child: Child) -> None:
         while packet := child.receive():
             self._take(packet)  # what it still finished
@@ -331,7 +345,7 @@ class Helper:
         self._unwatch(child)
         child.close()
         self._child = None
-        self._restart_at_s = time.monotonic() + _RESTART_AFTER_S
+        self._restart_later()
         if failure is None:
             _log.error("the helper process (pid %d) died; it will be started again", pid)
         else:

@@ -12,7 +12,8 @@ from litegripd.control.motions.move import Direction
 from litegripd.control.requests import MotionRequests, Pace
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import FASTEST_MM_S
-from litegripd.model.motion_config import MOVING_KP_NM_RAD, REACHING_KP_NM_RAD, MotionConfig
+from litegripd.model.motion_config import MOVING_KP_NM_RAD, REACHING_KP_NM_RAD
+from litegripd.model.sentence import joined, method_name, parameter_name, sentence
 from litegripd.model.state import (
     STOP_LEVELS,
     ClearFaultResult,
@@ -27,11 +28,12 @@ from litegripd.model.state import (
     StopLevel,
 )
 from litegripd.rpc.method import (
+    CALIBRATION,
     CONFIG,
     DETACH,
     IF_BUSY,
     JOB,
-    RUN_PARAMS,
+    MOTION_PARAMS,
     WAIT,
     Answer,
     Call,
@@ -84,13 +86,6 @@ class MotionMethods:
         self._reporter = reporter
         self._motions = MotionRequests(controller)
 
-    def _config(self, call: Call) -> MotionConfig:
-        return call.config(
-            self._controller.config,
-            self._controller.period_s,
-            self._controller.gripper_id.motor_type,
-        )
-
     @Method(
         "motor.enable",
         "Energise the motor and hold the measured position.",
@@ -108,7 +103,7 @@ class MotionMethods:
         waits=True,
     )
     def _enable(self, call: Call) -> Answer:
-        config = self._config(call)
+        config = call.config(self._controller)
         if "retries" in call.params:
             config = replace(config, enable_retries=call.params["retries"])
         return later(self._motions.enable(call.owner, config, call.detached))
@@ -146,7 +141,7 @@ class MotionMethods:
         " hold.",
         "The move's result and the state.",
         MoveResult,
-        (speed_param("speed_mm_s"), *RUN_PARAMS),
+        (speed_param("speed_mm_s"), *MOTION_PARAMS),
         role="operator",
         needs_lease=True,
         stop_voids=True,
@@ -160,7 +155,7 @@ class MotionMethods:
         "Close until the mechanical stop ends the move, then hold.",
         "The move's result and the state.",
         MoveResult,
-        (speed_param("speed_mm_s"), *RUN_PARAMS),
+        (speed_param("speed_mm_s"), *MOTION_PARAMS),
         role="operator",
         needs_lease=True,
         stop_voids=True,
@@ -170,11 +165,10 @@ class MotionMethods:
         return self._to_stop("close", call)
 
     def _to_stop(self, direction: Direction, call: Call) -> Answer:
-        config = self._config(call)
-        speed = call.params.get("speed_mm_s")
+        terms, speed = call.terms(self._controller), call.params.get("speed_mm_s")
         return later(
             self._motions.move_to_stop(
-                direction, call.owner, config, speed, detached=call.detached, turn=call.turn
+                direction, call.owner, terms, speed, detached=call.detached, turn=call.turn
             )
         )
 
@@ -216,7 +210,7 @@ class MotionMethods:
             ),
             Param("width_mm", "number", "The width that is expected.", minimum=0, maximum=1000),
             Param("tolerance_mm", "number", "By how much it may differ.", minimum=0, maximum=1000),
-            *RUN_PARAMS,
+            *MOTION_PARAMS,
         ),
         role="operator",
         needs_lease=True,
@@ -224,7 +218,8 @@ class MotionMethods:
         waits=True,
     )
     def _grasp(self, call: Call) -> Answer:
-        config, params = self._config(call), call.params
+        terms, params = call.terms(self._controller), call.params
+        config = terms.config
         _check_grasp(params)
         request = GraspRequest(
             force_n=params.get("force_n", config.force_n),
@@ -236,7 +231,7 @@ class MotionMethods:
             tolerance_mm=params.get("tolerance_mm", 0.0),
         )
         return later(
-            self._motions.grasp(request, call.owner, config, detached=call.detached, turn=call.turn)
+            self._motions.grasp(request, call.owner, terms, detached=call.detached, turn=call.turn)
         )
 
     @Method(
@@ -263,7 +258,7 @@ class MotionMethods:
                 maximum=3600,
             ),
             *usual_gain_params(),
-            *RUN_PARAMS,
+            *MOTION_PARAMS,
         ),
         role="operator",
         needs_lease=True,
@@ -271,14 +266,14 @@ class MotionMethods:
         waits=True,
     )
     def _move(self, call: Call) -> Answer:
-        config, target = self._config(call), _target("motion.move", call.params)
+        terms, target = call.terms(self._controller), _target("motion.move", call.params)
         _one_at_most("motion.move", _PACES, call.params)
         pace = Pace(*(call.params.get(name) for name in _PACES))
         return later(
             self._motions.move_to(
                 target,
                 call.owner,
-                config,
+                terms,
                 pace=pace,
                 gains=call.gains(DEFAULT_GAINS),
                 detached=call.detached,
@@ -291,13 +286,14 @@ class MotionMethods:
         "Hold from now on: what is held already, else the measured position.",
         "The position and the state.",
         HoldResult,
+        (CALIBRATION,),
         role="operator",
         needs_lease=True,
         stop_voids=True,
         waits=True,
     )
     def _hold(self, call: Call) -> Answer:
-        return later(self._motions.hold(call.owner))
+        return later(self._motions.hold(call.owner, call.terms(self._controller)))
 
     @Method(
         "motion.zero_gravity",
@@ -318,15 +314,14 @@ class MotionMethods:
         "Squeeze with this force from now on: what is gripped, else from where the jaws are.",
         "The force and the state.",
         ForceResult,
-        (_FORCE_DUE, CONFIG),
+        (_FORCE_DUE, CONFIG, CALIBRATION),
         role="operator",
         needs_lease=True,
         stop_voids=True,
     )
     def _set_force(self, call: Call) -> Answer:
-        config = self._config(call)
-        force_n = call.params["force_n"]
-        return self._at_once(self._motions.set_force(force_n, call.owner, config), force_n=force_n)
+        terms, force_n = call.terms(self._controller), call.params["force_n"]
+        return self._at_once(self._motions.set_force(force_n, call.owner, terms), force_n=force_n)
 
     @Method(
         "stream.set",
@@ -337,6 +332,14 @@ class MotionMethods:
         JobNumber,
         (
             *target_params(),
+            Param(
+                "push_nm",
+                "number",
+                "In place of where to go: the motor's torque, N·m, towards increasing radians if"
+                " positive. It pushes free jaws at 1.7 rad/s at most, and may be what a grip may"
+                " have, 4 and 40 N on a DM4310. With 0 they are slack. It takes none of speed_mm_s,"
+                " torque_nm, kp and kd.",
+            ),
             Param(
                 "valid_s",
                 "number",
@@ -358,6 +361,7 @@ class MotionMethods:
                 f" within {REACHING_KP_NM_RAD:g} to {MOVING_KP_NM_RAD:g}",
                 "default: the calibration's",
             ),
+            CALIBRATION,
         ),
         role="operator",
         needs_lease=True,
@@ -365,19 +369,29 @@ class MotionMethods:
         may_notify=True,
     )
     def _stream(self, call: Call) -> Answer:
-        target = _target("stream.set", call.params)
-        valid_s = call.params.get("valid_s", DEFAULT_VALID_S)
-        since_s = min(call.params.get("sent_s", call.received_s), call.received_s)
+        params, target = call.params, None
+        if "push_nm" in params:
+            _check_push(params)
+        else:
+            target = _target("stream.set", params, "push_nm")
+        valid_s = params.get("valid_s", DEFAULT_VALID_S)
+        since_s = min(params.get("sent_s", call.received_s), call.received_s)
         if call.now_s >= since_s + valid_s:
             return _expired(call.now_s - since_s, valid_s)
-        job = self._motions.stream(
-            target,
-            call.owner,
-            valid_until_s=since_s + valid_s,
-            speed_mm_s=call.params.get("speed_mm_s"),
-            torque_nm=call.params.get("torque_nm", DEFAULT_CONTACT_NM),
-            gains=call.gains(self._controller.gains.following()),
-        )
+        terms, until_s = call.terms(self._controller), since_s + valid_s
+        if target is None:
+            push_nm = float(params["push_nm"])
+            job = self._motions.push(push_nm, call.owner, terms, valid_until_s=until_s)
+        else:
+            job = self._motions.stream(
+                target,
+                call.owner,
+                terms,
+                valid_until_s=until_s,
+                speed_mm_s=params.get("speed_mm_s"),
+                torque_nm=params.get("torque_nm", DEFAULT_CONTACT_NM),
+                gains=call.gains(terms.gains.following()),
+            )
         return JobNumber(job=accepted(job).number)
 
     @Method(
@@ -452,24 +466,54 @@ _PACES = ("speed_mm_s", "duration_s", "at_least_s")
 def _one_at_most(method: str, names: Sequence[str], params: Mapping[str, Any]) -> None:
     given = [name for name in names if name in params]
     if len(given) > 1:
-        text = f"{method} takes {given[0]} or {given[1]}, not both"
+        text = sentence(
+            "{method} takes {one} or {other}, not both",
+            method=method_name(method),
+            one=parameter_name(given[0]),
+            other=parameter_name(given[1]),
+        )
         raise Refused(Refusal("invalid_params", text, {"parameter": given[1]}))
 
 
-def _target(method: str, params: Mapping[str, Any]) -> Target:
-    """Return the target: exactly one quantity must be given."""
+def _target(method: str, params: Mapping[str, Any], *others: str) -> Target:
+    """Return the target: exactly one quantity must be given, and none of the others."""
     given = [name for name in QUANTITIES if name in params]
-    if len(given) != 1:
-        text = f"{method} takes exactly one of {', '.join(QUANTITIES)}"
+    if len(given) != 1 or any(name in params for name in others):
+        text = sentence(
+            "{method} takes exactly one of {quantities}",
+            method=method_name(method),
+            quantities=joined(", ", map(parameter_name, (*QUANTITIES, *others))),
+        )
         raise Refused(Refusal("invalid_params", text, {"parameter": (given or QUANTITIES)[0]}))
     return Target(given[0], float(params[given[0]]))
+
+
+_OF_POSITIONS = ("speed_mm_s", "torque_nm", "kp", "kd")
+
+
+def _check_push(params: Mapping[str, Any]) -> None:
+    """Refuse what says how to follow a position: a push follows none."""
+    if any(name in params for name in QUANTITIES):
+        _target("stream.set", params, "push_nm")
+    wrong = next((name for name in _OF_POSITIONS if name in params), None)
+    if wrong is not None:
+        text = sentence(
+            "{stream.set}: {wrong} does not go with {.push_nm}, which is the whole torque: leave it"
+            " out",
+            wrong=parameter_name(wrong),
+        )
+        raise Refused(Refusal("invalid_params", text, {"parameter": wrong}))
 
 
 def _expired(age_s: float, valid_s: float) -> Refusal:
     return Refusal(
         "set_point_expired",
-        f"the set-point is {age_s:.3f} s old and counts for {valid_s:g} s: the jaws do not follow"
-        " it; send newer ones, or a larger valid_s",
+        sentence(
+            "the set-point is {age_s:.3f} s old and counts for {valid_s:g} s: the jaws do not"
+            " follow it; send newer ones, or a larger {.valid_s}",
+            age_s=age_s,
+            valid_s=valid_s,
+        ),
         {"age_s": round(age_s, 6), "limit": valid_s},
     )
 
@@ -477,8 +521,10 @@ def _expired(age_s: float, valid_s: float) -> Refusal:
 def _check_grasp(params: Mapping[str, Any]) -> None:
     """Refuse parameters of a grasp that do not go together."""
     if ("width_mm" in params) != ("tolerance_mm" in params):
-        text = "motion.grasp: width_mm and tolerance_mm go together"
+        text = sentence("{motion.grasp}: {.width_mm} and {.tolerance_mm} go together")
         raise Refused(Refusal("invalid_params", text, {"parameter": "tolerance_mm"}))
     if params.get("until") == "verdict" and "hold_s" in params:
-        text = 'motion.grasp: with until = "verdict" leave hold_s out: the hold continues anyway'
+        text = sentence(
+            '{motion.grasp}: with until = "verdict" leave {.hold_s} out: the hold continues anyway'
+        )
         raise Refused(Refusal("invalid_params", text, {"parameter": "hold_s"}))

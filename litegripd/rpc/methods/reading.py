@@ -8,6 +8,7 @@ from typing import Any, TypedDict
 from litegripd.control.controller import Controller
 from litegripd.control.snapshot import GripperState
 from litegripd.model.errors import Refusal
+from litegripd.model.sentence import sentence
 from litegripd.model.state import Job
 from litegripd.rpc.method import JOB, Answer, Call, Later, Method, Param, Refused, Shape, accepted
 from litegripd.rpc.reports import (
@@ -215,9 +216,14 @@ class ReadingMethods:
     def _check_rate(self, hz: float) -> None:
         limit_hz = self._reporter.rate_hz
         if hz > limit_hz:
-            text = f"hz is {hz:g}, it must be at most the control rate, {limit_hz:g}"
+            text = sentence(
+                "{state.subscribe}: {.hz} is {hz:g}, it must be at most the control rate,"
+                " {limit_hz:g}",
+                hz=hz,
+                limit_hz=limit_hz,
+            )
             data = {"parameter": "hz", "requested": hz, "limit": limit_hz}
-            raise Refused(Refusal("invalid_params", f"state.subscribe: {text}", data))
+            raise Refused(Refusal("invalid_params", text, data))
 
     @Method(
         "state.unsubscribe",
@@ -234,7 +240,8 @@ class ReadingMethods:
     @Method(
         "events.subscribe",
         "Report what happens from now on, as event notifications; none is ever left out.",
-        "The number of the subscription, the present state, and the last 32 events of these kinds.",
+        "The number of the subscription, the present state, and the last events: 32 of these kinds,"
+        " and of each of them the last 4, however many others came since.",
         EventsSubscribed,
         (
             Param(
@@ -249,7 +256,7 @@ class ReadingMethods:
     def _subscribe_to_events(self, call: Call) -> Answer:
         kinds = frozenset(call.params.get("kinds", UNASKED_KINDS))
         if not kinds:
-            text = "events.subscribe: kinds is empty; name some, or leave it out"
+            text = sentence("{events.subscribe}: {.kinds} is empty; name some, or leave it out")
             return Refusal("invalid_params", text, {"parameter": "kinds"})
         number = accepted(self._subscriptions.add_events(call.session, kinds))
         latest, state = self._subscriptions.events.latest(kinds), self._reporter.state_line()
@@ -305,8 +312,10 @@ class ReadingMethods:
         number = call.params["job"]
         job = self._controller.jobs.get(number)
         if job is None:
-            text = (
-                f"there is no job {number}, or it is no longer kept; job.list lists those that are"
+            text = sentence(
+                "there is no job {number}, or it is no longer kept; {job.list} lists those that"
+                " are",
+                number=number,
             )
             raise Refused(Refusal("unknown_job", text, {"requested": number}))
         return job
@@ -338,12 +347,17 @@ def _speak_for_another(call: Call) -> None:
 def _check_fields(names: Sequence[str], batch: int) -> None:
     twice = next((name for name, times in Counter(names).items() if times > 1), None)
     if twice is not None:
-        text = f"fields has {twice} twice; name each field once"
+        text = sentence(
+            "{state.subscribe}: {.fields} has {twice} twice; name each field once", twice=twice
+        )
     elif batch > 1 and not names:
-        text = "a batch needs fields: its rows have the values in their order, without names"
+        text = sentence(
+            "{state.subscribe}: a batch needs {.fields}: its rows have the values in their order,"
+            " without names"
+        )
     else:
         return
-    raise Refused(Refusal("invalid_params", f"state.subscribe: {text}", {"parameter": "fields"}))
+    raise Refused(Refusal("invalid_params", text, {"parameter": "fields"}))
 
 
 def _ended(number: int) -> SubscriptionNumber:

@@ -19,6 +19,7 @@ from litegripd.model.errors import Refusal
 from litegripd.model.gripper import STROKE_RANGE_MM, Mount
 from litegripd.model.motion_config import ranges_of
 from litegripd.model.motor import RegisterReply, Status
+from litegripd.model.sentence import sentence
 from litegripd.model.state import HelperTask, Owner, SetZeroResult, TaskResult, ZeroResult
 from litegripd.motor.codec import IN_USE, MASTER_ID, REGISTERS, Register
 from litegripd.motor.phases import SILENT
@@ -48,8 +49,8 @@ class CalibrationView(TypedDict):
     """The calibration in use; `content` is that of its file, empty where there is none.
 
     `warnings` say why it is probably wrong, and what corrects that: its scale, marks of another
-    gripper, a position at which no jaw can be. `scale_warning` is the one on its millimetres, None
-    without one. `problem` is why none is in use.
+    gripper, a work stroke beyond the travel, a position at which no jaw can be. `scale_warning` is
+    the one on its millimetres, None without one. `problem` is why none is in use.
     """
 
     calibrated: bool
@@ -209,7 +210,8 @@ class SettingsMethods:
 
     def _warnings(self) -> list[str]:
         """Return what is doubtful about the calibration in use, for who loads it."""
-        controller, found = self._controller, self._controller.calibration_doubts()
+        controller = self._controller
+        found = controller.calibration_doubts() + controller.work_stroke_doubts()
         geometry, motor = controller.geometry, controller.motor
         if geometry is not None and motor.feedback is not None:
             misplaced = position_refusal(motor, geometry)
@@ -240,7 +242,7 @@ class SettingsMethods:
     def _load(self, call: Call) -> Answer:
         params = call.params
         if "template" in params and "content" in params:
-            text = "calibration.load takes a template or a content, not both"
+            text = sentence("{calibration.load} takes a {.template} or a {.content}, not both")
             return Refusal("invalid_params", text, {"parameter": "content"})
         refusal = self._calibrations.refusal_to_load()
         if refusal is not None:
@@ -357,9 +359,7 @@ class SettingsMethods:
     )
     def _zero(self, call: Call) -> Answer:
         controller = self._controller
-        config = call.config(
-            controller.config, controller.period_s, controller.gripper_id.motor_type
-        )
+        config = call.config(controller)
         return later(
             self._calibrations.zero(
                 call.owner,
@@ -516,9 +516,7 @@ class SettingsMethods:
     )
     def _set_config(self, call: Call) -> Answer:
         controller = self._controller
-        config = call.config(
-            controller.config, controller.period_s, controller.gripper_id.motor_type
-        )
+        config = call.config(controller)
         if self._is_saving_config:
             text = "a change of the defaults is being saved: try again when that is done"
             return Refusal("too_many_requests", text, {"limit": 1})

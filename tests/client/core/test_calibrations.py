@@ -135,7 +135,7 @@ def test_a_file_that_cannot_be_read_raises(
         gripper.load_calibration(tmp_path / "none.json")
     assert caught.value.reason == "calibration_unreadable"
     (tmp_path / "nan.json").write_text('{"rad_to_mm": NaN}')
-    with pytest.raises(CommandError, match="not JSON"):
+    with pytest.raises(CommandError, match="rad_to_mm is NaN, it must be a finite number"):
         gripper.load_calibration(tmp_path / "nan.json")
     assert loads(daemon) == []
 

@@ -18,6 +18,7 @@ from litegrip_client import (
     StoppedError,
     aio,
 )
+from litegripd.model.sentence import method_name, with_terms
 from tests.client.rig import (
     GUARDS,
     SILENT,
@@ -497,7 +498,8 @@ def test_reading(daemon: Heard, enabled: LiteGrip) -> None:
     assert (enabled.mount, enabled.channel) == ("normal", "can0")
     assert enabled.info()["channel"] == "can0"
     assert [one["kind"] for one in enabled.jobs()] == ["enable"]
-    daemon.instead["health"] = {"verdict": "ok", "reasons": ["motor.enable"]}
+    reasons = [method_name("motor.enable")]
+    daemon.instead["health"] = with_terms({"verdict": "ok", "reasons": reasons})
     assert enabled.health() == {"verdict": "ok", "reasons": ["gripper.enable()"]}
     del daemon.instead["health"]
     assert enabled.health()["verdict"] == daemon.client().result("health")["verdict"]

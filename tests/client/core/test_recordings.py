@@ -30,7 +30,7 @@ def test_record_asks_for_its_samples_and_fetches_them_in_pieces(
     assert daemon.asked("trajectory.record_start") == [start]
     assert daemon.asked("trajectory.record_stop") == [{}]
     pieces = daemon.asked("trajectory.get")
-    assert [piece["offset"] for piece in pieces] == [0, PIECE_BYTES]
+    assert pieces == [{"name": "tmp/recording-1", "offset": at} for at in (0, PIECE_BYTES)]
     assert modes == ["moving" if zero_gravity else "holding"]
     assert 8 < daemon.methods().count("trajectory.status") < 20
 

@@ -233,16 +233,25 @@ def test_a_frame_becomes_a_set_point(daemon: Heard, enabled: LiteGrip) -> None:
     assert answered(daemon) == [True, False]
 
 
+def test_a_frame_without_kp_is_a_set_point_of_torque(daemon: Heard, enabled: LiteGrip) -> None:
+    assert enabled.send_mit_frame(0.0, 0.0, 2.0, tau=1.5)
+    assert enabled.send_mit_frame(0.0, 0.0, 0.0)
+    assert [one.plain for one in sent(daemon)] == [
+        {"push_nm": 1.5, "valid_s": 0.2},
+        {"push_nm": 0.0, "valid_s": 0.2},
+    ]
+    assert answered(daemon) == [True, False]
+
+
 @pytest.mark.parametrize(
     ("arguments", "asks", "instead"),
     [
-        ({"kp": 0.0, "kd": 2.0, "tau": 1.5}, "tau asks for a torque", "set_force"),
-        ({"kp": 100.0, "kd": 2.0, "tau": -0.1}, "tau asks for a torque", "grasp"),
-        ({"kp": 0.0, "kd": 2.0, "dq": 2.0}, "kp = 0 asks for a speed", "move_at_speed"),
-        ({"kp": 0.0, "kd": 0.0}, "kp = 0 asks for loose jaws", "zero_gravity"),
+        ({"kp": 100.0, "kd": 2.0, "tau": -0.1}, "kp and tau asks for a torque", "grasp"),
+        ({"kp": 0.0, "kd": 2.0, "dq": 2.0}, "kp = 0, kd and dq asks for a speed", "move_at_speed"),
+        ({"kp": 0.0, "kd": 2.0, "dq": 2.0, "tau": 1.0}, "asks for a speed", "move_at_speed"),
     ],
 )
-def test_a_frame_that_is_no_position_is_rejected_with_what_to_use(
+def test_a_frame_that_is_no_set_point_is_rejected_with_what_to_use(
     daemon: Heard, gripper: LiteGrip, arguments: dict[str, float], asks: str, instead: str
 ) -> None:
     with pytest.raises(CommandError, match=asks) as caught:

@@ -11,7 +11,6 @@ import pytest
 from litegrip_client import (
     CalibrationData,
     CommandError,
-    DefaultParams,
     GripperConfig,
     GripperState,
     LiteGrip,
@@ -20,8 +19,13 @@ from litegrip_client import (
     UnitConversion,
 )
 from litegrip_client.values.calibration import CALIBRATION_KEYS
+from litegrip_client.values.errors import from_error_object
 from litegrip_client.values.voices import in_python, in_shell
+from litegripd.control.admission import stroke_refusal
 from litegripd.model.calibration import NOMINAL
+from litegripd.model.gripper import GripperId
+from litegripd.model.sentence import sentence, with_terms
+from litegripd.rpc.jsonrpc import error_object
 from tests.client.fake_daemon import CALIBRATION, CONTENT, HELLO, STATE, ZERO
 from tests.client.rig import Bench, Heard, Kind, Threads
 from tests.geometry import (
@@ -196,7 +200,7 @@ def test_rescaling_is_never_after_a_stop_and_says_what_is_in_use(
     doubtful = {**CALIBRATION, "scale_warning": "it has 90 mm/rad: use calibration.rescale"}
     daemon.instead["calibration.rescale"] = doubtful
     gripper.rescale_calibration()
-    text = "it has 90 mm/rad: use gripper.rescale_calibration()"
+    text = "it has 90 mm/rad: use calibration.rescale"  # an older daemon's, which marks no names
     assert caplog.record_tuples == [("litegrip_client", logging.WARNING, text)]
 
 
@@ -215,12 +219,13 @@ def test_loading_logs_whatever_is_doubtful(
     daemon: Heard, gripper: LiteGrip, caplog: pytest.LogCaptureFixture
 ) -> None:
     answer = {**CALIBRATION, "loaded": True, "factory": False, "skipped": []}
-    answer["warnings"] = ["it has can_id 0x07: measure again (calibration.zero)", "and another"]
-    daemon.instead["calibration.load"] = answer
+    marked = sentence("it has can_id 0x07: measure again ({calibration.zero})")
+    warnings = [marked, "and another (calibration.zero)"]
+    daemon.instead["calibration.load"] = with_terms({**answer, "warnings": warnings})
     assert gripper.load_template("normal")
     assert [record.getMessage() for record in caplog.records] == [
         "it has can_id 0x07: measure again (gripper.zero())",
-        "and another",
+        "and another (calibration.zero)",
     ]
 
 
@@ -262,9 +267,9 @@ def test_the_nominal_figures_are_the_templates() -> None:
 
 
 def test_the_constants_are_the_vendors() -> None:
-    assert UnitConversion.RAD_TO_MM == DefaultParams.RAD_TO_MM == pytest.approx(75.438596)
+    assert pytest.approx(75.438596) == UnitConversion.RAD_TO_MM
     assert pytest.approx(1.0) == UnitConversion.MM_TO_RAD * UnitConversion.RAD_TO_MM
-    assert (DefaultParams.MAX_STROKE_MM, GripperConfig().max_stroke_mm) == (STROKE_MM, STROKE_MM)
+    assert GripperConfig().max_stroke_mm == STROKE_MM
     assert CalibrationData(rad_to_mm=SPAN_MM / TRAVEL_RAD).stroke_mm == pytest.approx(STROKE_MM)
 
 
@@ -279,13 +284,15 @@ def test_a_state_has_the_doubt() -> None:
 
 
 def test_a_key_of_the_configuration_keeps_its_name() -> None:
-    wire = (
-        "stroke_mm is 120, and the configured stroke is 85 mm: if it is 120 mm, set stroke_mm = 120"
-        " in [gripper]; set stroke_mm in [gripper]"
-    )
+    refused = stroke_refusal(130.0, GripperId())
+    assert refused is not None
+    wire = refused.message
+    assert wire.endswith("set stroke_mm = 130 in [gripper]")
     for method in ("calibration.zero", "calibration.manual", "calibration.rescale"):
-        assert in_python(wire, method) == wire
-        assert in_shell(wire, method) == wire.replace("stroke_mm is", "--stroke-mm is")
+        error = error_object(refused)
+        assert from_error_object(error, method, in_python).message == wire
+        told = from_error_object(error, method, in_shell).message
+        assert told == wire.replace("stroke_mm is", "--stroke-mm is")
 
 
 # The force

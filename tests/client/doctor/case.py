@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from litegrip_client.ctl.doctor.findings import Facts
+from litegrip_client.ctl.doctor.facts import Facts
 
 
 class Case(NamedTuple):

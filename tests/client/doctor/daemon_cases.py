@@ -2,10 +2,10 @@
 
 from dataclasses import replace
 
-from litegrip_client.ctl.doctor.findings import Configuration, Socket, User
+from litegrip_client.ctl.doctor.facts import Configuration, Socket, User
 from litegrip_client.values.atomic_file import Shortage
 from tests.client.doctor.case import Case
-from tests.client.doctor.known import SOCKETS, facts, with_daemon
+from tests.client.doctor.known import NOW_S, SOCKETS, facts, with_daemon
 
 JOIN = "sudo usermod --append --groups litegrip alice"
 MAKE = "sudo groupadd --system litegrip"
@@ -20,6 +20,19 @@ ALICE = User("alice", 1000, "litegrip")
 OUTSIDE = replace(ALICE, is_member=False, has_group=False)
 NO_GROUP = replace(OUTSIDE, group_exists=False)
 FILE = "/etc/litegripd/can0.toml"
+
+
+def named(**calibration: object) -> Configuration:
+    """Return a configuration that names a calibration file, of which this was said."""
+    judged: dict[str, object] = {
+        "file": "/m.json",
+        "named_by": "[gripper] mount",
+        "problem": None,
+        "warnings": [],
+    }
+    return Configuration(FILE, content={"bus": {}, "calibration": {**judged, **calibration}})
+
+
 WRONG = Configuration(FILE, error=f"{FILE}: not valid TOML: at line 3")
 UNKNOWN = facts(daemon=None, failure="no daemon can be reached", sockets=(), socket="/tmp/s")
 ROOT = User("root", 0, "litegrip", is_member=False, has_group=False)
@@ -146,12 +159,46 @@ DAEMON_CASES = [
         advises="start it where 'ulimit -r' is 50 or more",
     ),
     Case("configuration", facts(), None),
+    Case("configuration", facts(edited=(FILE, NOW_S - 20.0)), None),
+    Case("configuration", facts(daemon=None, edited=(FILE, NOW_S)), None),
+    Case(
+        "configuration",
+        facts(edited=(FILE, NOW_S - 5.0)),
+        "warning",
+        f"{FILE} was written after the daemon was started, which continues with the one before",
+        "litegripctl -c can0 restart --hold",
+        "where that is refused, since other tables have changed: sudo systemctl restart",
+    ),
+    Case(
+        "configuration",
+        facts(misnamed="/etc/litegripd/can0.toml.txt"),
+        "warning",
+        f"/etc/litegripd/can0.toml.txt is no file that a daemon reads, which would be {FILE}",
+        f"sudo mv /etc/litegripd/can0.toml.txt {FILE}",
+        "then restart the daemon",
+    ),
     Case(
         "configuration",
         facts(daemon=None, configuration=Configuration(FILE, content={"bus": {}})),
         "ok",
         f"{FILE}: interface socketcan, channel can0",
     ),
+    Case(
+        "configuration",
+        facts(daemon=None, configuration=named(problem="no calibration: /m.json: kp is 1e400")),
+        "error",
+        f"{FILE}: no calibration: /m.json: kp is 1e400 ([gripper] mount names it)",
+        advises="a daemon starts with it, and refuses motions: correct it, and check it again:"
+        " litegripd can0 --check",
+    ),
+    Case(
+        "configuration",
+        facts(daemon=None, configuration=named(warnings=["it is another gripper's", "too long"])),
+        "warning",
+        "/m.json, which [gripper] mount names: it is another gripper's; too long",
+        advises="correct it, and check it again: litegripd can0 --check",
+    ),
+    Case("configuration", facts(daemon=None, configuration=named()), "ok"),
     Case(
         "configuration",
         facts(daemon=None, configuration=WRONG, interface=None),
@@ -386,5 +433,13 @@ DAEMON_CASES = [
         "Little space left on /var/lib/litegripd: 900000 bytes free, free some",
         "sudo du -xh --max-depth=2 /var | sort -h | tail",
         "what is largest",
+    ),
+    Case(
+        "disk",
+        facts(disks=(Shortage("/var/lib/litegripd can only be read", False, is_read_only=True),)),
+        "warning",
+        "/var/lib/litegripd can only be read",
+        "sudo dmesg | tail",
+        "an error of the disk makes it so",
     ),
 ]

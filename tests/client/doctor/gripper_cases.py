@@ -2,9 +2,9 @@
 
 from dataclasses import replace
 
-from litegrip_client.ctl.doctor.findings import Configuration, Scan
+from litegrip_client.ctl.doctor.facts import Configuration, Scan
 from tests.client.doctor.case import Case
-from tests.client.doctor.known import FILE, daemon, facts, with_daemon
+from tests.client.doctor.known import FILE, NOW_S, daemon, facts, with_daemon
 
 ZERO = "litegripctl -c can0 enable && litegripctl -c can0 zero"
 
@@ -35,6 +35,25 @@ GRIPPER_CASES = [
         "the daemon cannot use it (adapter_gone)",
         advises="found above",
     ),
+    Case("bus", with_daemon(health_bus__load=0.79), "ok", "load 79%"),
+    Case(
+        "bus",
+        with_daemon(health_bus__load=0.97),
+        "warning",
+        "load 97%, 0 lost frames: somebody fills it, and commands come late",
+        "candump can0",
+        "a bus of its own",
+    ),
+    Case("bus", with_daemon(health_bus__reopened=2, health_uptime_s=60.0), "ok"),
+    Case("bus", with_daemon(health_bus__reopened=9, health_uptime_s=36_001.0), "ok"),
+    Case(
+        "bus",
+        with_daemon(health_bus__reopened=500, health_uptime_s=86_400.0),
+        "warning",
+        "0 lost frames; it was lost and opened again 500 times in 24.0 h",
+        "sudo dmesg | tail",
+        "a loose plug, cable or hub",
+    ),
     Case(
         "motor",
         with_daemon(state_status="communication_lost", health_motor=RESTS),
@@ -56,6 +75,24 @@ GRIPPER_CASES = [
         advises="0x08",
     ),
     Case("motor", facts(), "ok", "disabled, last feedback 0.004 s ago"),
+    Case("stop", facts(), None),
+    Case("stop", facts(daemon=None), None),
+    Case(
+        "stop",
+        with_daemon(state_stop={"level": "hold", "by": "pick.py", "why": "a hand"}),
+        "warning",
+        "a stop of pick.py is latched, and motions are refused: a hand",
+        "litegripctl -c can0 clear",
+        "when it is safe",
+    ),
+    Case(
+        "stop",
+        with_daemon(state_stop={"level": "hold", "by": "pick.py", "why": None}),
+        "warning",
+        "a stop of pick.py is latched, and motions are refused",
+        "litegripctl -c can0 clear",
+        "when it is safe",
+    ),
     Case("motor", with_daemon(health_bus__state="down"), None),
     Case(
         "motor",
@@ -266,6 +303,30 @@ GRIPPER_CASES = [
     Case("calibration", with_daemon(info_calibration__saved_s=1.8e9), "ok", "of today"),
     Case(
         "calibration",
+        with_daemon(info_calibration__saved_s=NOW_S + 400 * 86_400.0),
+        "ok",
+        "dated 400 days ahead of this machine's clock",
+    ),
+    Case(
+        "calibration",
+        with_daemon(
+            hello_gripper={"calibrated": False},
+            info_calibration__problem="no calibration: /c.json: Permission denied",
+        ),
+        "error",
+        "none, and motions are refused: no calibration: /c.json: Permission denied",
+        advises="have it read again: litegripctl -c can0 calibration load --chain; or measure",
+    ),
+    Case("calibration", with_daemon(info_configuration__gripper={"calibration": FILE}), "ok"),
+    Case(
+        "calibration",
+        with_daemon(info_configuration__gripper={"calibration": "/home/me/mine.json"}),
+        "warning",
+        f"{FILE}: at its next start the daemon takes /home/me/mine.json, which [gripper] mount",
+        advises='to keep this one, set mount = "normal" in [gripper]',
+    ),
+    Case(
+        "calibration",
         with_daemon(hello_gripper__work_stroke_mm=None),
         "ok",
         "mount normal, travel 87.0 mm, 3 days old",
@@ -330,6 +391,13 @@ GRIPPER_CASES = [
         "warning",
         "stroke_mm = 120 under [gripper] in /x.toml",
         advises="set it to what a caliper measures",
+    ),
+    Case(
+        "calibration",
+        with_daemon(info_calibration__work_stroke="work_stroke_mm is 95, beyond"),
+        "warning",
+        "work_stroke_mm is 95, beyond",
+        advises="then have the file read again: litegripctl -c can0 calibration load --chain",
     ),
     Case("position", facts(), "ok", "-0.500 rad, calibrated travel -1.500 to 0.100 rad"),
     Case("position", facts(daemon=None), None),

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from litegrip_client.ctl.doctor.findings import Daemon, Facts, Socket, System, User
+from litegrip_client.ctl.doctor.facts import Daemon, Facts, Socket, System, User
 from litegrip_client.socketcan.link import Link, from_ip
 
 LINKS = Path(__file__).parent / "links"

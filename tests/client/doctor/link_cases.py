@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Any
 
-from litegrip_client.ctl.doctor.findings import Device, Facts
+from litegrip_client.ctl.doctor.facts import Device, Facts
 from litegrip_client.socketcan.link import HARMFUL, HINDERING
 from litegrip_client.socketcan.managers import Setting
 from tests.client.doctor.case import Case
@@ -13,6 +13,7 @@ LOST = 'if it answers "No such file or directory", the adapter has lost its USB 
 REFUSED = "leave restart-ms 100 out"
 UP = "sudo ip link set can0 up type can bitrate 1000000"
 ANEW = f"sudo ip link set can0 down && {UP}"
+LASTING = "/dev/serial/by-id/usb-CANable-if00"
 SERIAL = Device("/dev/ttyACM0", True, True, True, "dialout")
 CLOSED = replace(SERIAL, is_accessible=False)
 CYCLE = "sudo ip link set can1 down && sudo ip link set can1 up"
@@ -109,7 +110,8 @@ LINK_CASES = [
         facts(None, bus_channel="can9"),
         "error",
         "there is no network interface can9; there are: can0, can1",
-        advises="plug the adapter in",
+        advises="if can0 is its adapter, under another name since a plug or a boot: set [bus]"
+        ' channel = "can0" in the configuration and restart the daemon; else plug the adapter in',
     ),
     Case(
         "link",
@@ -117,6 +119,13 @@ LINK_CASES = [
         "error",
         "there is no network interface can0, and no other one for CAN",
         advises="etc/slcan.toml",
+    ),
+    Case(
+        "link",
+        facts(None, bus_channel="/dev/ttyACM0"),
+        "error",
+        "there is no network interface /dev/ttyACM0",
+        advises='at a serial port it needs [bus] interface = "slcan": etc/slcan.toml',
     ),
     Case(
         "link",
@@ -179,6 +188,22 @@ LINK_CASES = [
     ),
     Case("serial", facts(), None),
     Case("serial", serial(SERIAL), "ok", "no program of this machine"),
+    Case("device", serial(replace(SERIAL, lasting_path=LASTING)), "ok"),
+    Case("device", serial(replace(SERIAL, other_ports=1)), "ok"),
+    Case(
+        "device",
+        serial(replace(SERIAL, lasting_path=LASTING, other_ports=1)),
+        "warning",
+        "/dev/ttyACM0 is there, but another adapter is, too, and such names follow the order of",
+        advises=f'set [bus] channel = "{LASTING}" and restart the daemon',
+    ),
+    Case(
+        "device",
+        serial(replace(SERIAL, lasting_path=LASTING, other_ports=2)),
+        "warning",
+        "but 2 others are, too",
+        advises="restart the daemon",
+    ),
     Case("serial", serial(Device("/dev/ttyACM0", True)), None),
     Case(
         "serial",

@@ -9,17 +9,11 @@ import pytest
 
 import litegrip_client
 from litegrip_client.ctl.doctor import gather
-from litegrip_client.ctl.doctor.findings import (
-    Configuration,
-    System,
-    User,
-    as_text,
-    error,
-    ok,
-    warning,
-)
+from litegrip_client.ctl.doctor.facts import Configuration, System, User
 from litegrip_client.ctl.doctor.link_checks import _IF_LOST
+from litegrip_client.ctl.findings import as_text, error, ok, warning
 from litegrip_client.ctl.main import main
+from litegripd.model.sentence import sentence, with_terms
 from tests.client.doctor.known import HEALTH, HELLO, INFO, STATE, changed, link
 from tests.client.fake_daemon import FakeDaemon, Handler
 from tests.client.helpers import Ctl
@@ -84,6 +78,15 @@ def test_what_is_not_well_is_told_and_ends_with_1(well: FakeDaemon, ctl: Ctl) ->
     assert "ERROR    motor         silent, last feedback 0.004 s ago\n         (switch" in out
     assert "lost at a restart\n         litegripctl -c can0 calibration save\n" in out
     assert out.endswith("\n1 error, 1 warning\n")
+
+
+def test_a_check_that_cannot_read_an_answer_hides_no_other(well: FakeDaemon, ctl: Ctl) -> None:
+    well.handlers["state.get"] = lambda request: {**STATE, "age_s": "soon"}
+    code, out, err = ctl("doctor")
+    assert (code, err) == (1, "")
+    assert "ERROR    motor         this check failed: ValueError: " in out
+    assert "\nOK       health " in out
+    assert out.endswith("\n1 error, no warnings\n")
 
 
 def test_a_scan_is_asked_for_and_never_by_itself(well: FakeDaemon, ctl: Ctl) -> None:
@@ -295,13 +298,11 @@ def test_texts_from_elsewhere_do_not_steer_the_terminal() -> None:
 
 
 def test_what_the_daemon_says_is_told_in_commands(well: FakeDaemon, ctl: Ctl) -> None:
-    verdict = {**HEALTH, "verdict": "down", "reasons": ["it jumped; then motor.clear_fault"]}
+    reasons = [sentence("it jumped; then {motor.clear_fault}")]
+    verdict = with_terms({**HEALTH, "verdict": "down", "reasons": reasons})
     well.handlers["health"] = lambda request: verdict
     out = ctl("doctor")[1]
     assert "ERROR    health        down: it jumped; then litegripctl clear-fault\n" in out
-    assert as_text([("a", warning("w", None, "stop.clear"))]).splitlines()[1] == (
-        "         (litegripctl clear)"
-    )
 
 
 def test_an_interrupt_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,10 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from litegrip_client.ctl.doctor import fleet_checks, gather
-from litegrip_client.ctl.doctor.findings import Fleet, error, ok, warning
+from litegrip_client.ctl.doctor import gather
+from litegrip_client.ctl.findings import error, ok, read, warning
 from litegrip_client.ctl.main import main
-from tests.client.doctor.known import facts
 
 FOUND: list[dict[str, str | None]] = [
     {"check": "key", "level": "ok", "text": "k", "command": None, "advice": None},
@@ -64,7 +63,7 @@ def test_a_machine_without_a_fleet_does_not_ask(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fleet_program(tmp_path, monkeypatch, "exit 1")
-    assert gather.gather("nodaemon7", None, channel_chosen=True).fleet is None
+    assert gather.gather("nodaemon7", None, channel_chosen=True).fleet == ()
 
 
 def test_a_gripper_of_another_machine_needs_a_fleet(
@@ -73,8 +72,7 @@ def test_a_gripper_of_another_machine_needs_a_fleet(
     fleet_program(tmp_path, monkeypatch, f"echo '{json.dumps({'findings': FOUND})}'")
     found = gather.gather("lab.left", None, channel_chosen=True)
     assert found.is_remote
-    assert found.fleet is not None
-    assert [name for name, _finding in found.fleet.findings] == ["key", "network"]
+    assert [name for name, _finding in found.fleet] == ["fleet-key", "fleet-network"]
 
 
 def test_a_channel_with_a_dot_and_a_configuration_is_of_this_machine(directory: Path) -> None:
@@ -98,8 +96,7 @@ def test_a_program_that_finds_nothing_is_told_of(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str, says: str
 ) -> None:
     fleet_program(tmp_path, monkeypatch, script)
-    fleet = gather.fleet_check("/etc/fleet.toml")
-    ((name, finding),) = fleet_checks.of_fleet(facts(fleet=fleet))
+    ((name, finding),) = gather.fleet_check("/etc/fleet.toml")
     assert (name, finding.level) == ("fleet", "warning")
     assert says in finding.text
 
@@ -109,21 +106,19 @@ def test_a_program_that_hangs_is_not_waited_for(
 ) -> None:
     fleet_program(tmp_path, monkeypatch, "exec tail -f /dev/null")
     monkeypatch.setattr(gather, "FLEET_CHECK_WITHIN_S", 0.2)
-    assert "timed out" in str(gather.fleet_check("f").problem)
+    ((_name, finding),) = gather.fleet_check("f")
+    assert "timed out" in finding.text
 
 
 def test_without_the_program_that_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(gather, "program_of", lambda _name: None)
-    assert "not found" in str(gather.fleet_check("f").problem)
+    ((_name, finding),) = gather.fleet_check("f")
+    assert finding.text == "f was not checked: the program litegripd-fleet is not found here"
 
 
 def test_findings_are_read_as_they_come() -> None:
-    fleet = fleet_checks.read("f", {"findings": [*FOUND, {"check": "new", "level": "strange"}]})
-    assert fleet == Fleet(
-        "f",
-        (
-            ("key", ok("k")),
-            ("network", error("t", "c", "a")),
-            ("new", warning("None")),
-        ),
-    )
+    assert read({"findings": [*FOUND, {"check": "new", "level": "strange"}]}) == [
+        ("key", ok("k")),
+        ("network", error("t", "c", "a")),
+        ("new", warning("None")),
+    ]

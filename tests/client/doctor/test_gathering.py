@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from litegrip_client.ctl.doctor import daemon_checks, gather
-from litegrip_client.ctl.doctor.findings import Configuration, Device, Socket, System
+from litegrip_client.ctl.doctor.facts import Configuration, Device, Socket, System
 from litegrip_client.socketcan import link as can_link
 from litegrip_client.socketcan.link import Link
 from tests.client.doctor.known import LINKS, link
@@ -158,6 +158,15 @@ def test_a_configuration_that_is_wrong(directory: Path, programs: Path) -> None:
     found = gather.configuration_file("can0")
     path = str(directory / "can0.toml")
     assert found == Configuration(path, error="x.toml: [bus] baud is unknown")
+
+
+def test_a_configuration_is_known_though_the_calibration_that_it_names_is_wrong(
+    directory: Path, programs: Path
+) -> None:
+    content = {**CONTENT, "calibration": {"file": "/m.json", "problem": "no calibration: x"}}
+    litegripd_says(programs, f"echo '{json.dumps(content)}'; echo 'litegripd: x' >&2; exit 2")
+    found = gather.configuration_file("can0")
+    assert found == Configuration(str(directory / "can0.toml"), content=content)
 
 
 @pytest.mark.parametrize(
@@ -391,3 +400,30 @@ def test_a_folder_that_is_closed_to_this_user(
     monkeypatch.setattr(Path, "stat", closed)
     found = gather.sockets([str(tmp_path / "can0.sock")])
     assert [one.is_accessible for one in found] == [False, False]
+
+
+def test_a_ports_lasting_name_and_the_other_ports_are_found(tmp_path: Path) -> None:
+    (tmp_path / "dev/serial/by-id").mkdir(parents=True)
+    for name, port in (("ttyACM0", "/dev/null"), ("ttyACM1", "/dev/zero")):
+        (tmp_path / "dev" / name).symlink_to(port)
+        (tmp_path / f"dev/serial/by-id/usb-{name}").symlink_to(f"../../{name}")
+    own, lasting = str(tmp_path / "dev/ttyACM0"), f"{tmp_path}/dev/serial/by-id/usb-ttyACM0"
+    found = gather.system("slcan", own, root=tmp_path).device
+    assert found is not None
+    assert (found.lasting_path, found.other_ports) == (lasting, 1)
+    found = gather.system("slcan", f"{lasting}@115200", root=tmp_path).device
+    assert found is not None
+    assert (found.lasting_path, found.other_ports) == (None, 1)
+
+
+@pytest.mark.parametrize("name", ["can0.toml.txt", "CAN0.toml", "can0.conf", "can0.toml/"])
+def test_a_file_with_another_name_than_a_daemon_reads_is_found(
+    tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(gather, "DIRECTORY", tmp_path / "etc")
+    assert gather._misnamed("can0") is None
+    path = tmp_path / "etc" / name
+    path.parent.mkdir()
+    path.mkdir() if name.endswith("/") else path.touch()
+    assert gather._misnamed("can0") == str(path)
+    assert gather._misnamed("can1") is None

@@ -13,6 +13,8 @@ A scene begins with its title behind `==`, at a calibrated gripper whose motor i
     @ object 50               something happens: see `Stage`
     @ types y ⏎ 84.5 ^D ^C    these lines are typed at the next command's questions, and shown
                               behind them; push:0.6 first pushes the jaws open, -0.6 closed
+
+What a daemon is made to say marks its names as the daemon does: "call {motor.enable} first".
 """
 
 import json
@@ -28,6 +30,7 @@ from typing import Any
 import pytest
 
 from litegripd.model.errors import ERRORS
+from litegripd.model.sentence import sentence, with_terms
 from tests.client.rig import GUARDS, SILENT, Asked, Bench, Ctl, Heard, Refuse
 from tests.trajectories import lgt
 
@@ -166,7 +169,7 @@ class Stage:
     def says(self, rest: str) -> None:
         """The daemon answers a method otherwise: with members changed, or by something else."""
         method, _, text = rest.partition(" ")
-        self._daemon.instead[method] = json.loads(text)
+        self._daemon.instead[method] = _marked(json.loads(text))
 
     def sits(self, _rest: str) -> None:
         """Somebody sits at the terminal of the next command, which asks nothing."""
@@ -199,14 +202,14 @@ class Stage:
     def stumbles(self, rest: str) -> None:
         """The daemon refuses a step of the calibration by hand once, with a message and data."""
         step, reason, text = rest.split(" ", 2)
-        message, _, data = text.partition(" {")
-        more = json.loads("{" + data) if data else {}
+        message, _, data = text.partition(' {"')
+        more = json.loads('{"' + data) if data else {}
 
         def refuse(request: Asked) -> Refuse | None:
             if request.params["step"] != step:
                 return None
             del self._daemon.instead["calibration.manual"]
-            return Refuse(reason, ERRORS[reason].code, message, **more)
+            return Refuse(reason, ERRORS[reason].code, sentence(message), **more)
 
         self._daemon.instead["calibration.manual"] = refuse
 
@@ -225,7 +228,7 @@ class Stage:
     def refuses(self, rest: str) -> None:
         """The daemon refuses a method for a reason, with a message."""
         method, reason, message = rest.split(" ", 2)
-        self._daemon.instead[method] = Refuse(reason, ERRORS[reason].code, message)
+        self._daemon.instead[method] = Refuse(reason, ERRORS[reason].code, sentence(message))
 
     def hangs_up(self, method: str) -> None:
         """The daemon ends as soon as it is asked this."""
@@ -283,6 +286,15 @@ def _has(actual: Any, wished: Any) -> bool:
     if isinstance(wished, dict) and isinstance(actual, dict):
         return all(name in actual and _has(actual[name], one) for name, one in wished.items())
     return bool(actual == wished)
+
+
+def _marked(value: Any) -> Any:
+    """Return an answer whose texts have their terms beside them."""
+    if isinstance(value, dict):
+        return with_terms({name: _marked(one) for name, one in value.items()})
+    if isinstance(value, list):
+        return [_marked(one) for one in value]
+    return sentence(value) if isinstance(value, str) else value
 
 
 def _pattern(line: str) -> str:

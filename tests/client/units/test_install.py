@@ -1,5 +1,6 @@
 """install-units into a system of its own: idempotent, careful with configurations, undone again."""
 
+import errno
 import importlib.util
 import json
 import os
@@ -16,6 +17,7 @@ from litegrip_client.ctl import install
 from litegrip_client.ctl.commands import machine
 from litegrip_client.ctl.install import Wanted
 from litegrip_client.ctl.main import main
+from litegrip_client.values import atomic_file
 from litegrip_client.values.errors import CommandError, ConnectError
 from litegripd.app.main import EXIT_NO_PACKAGES, EXIT_USAGE
 
@@ -328,6 +330,28 @@ def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     (tmp_path / "usr").write_text("a file in place of the directory")
     with pytest.raises(CommandError, match=r"litegripd@\.service cannot be written"):
         put(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("number", "hint"),
+    [
+        (errno.EACCES, "it takes root: sudo"),
+        (errno.EROFS, "that file system can only be read: mount it writable"),
+        (errno.ENOTDIR, "look at that place"),
+    ],
+)
+def test_what_helps_where_nothing_can_be_written_depends_on_why(
+    tmp_path: Path, number: int, hint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Root is told to be root by no command, where /etc is part of an image."""
+
+    def refuse(_path: Path, _content: bytes) -> None:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(atomic_file, "write", refuse)
+    with pytest.raises(CommandError, match=os.strerror(number)) as caught:
+        put(tmp_path)
+    assert str(caught.value.data["hint"]).startswith(hint)
 
 
 @pytest.mark.parametrize(

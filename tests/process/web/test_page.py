@@ -421,7 +421,7 @@ def test_a_doubtful_scale_is_said_until_it_is_corrected(operated: Tab, client: C
     load(client, 120.0)
     expect(warning).to_be_in_viewport()
     expect(warning).to_contain_text("takes the jaws' travel for 120 mm, as earlier versions did")
-    expect(warning).to_contain_text("litegripctl calibration rescale corrects it")
+    expect(warning).to_contain_text("“Correct the scale only” corrects it")
     line = part(operated, "events").locator("li.warning", has_text="as earlier versions did")
     expect(line).to_have_count(1)
     load(client, 121.0)  # doubtful for the same reason
@@ -440,7 +440,7 @@ def test_who_only_looks_sees_a_doubtful_scale_from_the_start(
 ) -> None:
     load(client, 120.0)
     with opened(window, simulated.socket_path) as tab:
-        expect(part(tab, "doubted")).to_contain_text("litegripctl calibration rescale")
+        expect(part(tab, "doubted")).to_contain_text("“Correct the scale only”")
         expect(button(tab, "Correct the scale …")).to_be_hidden()
 
 

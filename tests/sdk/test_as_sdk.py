@@ -1,0 +1,117 @@
+"""`python -m litegrip_client.as_sdk`: the program and its children find the package."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from litegrip_client import as_sdk
+
+OURS = f"{as_sdk.FOLDER}/litegrip/__init__.py"
+
+
+def run(*arguments: str | Path, cwd: Path) -> "subprocess.CompletedProcess[str]":
+    environment = {**os.environ, "PYTHONPATH": str(Path(as_sdk.__file__).parents[1])}
+    return subprocess.run(
+        [sys.executable, "-m", "litegrip_client.as_sdk", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=environment,
+        cwd=cwd,
+        timeout=100,
+    )
+
+
+def write(path: Path, text: str) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+SHOW = "import litegrip, sys; print(litegrip.__file__, *sys.argv[1:])\n"
+
+
+def test_a_script_and_its_arguments(tmp_path: Path) -> None:
+    script = write(tmp_path / "one/show.py", "import beside\n" + SHOW)
+    write(tmp_path / "one/beside.py", "")
+    done = run(script, "--speed", "3", cwd=tmp_path)
+    assert (done.stdout, done.stderr) == (f"{OURS} --speed 3\n", "")
+
+
+def test_a_module(tmp_path: Path) -> None:
+    write(tmp_path / "tool/__main__.py", SHOW)
+    done = run("-m", "tool", "x", cwd=tmp_path)
+    assert (done.stdout, done.stderr) == (f"{OURS} x\n", "")
+
+
+@pytest.mark.parametrize("method", ["spawn", "forkserver", "fork"])
+def test_children_of_multiprocessing(tmp_path: Path, method: str) -> None:
+    script = write(
+        tmp_path / "many.py",
+        f"""
+import multiprocessing
+
+def child(answers):
+    import litegrip
+    answers.put(litegrip.__file__)
+
+if __name__ == "__main__":
+    context = multiprocessing.get_context({method!r})
+    answers = context.Queue()
+    process = context.Process(target=child, args=(answers,))
+    process.start()
+    print(answers.get())
+    process.join()
+""",
+    )
+    done = run(script, cwd=tmp_path)
+    assert (done.stdout, done.stderr) == (f"{OURS}\n", "")
+
+
+def test_children_by_the_interpreter(tmp_path: Path) -> None:
+    script = write(
+        tmp_path / "one.py",
+        "import subprocess, sys\n"
+        "subprocess.run([sys.executable, '-c', 'import litegrip; print(litegrip.__file__)'])\n",
+    )
+    done = run(script, cwd=Path("/"))
+    assert (done.stdout, done.stderr) == (f"{OURS}\n", "")
+
+
+def test_a_checkout_that_a_script_puts_first_does_not_open_the_bus(tmp_path: Path) -> None:
+    write(tmp_path / "src/litegrip/__init__.py", "raise SystemExit('it opens the bus')\n")
+    script = write(
+        tmp_path / "examples/stroke.py",
+        f"import sys\nsys.path.insert(0, {str(tmp_path / 'src')!r})\n"
+        f"{SHOW}from litegrip.can import MotorType\n",
+    )
+    done = run(script, cwd=tmp_path)
+    assert (done.stdout, done.stderr) == (f"{OURS}\n", "")
+
+
+def test_what_is_wrong_with_the_command_line(tmp_path: Path) -> None:
+    for arguments, said in (((), "usage"), (("none.py",), "no script none.py"), (("-m",), "usage")):
+        done = run(*arguments, cwd=tmp_path)
+        assert done.returncode == 1
+        assert said in done.stderr
+
+
+def test_another_package_that_is_loaded_already(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("PYTHONPATH", "")
+    other = type(sys)("litegrip")
+    other.__file__ = str(tmp_path / "litegrip/__init__.py")
+    monkeypatch.setitem(sys.modules, "litegrip", other)
+    with pytest.raises(RuntimeError, match="imported already"):
+        as_sdk.install()
+
+
+def test_nothing_of_the_standard_library_alone_is_slow() -> None:
+    """The client's own start does not load the package."""
+    code = "import sys, litegrip_client; litegrip_client.LiteGrip; print('litegrip' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"
