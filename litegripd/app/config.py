@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from litegrip_client.values.text import cause, hidden, text_of
-from litegripd.io.can.bus import SIMULATOR, BusSettings
 from litegripd.io.helper.files import TEMPLATES
 from litegripd.model.gripper import (
     DM4310,
@@ -28,6 +27,7 @@ from litegripd.model.gripper import (
     SUPERSEDED_STROKE_MM,
     why_not_driven,
 )
+from litegripd.model.motor import SIMULATOR, BusSettings
 from litegripd.model.plain import plain_of
 from litegripd.rpc.reports import Configuration
 from litegripd.rpc.sessions import ROLES, Peer, Role
