@@ -1,6 +1,6 @@
 """The command `litegripd`: one daemon for one CAN channel, in the foreground.
 
-The daemon is imported once the command line is right: the manual is made where nothing is installed.
+The daemon is imported once the command line is right: the manual is made without its packages.
 """
 
 import argparse

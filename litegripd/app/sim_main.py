@@ -1,8 +1,8 @@
 """The command `litegrip-sim`: a simulated gripper in a process of its own.
 
 It reads the command line, opens the terminal or the bus, and ends cleanly on SIGTERM and SIGINT.
-`litegripd.sim.server` serves the gripper. python-can is imported once the command line is right: the
-manual is made where nothing is installed.
+`litegripd.sim.server` serves the gripper. python-can is imported once the command line is right:
+the manual is made without it.
 """
 
 from __future__ import annotations
