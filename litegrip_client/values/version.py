@@ -1,4 +1,4 @@
-"""The version of what is installed: the client alone, or the whole project."""
+"""What is installed: the version, and whether Debian's package manager has brought it."""
 
 from __future__ import annotations
 
@@ -21,3 +21,13 @@ def installed_version(*names: str) -> str:
         with suppress(PackageNotFoundError):
             return version(name)
     return "0.0.0+source"
+
+
+def is_of_debian() -> bool:
+    """Return True if a Debian package has brought this client: further ones come by apt."""
+    from importlib.metadata import PackageNotFoundError, distribution  # noqa: PLC0415
+
+    try:
+        return (distribution(DISTRIBUTIONS[0]).read_text("INSTALLER") or "").strip() == "dpkg"
+    except PackageNotFoundError:
+        return False
