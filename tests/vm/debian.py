@@ -21,15 +21,20 @@ CLIENT, DAEMON, ADDITIONS = "litegrip-client", "litegripd", ("litegrip-web", "li
 
 
 def put(revision: int, *names: str) -> str:
-    """Install packages of a revision at once, as apt does, or all; return what dpkg said."""
-    files = []
-    for name in names or (CLIENT, DAEMON, *ADDITIONS):
-        patterns = (f"{name}-*-{revision}_*.deb",) if name == DAEMON else ()
-        for pattern in (*patterns, f"{name}_*-{revision}_*.deb"):
-            files += map(str, PACKAGES.glob(pattern))
-    status, out = run("dpkg", "--install", *files, limit_s=600.0)
-    check(f"dpkg installs {len(files)} packages", status == 0, "" if status == 0 else out)
-    return out
+    """Install packages of a revision, or all, in two steps as apt does; return what dpkg said."""
+    names = names or (CLIENT, DAEMON, *ADDITIONS)
+    first = [f"{name}-*" if name == DAEMON else name for name in names if name not in ADDITIONS]
+    said = []
+    for step in (
+        first,
+        [name for name in names if name != CLIENT],
+    ):  # what is pre-depended on first
+        files = [str(file) for name in step for file in PACKAGES.glob(f"{name}_*-{revision}_*.deb")]
+        if files:
+            status, out = run("dpkg", "--install", *files, limit_s=600.0)
+            check(f"dpkg installs {len(files)} packages", status == 0, "" if status == 0 else out)
+            said.append(out)
+    return "\n".join(said)
 
 
 def version(revision: int) -> str:
