@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from litegrip_client.values.version import installed_version
-from litegripd.app.build import named_calibration
 from litegripd.app.config import Config, ConfigError, find, load, override
 from litegripd.handover.predecessor import SUCCESSOR_OPTION
 from litegripd.io.log import BoundedHandler, PriorityFormatter, goes_to_journal
@@ -63,6 +62,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         config = _config(arguments)
         warn_of_superseded(config)
         if arguments.check:
+            from litegripd.app.build import named_calibration  # noqa: PLC0415 - as the daemon
+
             calibration = named_calibration(config)
             print(json.dumps({**config.as_info(), "calibration": calibration}, indent=2))
             return EXIT_USAGE if calibration and calibration["problem"] else 0
