@@ -48,6 +48,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     given = sys.argv[1:] if argv is None else list(argv)
     arguments = make_parser().parse_args(given)
 
+    from litegripd.app.build import named_calibration  # noqa: PLC0415
     from litegripd.app.daemon import Daemon, succeed  # noqa: PLC0415
     from litegripd.app.status import warn_of_superseded  # noqa: PLC0415
 
@@ -62,8 +63,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         config = _config(arguments)
         warn_of_superseded(config)
         if arguments.check:
-            from litegripd.app.build import named_calibration  # noqa: PLC0415 - as the daemon
-
             calibration = named_calibration(config)
             print(json.dumps({**config.as_info(), "calibration": calibration}, indent=2))
             return EXIT_USAGE if calibration and calibration["problem"] else 0
