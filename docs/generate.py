@@ -17,7 +17,6 @@ sys.path.insert(0, str(ROOT))
 
 from docs.blocking_client import blocking_client  # noqa: E402
 from docs.configuration_page import configuration_page, default_file  # noqa: E402
-from docs.manual import client_page, daemon_page, fleet_page, simulator_page, web_page  # noqa: E402
 from docs.protocol_fields import (  # noqa: E402
     forms_section,
     jobs_section,
@@ -308,11 +307,6 @@ GENERATED = (
     Generated("docs/protocol.md", protocol_page),
     Generated("docs/configuration.md", configuration_page),
     Generated("etc/litegripd.toml", default_file),
-    Generated("man/litegripctl.1", client_page),
-    Generated("man/litegrip-sim.1", simulator_page),
-    Generated("man/litegripd.8", daemon_page),
-    Generated("man/litegripd-web.8", web_page),
-    Generated("man/litegripd-fleet.8", fleet_page),
 )
 
 

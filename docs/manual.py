@@ -1,10 +1,15 @@
 """The manual pages, in roff, from the parsers of the programs and from the configuration's table.
 
-What argparse prints is not used: it differs between versions of Python.
+What argparse prints is not used: it differs between versions of Python. The pages are made when a
+package is built, so all that is imported here needs the standard library alone.
+
+    python -m docs.manual DIRECTORY [PAGE ...]     write them, or only these: litegripctl.1
 """
 
 import argparse
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 
 from docs.configuration_page import has_default, sentence
 from litegrip_client.core.sockets import CHANNEL_VARIABLE, SOCKET_VARIABLE
@@ -17,8 +22,8 @@ from litegrip_client.ctl.parser import (
     whole_parser,
 )
 from litegrip_client.values.trajectory import DIRECTORY_VARIABLE
-from litegrip_fleet.admin import main as fleet
-from litegrip_web import main as web
+from litegrip_fleet.admin import options as fleet
+from litegrip_web import options as web
 from litegripd.app import main as daemon
 from litegripd.app import sim_main as simulator
 from litegripd.app.config import KEYS, TABLES
@@ -161,13 +166,31 @@ def simulator_page() -> str:
     )
 
 
+PAGES: Mapping[str, Callable[[], str]] = {
+    "litegripctl.1": client_page,
+    "litegrip-sim.1": simulator_page,
+    "litegripd.8": daemon_page,
+    "litegripd-web.8": web_page,
+    "litegripd-fleet.8": fleet_page,
+}
+
+
+def write_pages(folder: Path, names: Iterable[str] = PAGES) -> list[Path]:
+    """Write these pages into a folder; return their files."""
+    folder.mkdir(parents=True, exist_ok=True)
+    files = [folder / name for name in names]
+    for file in files:
+        file.write_text(PAGES[file.name](), encoding="utf-8")
+    return files
+
+
 # Pages
 
 
 def _page(head: tuple[str, int, str], synopsis: str, *sections: Iterable[str]) -> str:
     name, number, purpose = head
     lines = [
-        r".\" Made by docs/generate.py; not to be edited.",
+        r".\" Made by docs/manual.py; not to be edited.",
         f".TH {_plain(name.upper())} {number} {DATE} litegripd",
         ".SH NAME",
         f"{_plain(name)} \\- {_plain(purpose)}",
@@ -292,3 +315,7 @@ def _plain(text: str) -> str:
     text = text.replace("^", r"\(ha").replace("`", r"\(ga")
     text = "".join(one if one.isascii() else rf"\[u{ord(one):04X}]" for one in text)
     return rf"\&{text}" if text.startswith(".") else text
+
+
+if __name__ == "__main__":
+    write_pages(Path(sys.argv[1]), sys.argv[2:] or PAGES)

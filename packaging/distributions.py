@@ -31,6 +31,7 @@ else:
     import tomli as tomllib
 
 from docs.completion import completion_script  # noqa: E402
+from docs.manual import write_pages  # noqa: E402
 
 TOML = Path("pyproject.toml")
 
@@ -177,9 +178,7 @@ def lay(name: str, tree: Path) -> None:
     shutil.copytree(ROOT / one.folder / one.package, tree / one.package, ignore=skipped)
     for file in ("README.md", "LICENSE"):
         shutil.copy(ROOT / file, tree)
-    (tree / "man").mkdir()
-    for page in one.pages:
-        shutil.copy(ROOT / "man" / page, tree / "man")
+    write_pages(tree / "man", one.pages)
     if name == CLIENT:
         for shell in ("bash", "zsh", "fish"):
             script = tree / f"litegrip_client/data/litegripctl.{shell}"

@@ -8,8 +8,8 @@ from itertools import count
 from types import TracebackType
 from typing import Any
 
-from litegripd.io.can.bus import BusSettings, DirectBus
-from litegripd.model.motor import CanFrame
+from litegripd.io.can.bus import DirectBus
+from litegripd.model.motor import BusSettings, CanFrame
 from litegripd.motor import codec
 from litegripd.sim.faults import BusFaults
 from litegripd.sim.gripper import SimulatedGripper

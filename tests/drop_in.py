@@ -23,10 +23,9 @@ from litegripd.app.build import build_service, load_at_start
 from litegripd.app.config import Config
 from litegripd.app.helper_main import OPERATIONS
 from litegripd.app.status import DaemonFacts
-from litegripd.io.can.bus import BusSettings
 from litegripd.model.gripper import GripperId
 from litegripd.model.motion_config import MotionConfig
-from litegripd.model.motor import MitCommand, MotorPhase
+from litegripd.model.motor import BusSettings, MitCommand, MotorPhase
 from litegripd.model.state import HelperTask, TaskResult
 from litegripd.motor import codec
 from litegripd.rpc.service import RpcService

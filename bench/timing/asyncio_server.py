@@ -13,12 +13,13 @@ import time
 
 from litegripd.app.machine import Machine
 from litegripd.control.snapshot import snapshot
-from litegripd.io.can.bus import BusSettings, DirectBus
+from litegripd.io.can.bus import DirectBus
 from litegripd.io.loop import PeriodicTimer
 from litegripd.io.meters import LatenessMeter
 from litegripd.io.realtime import acquire
 from litegripd.model.gripper import GripperId
 from litegripd.model.motion_config import MotionConfig
+from litegripd.model.motor import BusSettings
 from litegripd.rpc.reports import state_view
 
 PERIOD_S = 0.005

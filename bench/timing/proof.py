@@ -20,14 +20,13 @@ import time
 import tty
 from pathlib import Path
 
-from litegripd.io.can.bus import BusSettings
 from litegripd.io.can.pumped import PumpedBus
 from litegripd.io.helper.child import Child
 from litegripd.io.helper.helper import Helper, HelperResult
 from litegripd.io.loop import Reactor
 from litegripd.io.realtime import acquire
 from litegripd.io.server import Server
-from litegripd.model.motor import CanFrame
+from litegripd.model.motor import BusSettings, CanFrame
 from litegripd.rpc.jsonrpc import encode, parse, result_line
 from litegripd.rpc.sessions import Peer, Session
 

@@ -24,6 +24,7 @@ from pathlib import Path
 from litegrip_client.values import atomic_file
 from litegrip_client.values.atomic_file import why_not_written
 from litegrip_client.values.errors import CommandError
+from litegrip_client.values.version import is_of_debian
 
 USER = "litegrip"
 
@@ -224,7 +225,8 @@ def program_directory() -> str:
     """
     scripts = sysconfig.get_path("scripts")
     if not Path(scripts, "litegripd").is_file():
-        raise _unusable(f"there is no program litegripd in {scripts}")
+        why = f"there is no program litegripd in {scripts}"
+        raise _unusable(why, "apt install litegripd") if is_of_debian() else _unusable(why)
     directory = str(_by_link(Path(scripts)))
     for needed in (directory, str(Path(sys.executable).resolve())):
         if not _PLAIN.fullmatch(needed):
@@ -352,7 +354,9 @@ def lacking(programs: str) -> list[Lacking]:
     found: dict[str, Lacking] = {}
     for unit, package, module in _NEEDS:
         if unit not in found and not _is_there(module):
-            remedy = f"{programs}/python -m pip install '{_requirement(package)}'"
+            is_apt = package.startswith("litegrip") and is_of_debian()
+            pip = f"{programs}/python -m pip install '{_requirement(package)}'"
+            remedy = f"apt install {package}" if is_apt else pip
             found[unit] = Lacking(unit, package, remedy, is_fleet=unit.endswith("@"))
     return list(found.values())
 

@@ -21,6 +21,7 @@ from litegrip_client.ctl.streams import write
 from litegrip_client.line.connection import Connection
 from litegrip_client.threads.blocking import connect
 from litegrip_client.values.errors import CommandError, LiteGripError
+from litegrip_client.values.version import is_of_debian
 from litegrip_client.values.voices import in_shell
 
 TYPE_CHECKING = False
@@ -205,9 +206,21 @@ class Run:
         return WRONG_USAGE
 
 
+_OF_DEBIAN = {"rich": "python3-rich", "prometheus_client": "python3-prometheus-client"}
+"""Packages for the system's Python; those of this project have the names of its distributions."""
+
+
 def installing(*libraries: str) -> str:
     """Return the command that installs libraries where this program looks for them."""
-    return f"{shlex.quote(sys.executable)} -m pip install {' '.join(libraries)}"
+    pip = f"{shlex.quote(sys.executable)} -m pip install"
+    if is_of_debian():
+        is_of_system = sys.prefix == sys.base_prefix
+        names = {name: name for name in libraries if name.startswith("litegrip")}
+        names.update(_OF_DEBIAN if is_of_system else {})
+        if all(name in names for name in libraries):
+            return f"sudo apt install {' '.join(names[name] for name in libraries)}"
+        pip += " --user --break-system-packages" if is_of_system else ""
+    return f"{pip} {' '.join(libraries)}"
 
 
 Command: TypeAlias = Callable[[Run], int]

@@ -13,6 +13,7 @@ from litegrip_client.values.errors import ParameterError
 from litegrip_client.values.strict_json import is_finite
 from litegrip_client.values.text import toml_of
 from litegrip_fleet.admin.access import ROLES
+from litegrip_fleet.admin.options import FILE
 from litegrip_fleet.far.admission import LONGEST_TTL_S, SHORTEST_TTL_S
 from litegrip_fleet.far.far_session import DEFAULT_TTL_S
 from litegrip_fleet.wire.keys import BadNameError, Place, check_name
@@ -25,7 +26,6 @@ else:
 
 MOST_WATCHED = 8
 
-FILE = "/etc/litegripd/fleet.toml"
 
 _Value = TypeVar("_Value")
 

@@ -19,18 +19,24 @@ from typing import Any, NoReturn
 
 import zenoh
 
-from litegrip_client.core.sockets import SOCKET_VARIABLE, STOP_LEVELS
+from litegrip_client.core.sockets import SOCKET_VARIABLE
 from litegrip_client.core.stop import WHY_CHARACTERS, stop_params
 from litegrip_client.ctl.findings import as_data, as_text, is_well
 from litegrip_client.line.exchange import request_line
 from litegrip_client.values.repeats import RepeatsHandler, poll_handlers
-from litegrip_client.values.version import client_version
 from litegrip_fleet.admin import by_portal
 from litegrip_fleet.admin.access import rules
 from litegrip_fleet.admin.acl_check import UnreadableError, access_control_in, wider
 from litegrip_fleet.admin.certificates import Certificate, CertificateError, own, watch
 from litegrip_fleet.admin.check import examine
-from litegrip_fleet.admin.config import FILE, FleetConfig, FleetConfigError, PortalConfig, load
+from litegrip_fleet.admin.config import FleetConfig, FleetConfigError, PortalConfig, load
+from litegrip_fleet.admin.options import (
+    EXIT_FAILED,
+    EXIT_NETWORK,
+    EXIT_OK,
+    EXIT_USAGE,
+    make_parser,
+)
 from litegrip_fleet.far.dead_man import DeadMansSwitch
 from litegrip_fleet.far.gateway import Gateway
 from litegrip_fleet.near.portal import Portal
@@ -47,20 +53,8 @@ from litegrip_fleet.wire.network import (
 )
 from litegrip_fleet.wire.site import About, Stopped, alive, look, stop_all
 
-EXIT_OK, EXIT_FAILED, EXIT_USAGE, EXIT_NETWORK = 0, 1, 2, 3
 _NOT_SENT = "; no stop was sent: use the switch that cuts the power"
 _LOOK = "look with: litegripd-fleet check"
-EXIT_CODES = (
-    (EXIT_OK, "done, or a signal ended it"),
-    (
-        EXIT_FAILED,
-        "a socket cannot be made, a stop is not confirmed by all, or a check has found an error",
-    ),
-    (EXIT_USAGE, "wrong usage or configuration"),
-    (EXIT_NETWORK, "the network cannot be used"),
-)
-"""The meaning of each, for the help and the manual page."""
-
 _log = logging.getLogger("litegripd-fleet")
 
 
@@ -103,50 +97,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _fail(str(error), EXIT_NETWORK)
     except OSError as error:
         return _fail(str(error), EXIT_FAILED)
-
-
-def make_parser() -> argparse.ArgumentParser:
-    """Return the parser of the command line."""
-    parser = argparse.ArgumentParser(
-        prog="litegripd-fleet",
-        allow_abbrev=False,
-        description="Grippers of other machines over a zenoh network: a gateway beside the daemons,"
-        " a portal where they are used, a router between them.",
-        epilog=f"exit codes: {', '.join(f'{code} {text}' for code, text in EXIT_CODES)}",
-    )
-    parser.add_argument("--version", action="version", version=f"%(prog)s {client_version()}")
-    parser.add_argument(
-        "--config", default=FILE, metavar="FILE", help="the configuration (default: %(default)s)"
-    )
-    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    commands.add_parser("gateway", help="put this machine's grippers on the network")
-    commands.add_parser("portal", help="give remote grippers sockets on this machine")
-    commands.add_parser("router", help="let gateways and portals find each other, by the rules")
-    checking = commands.add_parser(
-        "check", help="check this machine's parts and what they reach; say what repairs them"
-    )
-    checking.add_argument("--json", action="store_true", help="print one JSON object")
-    acl = commands.add_parser("acl", help="print the router's rules, as zenoh takes them")
-    acl.add_argument(
-        "--check",
-        metavar="FILE",
-        help="check a zenohd's configuration instead: print what it allows beyond these rules",
-    )
-    listing = commands.add_parser(
-        "list", help="list the grippers that can be reached, and how they are"
-    )
-    listing.add_argument("site", nargs="?", default="*", metavar="SITE", help="default: all")
-    listing.add_argument("--json", action="store_true", help="print one JSON array")
-    stop = commands.add_parser("stop", help="stop all grippers of a site")
-    stop.add_argument("site", metavar="SITE")
-    stop.add_argument("--level", choices=STOP_LEVELS, default="hold")
-    stop.add_argument("--json", action="store_true", help="print one JSON object")
-    stop.add_argument(
-        "--why",
-        help="for the log and for those who find the grippers stopped:"
-        f" {WHY_CHARACTERS} characters of it",
-    )
-    return parser
 
 
 # Services -----------------------------------------------------------------------------------------

@@ -24,7 +24,7 @@ from litegripd.app.machine import Machine
 from litegripd.control.controller import Controller
 from litegripd.control.heat import HeatGuard
 from litegripd.handover.state import OnRestart, RestartMethods, no_restart
-from litegripd.io.can.bus import DIRECT_INTERFACES, SIMULATOR, BusSettings, DirectBus, FrameBus
+from litegripd.io.can.bus import DirectBus, FrameBus
 from litegripd.io.can.pumped import PumpedBus
 from litegripd.io.helper.child import SharedMemory
 from litegripd.io.helper.files import load_operation
@@ -38,7 +38,7 @@ from litegripd.model.calibration import from_plain, of_stroke
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import MotorType
 from litegripd.model.motion_config import MotionConfig, MotionConfigError
-from litegripd.model.motor import BusCondition
+from litegripd.model.motor import DIRECT_INTERFACES, SIMULATOR, BusCondition, BusSettings
 from litegripd.model.state import HelperTask, TaskResult
 from litegripd.recorder.recorder import Dumps, Recorder, RecorderMethods, memory_bytes, tick_slots
 from litegripd.rpc.jsonrpc import encode

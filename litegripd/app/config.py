@@ -20,7 +20,6 @@ from typing import Any, TypeAlias
 
 from litegrip_client.values.strict_json import is_finite
 from litegrip_client.values.text import toml_of
-from litegripd.io.can.bus import SIMULATOR, BusSettings
 from litegripd.io.helper.files import TEMPLATES
 from litegripd.model.gripper import (
     DM4310,
@@ -31,6 +30,7 @@ from litegripd.model.gripper import (
     GripperId,
     why_not_driven,
 )
+from litegripd.model.motor import SIMULATOR, BusSettings
 from litegripd.model.plain import plain_of
 from litegripd.rpc.reports import Configuration
 from litegripd.rpc.sessions import ROLES, Peer, Role

@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from litegrip_client.values.version import installed_version
 from litegripd.app.build import (
     DiskWatch,
     Legacy,
@@ -30,7 +31,6 @@ from litegripd.app.machine import Ending, Machine
 from litegripd.app.status import (
     DaemonFacts,
     MotorGreeting,
-    daemon_version,
     log_event,
     make_log_handler,
     warn_of_untried,
@@ -38,7 +38,6 @@ from litegripd.app.status import (
 from litegripd.app.systemd import Supervision
 from litegripd.handover import state as handover
 from litegripd.handover.predecessor import Link, Packet, Retirement, Succession, read_document
-from litegripd.io.can.bus import DIRECT_INTERFACES
 from litegripd.io.helper.child import Child
 from litegripd.io.helper.helper import Helper
 from litegripd.io.helper.spawner import Spawner
@@ -49,6 +48,7 @@ from litegripd.io.sockets import take_over
 from litegripd.io.stop_socket import StopListener, clients_within_limit
 from litegripd.model.gripper import MOTOR_TYPES
 from litegripd.model.motion_config import MotionConfig
+from litegripd.model.motor import DIRECT_INTERFACES
 from litegripd.model.plain import PlainError, value_of
 from litegripd.model.state import Owner, Stop, StopLevel
 from litegripd.recorder.recorder import Dumps
@@ -115,7 +115,9 @@ class Daemon:
             lambda: self._service.reporter.state().mode,
             follows=legacy is not None,
         )
-        self._recorder, self._memory = make_recorder(config, period_s, daemon_version())
+        self._recorder, self._memory = make_recorder(
+            config, period_s, installed_version("litegripd")
+        )
         self._service.on_event = self._recorder.event
         self._helper = Helper(
             self._watch,

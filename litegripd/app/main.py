@@ -1,4 +1,7 @@
-"""The command `litegripd`: one daemon for one CAN channel, in the foreground."""
+"""The command `litegripd`: one daemon for one CAN channel, in the foreground.
+
+The daemon is imported once the command line is right: the manual is made without its packages.
+"""
 
 import argparse
 import faulthandler
@@ -8,10 +11,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from litegripd.app.build import named_calibration
+from litegrip_client.values.version import installed_version
 from litegripd.app.config import Config, ConfigError, find, load, override
-from litegripd.app.daemon import Daemon, succeed
-from litegripd.app.status import daemon_version, warn_of_superseded
 from litegripd.handover.predecessor import SUCCESSOR_OPTION
 from litegripd.io.log import BoundedHandler, PriorityFormatter, goes_to_journal
 from litegripd.io.sockets import InUseError
@@ -46,6 +47,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the daemon; return its exit code."""
     given = sys.argv[1:] if argv is None else list(argv)
     arguments = make_parser().parse_args(given)
+
+    from litegripd.app.build import named_calibration  # noqa: PLC0415
+    from litegripd.app.daemon import Daemon, succeed  # noqa: PLC0415
+    from litegripd.app.status import warn_of_superseded  # noqa: PLC0415
+
     _log_to_standard_error()
     faulthandler.enable()  # after a watchdog's SIGABRT the log shows where the thread was
     logging.getLogger("can").setLevel(logging.CRITICAL)  # it raises what it logs; we report that
@@ -110,7 +116,9 @@ def make_parser() -> argparse.ArgumentParser:
         " print what they say, and end",
     )
     parser.add_argument(SUCCESSOR_OPTION, action="store_true", help=argparse.SUPPRESS)
-    parser.add_argument("--version", action="version", version=f"litegripd {daemon_version()}")
+    parser.add_argument(
+        "--version", action="version", version=f"litegripd {installed_version('litegripd')}"
+    )
     return parser
 
 

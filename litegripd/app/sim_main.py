@@ -1,7 +1,8 @@
 """The command `litegrip-sim`: a simulated gripper in a process of its own.
 
 It reads the command line, opens the terminal or the bus, and ends cleanly on SIGTERM and SIGINT.
-`litegripd.sim.server` serves the gripper.
+`litegripd.sim.server` serves the gripper. python-can is imported once the command line is right:
+the manual is made without it.
 """
 
 from __future__ import annotations
@@ -11,17 +12,16 @@ import contextlib
 import signal
 import sys
 from collections.abc import Iterator, Sequence
-from importlib.metadata import version
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import can
-
-from litegripd.io.can.bus import explain
+from litegrip_client.values.version import installed_version
 from litegripd.model.gripper import DM4310, MOTOR_TYPES
-from litegripd.sim.gripper import build_gripper
-from litegripd.sim.interface import MotorWire
+from litegripd.sim.gripper import SimulatedGripper, build_gripper
 from litegripd.sim.plant import MOUNTS
-from litegripd.sim.server import BusServer, PtyServer, StopSignal
+
+if TYPE_CHECKING:
+    from litegripd.sim.server import StopSignal
 
 EXIT_OK, EXIT_BUS, EXIT_USAGE = 0, 1, 2
 EXIT_CODES = (
@@ -63,15 +63,37 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ValueError as error:
         print(f"litegrip-sim: {error}", file=sys.stderr)
         return EXIT_USAGE
+    return _serve(gripper, arguments)
+
+
+def _serve(gripper: SimulatedGripper, arguments: argparse.Namespace) -> int:
+    import can  # noqa: PLC0415
+
+    from litegripd.io.can.bus import explain  # noqa: PLC0415
+    from litegripd.sim.interface import MotorWire  # noqa: PLC0415
+    from litegripd.sim.server import BusServer, PtyServer, StopSignal  # noqa: PLC0415
+
     wire = MotorWire(gripper)
     if arguments.seed is not None:
         wire.seed(arguments.seed)
-    with _stop_on_signals() as stop:
+    options = {} if arguments.bitrate is None else {"bitrate": arguments.bitrate}
+    with contextlib.closing(StopSignal()) as stop, _set_by_signals(stop):
         try:
             if arguments.pty:
-                _run_pty(wire, arguments.link, stop)
-            else:
-                _run_bus(wire, arguments, stop)
+                terminal = PtyServer(wire, arguments.link, lambda path: print(path, flush=True))
+                with contextlib.closing(terminal):
+                    terminal.run(stop)
+                    if terminal.dropped:
+                        _say(f"{terminal.dropped} answers dropped, the client did not read them")
+                return EXIT_OK
+            with can.Bus(
+                interface=arguments.interface,
+                channel=arguments.channel,
+                ignore_config=True,
+                **options,
+            ) as bus:
+                print(f"serving on {arguments.interface} {arguments.channel}", flush=True)
+                BusServer(wire, bus).run(lambda: stop.is_set)
         except (can.CanError, OSError, ValueError, ImportError, NotImplementedError) as error:
             why = explain(error, str(error), arguments.interface or "", arguments.channel or "")
             _say(f"the bus cannot be used: {why}")
@@ -88,7 +110,9 @@ def make_parser() -> argparse.ArgumentParser:
         epilog=f"exit codes: {', '.join(f'{code} {text}' for code, text in EXIT_CODES)}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--version", action="version", version=f"%(prog)s {version('litegripd')}")
+    parser.add_argument(
+        "--version", action="version", version=f"%(prog)s {installed_version('litegripd')}"
+    )
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument(
         "--pty",
@@ -158,44 +182,22 @@ def _check_link(link: Path) -> None:
         raise ValueError(f"--link {link} exists and is no symbolic link; choose another path")
 
 
-def _run_pty(wire: MotorWire, link: Path | None, stop: StopSignal) -> None:
-    server = PtyServer(wire, link, lambda path: print(path, flush=True))
-    try:
-        server.run(stop)
-        if server.dropped:
-            _say(f"{server.dropped} answers dropped, the client did not read them")
-    finally:
-        server.close()
-
-
-def _run_bus(wire: MotorWire, arguments: argparse.Namespace, stop: StopSignal) -> None:
-    options = {} if arguments.bitrate is None else {"bitrate": arguments.bitrate}
-    with can.Bus(
-        interface=arguments.interface, channel=arguments.channel, ignore_config=True, **options
-    ) as bus:
-        print(f"serving on {arguments.interface} {arguments.channel}", flush=True)
-        server = BusServer(wire, bus)
-        server.run(lambda: stop.is_set)
-
-
 def _say(text: str) -> None:
     print(f"litegrip-sim: {text}", file=sys.stderr, flush=True)
 
 
 @contextlib.contextmanager
-def _stop_on_signals() -> Iterator[StopSignal]:
-    """Turn SIGTERM and SIGINT into a request to end; afterwards restore the old handlers."""
-    stop = StopSignal()
+def _set_by_signals(stop: StopSignal) -> Iterator[None]:
+    """Take SIGTERM and SIGINT as a request to end; afterwards restore the old handlers."""
     before = {
         number: signal.signal(number, lambda *_: stop.set())
         for number in (signal.SIGTERM, signal.SIGINT)
     }
     try:
-        yield stop
+        yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-        stop.close()
 
 
 if __name__ == "__main__":

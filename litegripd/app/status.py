@@ -7,11 +7,11 @@ import secrets
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import cast
 
 from litegrip_client.values.repeats import REPEATS, RepeatsHandler
+from litegrip_client.values.version import installed_version
 from litegripd.app.build import Parts
 from litegripd.app.config import Config
 from litegripd.app.machine import Machine
@@ -19,11 +19,10 @@ from litegripd.control.admission import position_refusal
 from litegripd.control.calibration import CalibrationInUse
 from litegripd.control.controller import Controller
 from litegripd.control.events import weak_text
-from litegripd.io.can.bus import SIMULATOR
 from litegripd.io.log import FIELDS, JournalSink, goes_to_journal
 from litegripd.io.server import MAX_CONNECTIONS, MAX_CONNECTIONS_PER_UID
 from litegripd.model.gripper import STROKE_MM, MotorType
-from litegripd.model.motor import UNANSWERED, MotorIdentity, MotorPhase
+from litegripd.model.motor import SIMULATOR, UNANSWERED, MotorIdentity, MotorPhase
 from litegripd.model.sentence import with_terms
 from litegripd.model.state import Event, EventKind, is_warning
 from litegripd.motor.identity import STILL_READ, warnings
@@ -162,14 +161,6 @@ _STANDSTILL_S = 0.1
 """A single tick as late as this is reported, too: by then the motor may have disarmed itself."""
 
 
-def daemon_version() -> str:
-    """Return the version; a source tree that was never installed has none."""
-    try:
-        return version("litegripd")
-    except PackageNotFoundError:
-        return "0.0.0+source"
-
-
 class DaemonFacts:
     """Implements `Facts` from the daemon's parts."""
 
@@ -184,7 +175,7 @@ class DaemonFacts:
         self._stop_socket = None if stop_socket is None else str(stop_socket.absolute())
         self._machine = machine
         self._epoch = epoch or secrets.token_hex(8)
-        self._version = daemon_version()
+        self._version = installed_version("litegripd")
         self._began_s = time.monotonic()
         self._parts: Parts | None = None
         self.simulated = config.bus.interface == SIMULATOR

@@ -20,7 +20,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from litegripd.control.controller import Controller
 from litegripd.handover.state import (
@@ -30,7 +30,6 @@ from litegripd.handover.state import (
     export_history,
     why_not_restartable,
 )
-from litegripd.io.can.bus import IN_PROCESS_INTERFACES, FrameBus
 from litegripd.io.helper.child import CHILD_FD, MAX_PACKET_BYTES, receive_descriptors
 from litegripd.io.helper.helper import Helper, HelperResult
 from litegripd.io.loop import Urgent
@@ -38,9 +37,13 @@ from litegripd.io.server import Server
 from litegripd.io.sockets import Places
 from litegripd.io.stop_socket import StopListener
 from litegripd.model.errors import Refusal
+from litegripd.model.motor import IN_PROCESS_INTERFACES
 from litegripd.model.plain import PlainError, plain_of
 from litegripd.model.state import Restarted, Stop
 from litegripd.rpc.service import RpcService
+
+if TYPE_CHECKING:
+    from litegripd.io.can.bus import FrameBus
 
 _MAX_DESCRIPTORS = 8
 _FILE_NAME = "litegripd handover"
@@ -175,7 +178,7 @@ class Succession:
         machine: Machine,
         service: RpcService,
         helper: Helper,
-        bus: FrameBus,
+        bus: "FrameBus",
         places: Places,
     ) -> None:
         self._settings = settings

@@ -4,7 +4,7 @@ import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 from litegrip_client.values.errors import ErrorCode
 from litegripd.model.errors import Refusal
@@ -21,6 +21,24 @@ class CanFrame:
 
     can_id: int
     data: bytes
+
+
+SIMULATOR = "litegrip_sim"
+DIRECT_INTERFACES = ("socketcan", "virtual", SIMULATOR)
+"""python-can interfaces whose send and recv(0) never block."""
+
+IN_PROCESS_INTERFACES = ("virtual", SIMULATOR)
+"""Those whose bus, and what is on it, ends with the process."""
+
+
+@dataclass(frozen=True, slots=True)
+class BusSettings:
+    """The arguments of python-can; `options` are the interface's own keyword arguments."""
+
+    interface: str
+    channel: str
+    bitrate: int
+    options: Mapping[str, Any] = field(default_factory=dict)
 
 
 BusState: TypeAlias = Literal[

@@ -17,8 +17,8 @@ from litegripd.app.config import (
     load,
     override,
 )
-from litegripd.io.can.bus import BusSettings
 from litegripd.model.gripper import STROKE_MM
+from litegripd.model.motor import BusSettings
 
 EXAMPLE = """
 [bus]                      # handed to python-can

@@ -12,12 +12,11 @@ from litegripd.app.build import motor_figures
 from litegripd.app.config import Config
 from litegripd.app.status import DaemonFacts
 from litegripd.control.authority import QUIET_AFTER_S
-from litegripd.io.can.bus import BusSettings
 from litegripd.io.helper.files import DATA
 from litegripd.io.meters import RecentLateness
 from litegripd.model.calibration import to_plain
 from litegripd.model.errors import Refusal
-from litegripd.model.motor import CanFrame
+from litegripd.model.motor import BusSettings, CanFrame
 from tests.world import CAN_ID, World
 
 MEASURED = {"zero_position_rad": 0.104334, "max_position_rad": -1.513123}

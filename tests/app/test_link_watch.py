@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from litegrip_client.socketcan import link as can_link
 from litegripd.app import helper_main
 from litegripd.app.build import LinkWatch
-from litegripd.io.can.bus import BusSettings
-from litegripd.model.motor import UP, BusCondition
+from litegripd.model.motor import UP, BusCondition, BusSettings
 from litegripd.model.state import TaskResult
 from tests.world import World
 

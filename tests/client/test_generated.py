@@ -21,7 +21,6 @@ def a_copy(tmp_path: Path) -> Path:
         "docs",
         "etc",
         "examples",
-        "man",
         "litegripd",
         "litegrip_client",
         "litegrip_fleet",
@@ -40,7 +39,6 @@ def test_nothing_generated_is_stale() -> None:
 def test_what_is_stale_or_missing_is_named_and_then_written(tmp_path: Path) -> None:
     root = a_copy(tmp_path)
     (root / "docs/errors.md").unlink()
-    shutil.rmtree(root / "man")
     with (root / "litegrip_client/values/error_table.py").open("a") as table:
         table.write("# old\n")
     with (root / "litegrip_client/threads/actions.py").open("a") as made_from_the_core:
@@ -51,11 +49,6 @@ def test_what_is_stale_or_missing_is_named_and_then_written(tmp_path: Path) -> N
         "litegrip_client/values/error_table.py is stale",
         "litegrip_client/threads/actions.py is stale",
         "docs/errors.md is stale",
-        "man/litegripctl.1 is stale",
-        "man/litegrip-sim.1 is stale",
-        "man/litegripd.8 is stale",
-        "man/litegripd-web.8 is stale",
-        "man/litegripd-fleet.8 is stale",
         "",
     ]
     assert not (root / "docs/errors.md").exists()

@@ -1,39 +1,38 @@
-"""The manual pages: what is in them, that their roff is right, and that they are installed."""
+"""The manual pages: what is in them, that their roff is right, and what making them needs."""
 
 import re
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
-import tomli
 
+from docs.manual import PAGES, write_pages
 from litegrip_client.ctl.parser import EXIT_CODES
 from tests.client.ctl_commands import every_command
 from tests.client.ctl_terminal import ROOT
 
-PAGES = sorted((ROOT / "man").iterdir())
 CHECKERS = (
     ("mandoc", "-Tlint", "-Wwarning"),
     ("groff", "-man", "-ww", "-Tutf8", "-z"),
 )
 
 
-def text(name: str) -> str:
-    return (ROOT / "man" / name).read_text(encoding="utf-8")
-
-
 @pytest.mark.parametrize("checker", CHECKERS, ids=lambda one: one[0])
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_nothing_is_wrong_with_the_roff(checker: tuple[str, ...], page: Path) -> None:
+@pytest.mark.parametrize("name", PAGES)
+def test_nothing_is_wrong_with_the_roff(
+    checker: tuple[str, ...], name: str, tmp_path: Path
+) -> None:
     if shutil.which(checker[0]) is None:
         pytest.skip(f"{checker[0]} is not installed")
+    (page,) = write_pages(tmp_path, [name])
     done = subprocess.run([*checker, str(page)], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
 def test_every_command_and_exit_code_is_described() -> None:
-    page = text("litegripctl.1").replace("\\-", "-")
+    page = PAGES["litegripctl.1"]().replace("\\-", "-")
     headings = "\n".join(line for line in page.splitlines() if line.startswith(".SS "))
     for command in every_command():
         assert re.search(rf"^\.SS {re.escape(command)}( |$)", headings, re.MULTILINE), command
@@ -41,12 +40,11 @@ def test_every_command_and_exit_code_is_described() -> None:
     assert re.findall(r"^\\fB(\d+)", codes, re.MULTILINE) == [str(code) for code, _ in EXIT_CODES]
 
 
-def test_every_page_is_installed() -> None:
-    project = tomli.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    installed = {
-        name: where
-        for where, names in project["tool"]["setuptools"]["data-files"].items()
-        for name in names
-    }
-    wanted = {f"man/{page.name}": f"share/man/man{page.suffix[1:]}" for page in PAGES}
-    assert (installed, len(PAGES)) == (wanted, 5)
+@pytest.mark.skipif(sys.version_info < (3, 11), reason="tomllib is of the library since 3.11")
+def test_the_pages_are_made_where_nothing_is_installed(tmp_path: Path) -> None:
+    command = [sys.executable, "-S", "-m", "docs.manual", str(tmp_path / "man")]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    made = {page.name: page.read_text(encoding="utf-8") for page in (tmp_path / "man").iterdir()}
+    assert made.keys() == PAGES.keys()
+    assert made["litegripd-fleet.8"] == PAGES["litegripd-fleet.8"]()

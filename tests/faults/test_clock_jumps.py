@@ -116,7 +116,7 @@ def test_a_leader_whose_clock_jumps_is_followed_on_without_a_leap(jump_s: float)
 def test_reading_a_bus_does_not_wait_for_a_clock_that_was_set_back() -> None:
     """python-can asks the time of day how long it still has to wait; set back, that is an hour."""
     program = JUMPY + (
-        "from litegripd.io.can.bus import BusSettings\n"
+        "from litegripd.model.motor import BusSettings\n"
         "from litegripd.io.can.bus import DirectBus\n"
         "bus = DirectBus(BusSettings('virtual', 'clock', 1_000_000, {}))\n"
         "print([bus.receive(0.005 * tick) for tick in range(10)], bus.condition.state)\n"

@@ -5,8 +5,8 @@ from collections import deque
 
 import can
 
-from litegripd.io.can.bus import BusSettings, DirectBus
-from litegripd.model.motor import CanFrame
+from litegripd.io.can.bus import DirectBus
+from litegripd.model.motor import BusSettings, CanFrame
 
 FRAME = CanFrame(0x08, bytes(range(8)))
 MESSAGE = can.Message(arbitration_id=0x18, data=bytes(8), is_extended_id=False)

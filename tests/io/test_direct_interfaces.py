@@ -6,8 +6,8 @@ from collections.abc import Iterator
 import can
 import pytest
 
-from litegripd.io.can.bus import BusSettings, DirectBus
-from litegripd.model.motor import CanFrame
+from litegripd.io.can.bus import DirectBus
+from litegripd.model.motor import BusSettings, CanFrame
 from litegripd.motor.codec import status_request
 
 FRAME = CanFrame(0x08, bytes(range(8)))

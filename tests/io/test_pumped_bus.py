@@ -12,7 +12,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from litegripd.io.can import pumped as pumped_bus
-from litegripd.io.can.bus import BusSettings
 from litegripd.io.can.pumped import (
     PumpedBus,
     pack_frames,
@@ -20,7 +19,7 @@ from litegripd.io.can.pumped import (
     unpack_frames,
     unpack_send_request,
 )
-from litegripd.model.motor import CanFrame
+from litegripd.model.motor import BusSettings, CanFrame
 from litegripd.motor.codec import status_request
 from tests.sim.simulator_process import SimulatorProcess, simulator
 

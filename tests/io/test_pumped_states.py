@@ -6,9 +6,8 @@ from itertools import pairwise
 
 import pytest
 
-from litegripd.io.can.bus import BusSettings
 from litegripd.io.can.pumped import PumpedBus, pack_frames, pack_lateness
-from litegripd.model.motor import CanFrame
+from litegripd.model.motor import BusSettings, CanFrame
 from tests.io.pump_rig import FakeChild
 
 PERIOD_S = 0.005

@@ -17,7 +17,9 @@ SOURCES = Path(__file__).parents[2]
 PACKAGING = SOURCES / "packaging/debian"
 BUILD = PACKAGING / "build"
 SCRIPTS = [BUILD, *sorted(PACKAGING.glob("*/p*"))]
+DISTRIBUTIONS = ("litegrip-client", "litegripd", "litegrip-web", "litegrip-fleet")
 UNIT = "litegripd@can0.service"
+PAGE = "litegripd-web.service"
 STUB = """#!/bin/sh
 echo "${0##*/} $*" >>"$CALLS"
 case $1 in
@@ -54,6 +56,7 @@ def test_the_units_are_where_systemd_looks_for_those_of_packages() -> None:
         "etc/litegripd/litegripd.toml",
         "etc/litegripd/fleet.toml",
         "usr/share/doc/litegripd/changelog",
+        "usr/share/litegrip-client/litegripctl",
     }
     for source in files.values():
         assert (SOURCES / source).is_file(), source
@@ -69,7 +72,9 @@ def test_the_units_are_where_systemd_looks_for_those_of_packages() -> None:
 
 def test_what_is_a_configuration_is_kept_by_dpkg() -> None:
     configured = {f"/{where}" for where in put() if where.startswith("etc/")}
-    assert set((PACKAGING / "litegripd/conffiles").read_text().split()) == configured
+    lists = sorted(PACKAGING.glob("*/conffiles"))
+    assert {path.parent.name for path in lists} == {"litegripd", "litegrip-fleet"}
+    assert {name for path in lists for name in path.read_text().split()} == configured
 
 
 def test_the_link_leads_from_where_the_units_look_to_where_the_version_is() -> None:
@@ -93,10 +98,14 @@ def test_the_version_is_that_of_the_sources() -> None:
     assert told.stdout.strip() == project["version"]
 
 
-def test_all_that_is_built_from_is_there() -> None:
-    (names,) = re.findall(r"^ +for name in (pyproject.toml .*); do$", BUILD.read_text(), re.M)
-    for name in names.split():
-        assert (SOURCES / name).exists(), name
+def test_there_is_a_package_for_each_distribution() -> None:
+    packed = re.findall(r'^pack "\$work/[a-z]+" "?([a-z$-]+)"? ', BUILD.read_text(), re.M)
+    assert set(packed) == {*DISTRIBUTIONS, "litegripd-$version"}
+    controls = {path.parent.name: path.read_text() for path in PACKAGING.glob("*/control")}
+    assert set(controls) == {*DISTRIBUTIONS, "version"}
+    for name in ("litegrip-web", "litegrip-fleet"):
+        assert "\nDepends: litegripd (= @VERSION@)" in controls[name]
+    assert "\nDepends: python3 (>= 3.10)\n" in controls["litegrip-client"]
 
 
 def test_every_word_of_a_template_is_filled_in() -> None:
@@ -108,7 +117,7 @@ def test_every_word_of_a_template_is_filled_in() -> None:
 
 
 @pytest.mark.skipif(shutil.which("dpkg-deb") is None, reason="only Debian has dpkg-deb")
-def test_the_package_has_what_debian_wants_and_lintian_finds_no_error(tmp_path: Path) -> None:
+def test_the_packages_have_what_debian_wants_and_lintian_finds_no_error(tmp_path: Path) -> None:
     head, _, _ = BUILD.read_text().partition('mkdir -p "$sources/dist"')
     for before, after in (
         ('$(dirname "$(readlink -f "$0")")', str(PACKAGING)),
@@ -117,16 +126,20 @@ def test_the_package_has_what_debian_wants_and_lintian_finds_no_error(tmp_path: 
         assert before in head
         head = head.replace(before, after)
     tail = """
-mkdir "$work/litegripd"
 surroundings "$work/litegripd"
-documents litegripd litegripd "$work/litegripd"
-pack litegripd "$work/litegripd"
+web "$work/web"
+fleet "$work/fleet"
+pack "$work/litegripd" litegripd litegripd
+pack "$work/web" litegrip-web litegrip-web addition
+pack "$work/fleet" litegrip-fleet litegrip-fleet addition
 """
     (tmp_path / "script").write_text(head + tail)
     maintainer = {"DEBFULLNAME": "Who Builds", "DEBEMAIL": "who@litegripd.org"}
     subprocess.run(["sh", str(tmp_path / "script")], env={**os.environ, **maintainer}, check=True)
-    (package,) = tmp_path.glob("*.deb")
+    package = next(tmp_path.glob("litegripd_*.deb"))
     subprocess.run(["dpkg-deb", "--extract", str(package), str(tmp_path / "tree")], check=True)
+    for page in ("man8/litegripd.8.gz", "man1/litegrip-sim.1.gz"):
+        assert (tmp_path / "tree/usr/share/man" / page).is_file()
     documents = tmp_path / "tree/usr/share/doc/litegripd"
     assert {path.name for path in documents.iterdir()} == {
         "changelog.Debian.gz",
@@ -139,7 +152,9 @@ pack litegripd "$work/litegripd"
     assert " -- Who Builds <who@litegripd.org>  " in newest
     if shutil.which("lintian") is None:
         return
-    told = subprocess.run(["lintian", str(package)], capture_output=True, text=True, check=False)
+    packages = sorted(map(str, tmp_path.glob("*.deb")))
+    assert len(packages) == 3
+    told = subprocess.run(["lintian", *packages], capture_output=True, text=True, check=False)
     assert [line for line in told.stdout.splitlines() if line.startswith("E:")] == []
     assert told.returncode == 0
 
@@ -167,7 +182,7 @@ class System:
         self, script: str, *arguments: str, reloaded: int = 0
     ) -> "subprocess.CompletedProcess[str]":
         """Run a script of a maintainer's on it."""
-        text = (PACKAGING / script).read_text()
+        text = (PACKAGING / script).read_text().replace("@UNIT@", PAGE)
         for path, here in (
             ("/run/systemd/system", "booted"),
             ("@PREFIX@", "version"),
@@ -205,9 +220,8 @@ def test_an_upgrade_reloads_whoever_runs_and_never_restarts(system: System, relo
     configured = system.run("litegripd/postinst", "configure", "0.1.0-1", reloaded=reloaded)
     assert configured.returncode == 0, "an upgrade ends well even where a daemon may not follow now"
     assert system.calls == [
-        "systemd-sysusers litegripd.conf litegripd-fleet.conf",
+        "systemd-sysusers litegripd.conf",
         "systemctl daemon-reload",
-        "systemctl try-restart litegripd-web.service litegripd-fleet@*.service",
         "systemctl list-units --plain --no-legend --state=active litegripd@*.service",
         f"systemctl reload {UNIT}",
     ]
@@ -223,7 +237,7 @@ def test_a_system_that_is_not_booted_is_asked_for_users_only(system: System) -> 
         ("litegripd/postrm", "remove"),
     ):
         assert system.run(script, *arguments).returncode == 0
-    assert system.calls == ["systemd-sysusers litegripd.conf litegripd-fleet.conf"]
+    assert system.calls == ["systemd-sysusers litegripd.conf"]
 
 
 def test_a_copy_that_shadows_the_unit_is_told(system: System) -> None:
@@ -236,11 +250,23 @@ def test_a_copy_that_shadows_the_unit_is_told(system: System) -> None:
 def test_removal_stops_what_runs(system: System) -> None:
     assert system.run("litegripd/prerm", "remove").returncode == 0
     assert system.run("litegripd/postrm", "remove").returncode == 0
-    stop = (
-        "systemctl stop litegripd@*.service litegripd.target litegripd-web.service"
-        " litegripd-fleet@*.service"
-    )
+    stop = "systemctl stop litegripd@*.service litegripd.target"
     assert system.calls == [stop, "systemctl daemon-reload"]
+
+
+def test_an_addition_is_restarted_by_an_upgrade_and_stopped_by_removal(system: System) -> None:
+    for script, *arguments in (
+        ("addition/prerm", "upgrade", "0.2.0-1"),
+        ("addition/postrm", "upgrade", "0.2.0-1"),
+    ):
+        assert system.run(script, *arguments).returncode == 0
+    assert system.calls == []
+    assert system.run("addition/postinst", "configure", "0.1.0-1").returncode == 0
+    upgraded = ["systemd-sysusers", "systemctl daemon-reload", f"systemctl try-restart {PAGE}"]
+    assert [*map(str.strip, system.calls)] == upgraded
+    assert system.run("addition/prerm", "remove").returncode == 0
+    assert system.run("addition/postrm", "remove").returncode == 0
+    assert system.calls[3:] == [f"systemctl stop {PAGE}", "systemctl daemon-reload"]
 
 
 def test_only_a_purge_forgets_which_units_are_enabled(system: System) -> None:
@@ -254,7 +280,33 @@ def test_only_a_purge_forgets_which_units_are_enabled(system: System) -> None:
     system.run("litegripd/postrm", "remove")
     assert (wants / UNIT).is_symlink()
     system.run("litegripd/postrm", "purge")
-    assert not wants.exists()
+    assert [path.name for path in sorted(wants.iterdir())] == [
+        "litegripd-fleet@gateway.service",
+        PAGE,
+    ]
+    system.run("addition/postrm", "remove")
+    assert (wants / PAGE).is_symlink()
+    system.run("addition/postrm", "purge")
+    assert [path.name for path in wants.iterdir()] == ["litegripd-fleet@gateway.service"]
+
+
+def test_litegripctl_is_that_of_the_daemons_environment_where_there_is_one(tmp_path: Path) -> None:
+    text = (PACKAGING / "litegripctl").read_text()
+    for name in ("/opt/litegripd/bin", "/usr/share/litegrip-client"):
+        where = tmp_path / name.lstrip("/")
+        where.mkdir(parents=True)
+        (where / "litegripctl").write_text(f'#!/bin/sh\necho {name} "$1"\n')
+        (where / "litegripctl").chmod(0o755)
+        text = text.replace(name, str(where))
+    (tmp_path / "script").write_text(text)
+
+    def told() -> str:
+        command = ["sh", str(tmp_path / "script"), "a b"]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+
+    assert told() == "/opt/litegripd/bin a b\n"
+    (tmp_path / "opt/litegripd/bin/litegripctl").unlink()
+    assert told() == "/usr/share/litegrip-client a b\n"
 
 
 def test_a_directory_in_the_place_of_the_link_is_refused(system: System) -> None:

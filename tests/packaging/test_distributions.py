@@ -1,6 +1,7 @@
 """The distributions that people can take one of: built, compared, and used by themselves."""
 
 import os
+import shutil
 import subprocess
 import sys
 import tarfile
@@ -11,6 +12,7 @@ from pathlib import Path
 import pytest
 import tomli
 
+from docs.manual import PAGES
 from tests.packaging.installed import has
 
 ROOT = Path(__file__).parents[2]
@@ -96,6 +98,39 @@ def test_each_module_is_in_one_wheel_and_each_file_of_the_client_in_both_of_its(
     with tarfile.open(folder / f"litegrip_client-{VERSION}.tar.gz") as sdist:
         members = {one.name for one in sdist.getmembers() if one.isfile()}
     assert {f"litegrip_client-{VERSION}/litegrip_client/{path}" for path in needed} <= members
+
+
+MANUAL = {
+    "litegrip_client": {"man1/litegripctl.1"},
+    "litegrip_fleet": {"man8/litegripd-fleet.8"},
+    "litegrip_web": {"man8/litegripd-web.8"},
+    "litegripd": {"man1/litegrip-sim.1", "man8/litegripd.8"},
+}
+
+
+def manual_of(wheel: zipfile.ZipFile) -> set[str]:
+    return {path.partition("/share/man/")[2] for path in wheel.namelist() if "/share/man/" in path}
+
+
+def test_each_page_of_the_manual_is_in_one_wheel(folder: Path) -> None:
+    assert {name: manual_of(wheel(folder, name)) for name in NAMES} == MANUAL
+
+
+def test_the_whole_project_has_the_manual_and_what_completes_commands(tmp_path: Path) -> None:
+    tree = tmp_path / "tree"
+    for name in run("git", "-C", ROOT, "ls-files").stdout.split():
+        if not name.startswith(("tests/", "bench/")) and (ROOT / name).is_file():
+            (tree / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, tree / name, follow_symlinks=False)
+    pip = (sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation")
+    done = run(*pip, "--wheel-dir", tmp_path, tree)
+    assert done.returncode == 0, done.stderr
+    whole = wheel(tmp_path, "litegripd")
+    assert manual_of(whole) == set().union(*MANUAL.values())
+    for shell in ("bash", "zsh", "fish"):
+        assert f"litegrip_client/data/litegripctl.{shell}" in whole.namelist()
+    installed = whole.read(f"litegripd-{VERSION}.data/data/share/man/man8/litegripd.8").decode()
+    assert installed == PAGES["litegripd.8"]()
 
 
 def test_the_client_needs_nothing_and_the_others_need_it_in_their_version(folder: Path) -> None:

@@ -135,7 +135,7 @@ def test_a_daemon_that_ends_as_it_should_leaves_nothing(tmp_path: Path, config: 
 
 def test_the_control_process_imports_nothing_of_what_a_dump_needs() -> None:
     program = (
-        "import sys, litegripd.app.main\n"
+        "import sys, litegripd.app.daemon, litegripd.app.main\n"
         "heavy = {'mcap', 'zstandard', 'lz4', 'matplotlib', 'numpy'}\n"
         "print(sorted(heavy & {name.partition('.')[0] for name in sys.modules}))"
     )

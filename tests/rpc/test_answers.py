@@ -13,7 +13,7 @@ import litegripd
 from litegripd.app.build import METHODS
 from litegripd.app.config import Config
 from litegripd.app.status import DaemonFacts
-from litegripd.io.can.bus import BusSettings
+from litegripd.model.motor import BusSettings
 from litegripd.rpc.method import Schemas, Shape
 from litegripd.rpc.openrpc import NOTIFICATIONS
 from tests.answers import Described, described, mutations

@@ -9,6 +9,7 @@ import sys
 
 from litegripd.app import sim_main
 from litegripd.model.motor import CanFrame
+from litegripd.sim import server
 from litegripd.sim.server import PtyServer, StopSignal
 
 
@@ -48,5 +49,5 @@ def _line() -> str:
 
 
 if __name__ == "__main__":
-    vars(sim_main)["PtyServer"] = AttendedServer
+    vars(server)["PtyServer"] = AttendedServer
     sys.exit(sim_main.main())

@@ -30,7 +30,7 @@ from litegrip_client.values.atomic_file import Shortage
 from litegripd.app.build import motor_figures
 from litegripd.app.config import Config
 from litegripd.app.status import DaemonFacts
-from litegripd.io.can.bus import BusSettings
+from litegripd.model.motor import BusSettings
 from tests.app.test_facts import judged
 from tests.client.doctor.known import LINKS
 from tests.client.fake_daemon import FakeDaemon, Request

@@ -13,10 +13,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
 from litegrip_client.values.atomic_file import Shortage
-from litegripd.io.can.bus import BusSettings
 from litegripd.io.can.pumped import PumpedBus
 from litegripd.model.errors import Refusal
-from litegripd.model.motor import UP, BusCondition, CanFrame, Status
+from litegripd.model.motor import UP, BusCondition, BusSettings, CanFrame, Status
 from litegripd.sim.plant import SimulatorParameters
 from tests.io.test_slcan import GOOD, Line
 from tests.symptoms.bench import Bench

@@ -17,16 +17,23 @@ PACKAGES = Path("/mnt/host/packages")
 VERSIONS = Path("/opt/litegripd-versions")
 BESIDE = (WEB, *(f"litegripd-fleet@{part}.service" for part in PARTS))
 UNIT_FILE = Path("/usr/lib/systemd/system/litegripd@.service")
+CLIENT, DAEMON, ADDITIONS = "litegrip-client", "litegripd", ("litegrip-web", "litegrip-fleet")
 
 
-def put(revision: int) -> str:
-    """Install both packages of a revision, the programs first; return what dpkg said."""
+def put(revision: int, *names: str) -> str:
+    """Install packages of a revision, or all, in two steps as apt does; return what dpkg said."""
+    names = names or (CLIENT, DAEMON, *ADDITIONS)
+    first = [f"{name}-*" if name == DAEMON else name for name in names if name not in ADDITIONS]
     said = []
-    for name in (f"litegripd-*-{revision}_*.deb", f"litegripd_*-{revision}_*.deb"):
-        (file,) = PACKAGES.glob(name)
-        status, out = run("dpkg", "--install", str(file), limit_s=600.0)
-        check(f"dpkg installs {file.name}", status == 0, "" if status == 0 else out)
-        said.append(out)
+    for step in (
+        first,
+        [name for name in names if name != CLIENT],
+    ):  # what is pre-depended on first
+        files = [str(file) for name in step for file in PACKAGES.glob(f"{name}_*-{revision}_*.deb")]
+        if files:
+            status, out = run("dpkg", "--install", *files, limit_s=600.0)
+            check(f"dpkg installs {len(files)} packages", status == 0, "" if status == 0 else out)
+            said.append(out)
     return "\n".join(said)
 
 
@@ -61,9 +68,29 @@ def beside_run(revision: int) -> bool:
     return all(is_of(int(pid), revision) for pid in pids)
 
 
+def client_alone() -> None:
+    """The client on a bare system: for programs of the system's Python, and for a shell."""
+    put(1, CLIENT)
+    version_told = must("litegripctl", "--version")
+    told = must("python3", "-c", "import litegrip_client as c; print('litegripctl', c.__version__)")
+    check("the module is of the version", told == version_told, f"{told}, {version_told}")
+    for command, said in (
+        (("fleet",), "sudo apt install litegrip-fleet"),
+        (("install-units",), "apt install litegripd"),
+    ):
+        status, out = run("litegripctl", *command)
+        is_told = status != 0 and said in out and "Traceback" not in out
+        check(f"{command[0]} tells what is missing", is_told, out)
+    check("the manual is there", Path("/usr/share/man/man1/litegripctl.1.gz").is_file())
+
+
 def package_installed() -> None:
-    """Both packages on a bare system, and install-units as the page says."""
-    put(1)
+    """The daemon beside the client, install-units as the page says, and then page and fleet."""
+    put(1, DAEMON)
+    for program in ("litegripd-web", "litegripd-fleet"):
+        check(f"{program} is not there", not Path(f"/opt/litegripd/bin/{program}").exists())
+    status, out = run("litegripctl", "fleet")
+    check("what fleet needs is told", "sudo apt install litegrip-fleet" in out, out)
     must("useradd", "--create-home", "alice")
     CONFIGURATION.write_text(SLOW)
     install_units("alice", "can0", "can1")
@@ -76,6 +103,10 @@ def package_installed() -> None:
         status, out = ctl("alice", "enable")
         check("alice uses it", status == 0, out)
         ctl("alice", "disable")
+    pid = unit.pid
+    put(1, *ADDITIONS)
+    check("the daemon went on meanwhile", unit.pid == pid and unit.is_active(), unit.tell())
+    check("no page was started", run("systemctl", "is-active", WEB)[1] == "inactive")
 
 
 def package_upgraded() -> None:
@@ -134,15 +165,25 @@ def package_removed() -> None:
     kept = STATE / "can0_calibration.json"
     kept.write_text("{}")
     names = [version(2)]
-    must("dpkg", "--remove", "litegripd")
+    must("systemctl", "enable", WEB)
+    status, out = run("dpkg", "--remove", DAEMON)
+    check("not while page and fleet are there", status != 0 and unit.is_active(), out)
+    must("dpkg", "--remove", *ADDITIONS)
+    ended = [run("systemctl", "is-active", name)[1] == "inactive" for name in BESIDE]
+    check("page and fleet have ended, the daemon has not", all(ended) and unit.is_active())
+    must("dpkg", "--remove", DAEMON)
     check("it has ended", unit.show("ActiveState") == "inactive", unit.tell())
     check("systemd knows no unit any more", unit.show("LoadState") == "not-found")
     conffile = Path("/etc/litegripd/litegripd.toml")
-    check("the configuration stays", conffile.exists() and CONFIGURATION.exists())
+    check("the configuration stays", all(map(Path.exists, (conffile, FLEET, CONFIGURATION))))
+    status, out = run("litegripctl", "--version")
+    check("litegripctl is the client's own again", status == 0, out)
     for name in names:
         must("dpkg", "--purge", name)
-    must("dpkg", "--purge", "litegripd")
-    check("purged, the configuration has gone", not conffile.exists())
+    must("dpkg", "--purge", DAEMON, CLIENT, *ADDITIONS)
+    check("purged, the configuration has gone", not conffile.exists() and not FLEET.exists())
+    module = Path("/usr/lib/python3/dist-packages/litegrip_client")
+    check("and the client", not module.exists() and not Path("/usr/bin/litegripctl").exists())
     wants = list(Path("/etc/systemd/system").glob("*.wants/litegripd*"))
     check("and what was enabled", not wants, wants)
     check("no version is left", not list(VERSIONS.glob("*")))  # nor /opt, where it was empty
@@ -150,7 +191,7 @@ def package_removed() -> None:
     check("and no process", run("pgrep", "-f", "bin/litegripd")[1] == "")
 
 
-SCENES = (package_installed, package_upgraded, package_back, package_removed)
+SCENES = (client_alone, package_installed, package_upgraded, package_back, package_removed)
 
 
 def main() -> int:

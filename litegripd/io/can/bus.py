@@ -8,23 +8,16 @@ failure becomes its `condition`, a name and a sentence.
 import errno
 import logging
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import can
 import can.bus
 
 from litegripd.io.meters import RecentLateness
-from litegripd.model.motor import NOT_OPENED, UP, BusCondition, BusState, CanFrame
-
-SIMULATOR = "litegrip_sim"
-DIRECT_INTERFACES = ("socketcan", "virtual", SIMULATOR)
-"""python-can interfaces whose send and recv(0) never block."""
-
-IN_PROCESS_INTERFACES = ("virtual", SIMULATOR)
-"""Those whose bus, and what is on it, ends with the process."""
+from litegripd.model.motor import NOT_OPENED, UP, BusCondition, BusSettings, BusState, CanFrame
 
 MAX_FRAMES_PER_TICK = 256
 """More than a fully loaded 1 Mbit/s bus carries in 10 ms, the longest period: nothing that is old
@@ -32,16 +25,6 @@ counts as new. What a stall has left waiting is caught up with in a few periods.
 
 _FRAME_OVERHEAD_BITS = 47  # start, id, control, CRC, ACK, end and interframe space
 _STUFFING = 1.1  # the average share of stuff bits on top
-
-
-@dataclass(frozen=True, slots=True)
-class BusSettings:
-    """The arguments of python-can; `options` are the interface's own keyword arguments."""
-
-    interface: str
-    channel: str
-    bitrate: int
-    options: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(slots=True)

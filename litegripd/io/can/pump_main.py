@@ -19,11 +19,11 @@ from typing import NoReturn
 
 import can
 
-from litegripd.io.can.bus import BusSettings, condition_of, describe, open_bus, to_frame, to_message
+from litegripd.io.can.bus import condition_of, describe, open_bus, to_frame, to_message
 from litegripd.io.can.pumped import pack_frames, pack_lateness, unpack_send_request
 from litegripd.io.can.slcan import SlcanBus, holders
 from litegripd.io.helper.child import inherited_socket, next_packet, use_all_cpus
-from litegripd.model.motor import CanFrame
+from litegripd.model.motor import BusSettings, CanFrame
 
 _READ_TIMEOUT_S = 0.05
 _QUEUED_AT_MOST = 4  # packets; what comes while the adapter is blocked is dropped

@@ -9,10 +9,10 @@ import socket
 import struct
 from collections.abc import Callable, Sequence
 
-from litegripd.io.can.bus import MAX_FRAMES_PER_TICK, BusCounters, BusSettings
+from litegripd.io.can.bus import MAX_FRAMES_PER_TICK, BusCounters
 from litegripd.io.helper.child import Child, start_here
 from litegripd.io.meters import RECENT_S, RecentLateness
-from litegripd.model.motor import NOT_OPENED, UP, BusCondition, CanFrame
+from litegripd.model.motor import NOT_OPENED, UP, BusCondition, BusSettings, CanFrame
 
 MODULE = "litegripd.io.can.pump_main"
 _RESTART_FIRST_S = 0.5

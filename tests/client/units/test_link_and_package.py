@@ -8,7 +8,9 @@ import pytest
 from litegrip_client.ctl import install
 from litegrip_client.ctl.install import Wanted
 from litegrip_client.ctl.main import main
+from litegrip_client.ctl.run import installing
 from litegrip_client.values.errors import CommandError
+from litegrip_client.values.version import is_of_debian
 
 RULES = "usr/local/lib/udev/rules.d/85-litegrip.rules"
 SERIAL = "usr/local/lib/systemd/system/litegripd@.service.d/serial.conf"
@@ -103,3 +105,46 @@ def test_what_is_beside_the_package_is_removed_while_a_unit_is_enabled(
     assert sorted(removed) == ["kept", "removed", "removed", "removed"]
     assert files(packaged) == {install.PACKAGED, CONFIGURATION}
     assert link.is_symlink()
+
+
+def test_what_a_debian_package_lacks_comes_by_apt(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("litegrip_client.ctl.run.is_of_debian", lambda: True)
+    monkeypatch.setattr("sys.executable", "/x/python3")
+    monkeypatch.setattr("sys.base_prefix", "/usr")
+    monkeypatch.setattr("sys.prefix", "/opt/litegripd-versions/1")
+    assert installing("litegrip-fleet") == "sudo apt install litegrip-fleet"
+    assert installing("matplotlib", "mcap") == "/x/python3 -m pip install matplotlib mcap"
+    monkeypatch.setattr("sys.prefix", "/usr")
+    assert installing("rich") == "sudo apt install python3-rich"
+    allowed = "--user --break-system-packages"
+    assert (
+        installing("matplotlib", "mcap") == f"/x/python3 -m pip install {allowed} matplotlib mcap"
+    )
+
+
+@pytest.mark.parametrize(("installer", "is_debian"), [("dpkg", True), ("pip", False)])
+def test_who_has_installed_the_client_stands_beside_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, installer: str, is_debian: bool
+) -> None:
+    about = tmp_path / "litegrip_client-9.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: litegrip-client\nVersion: 9\n")
+    (about / "INSTALLER").write_text(f"{installer}\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert is_of_debian() == is_debian
+
+
+def test_units_whose_packages_are_of_debian_are_completed_by_apt(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("litegrip_client.ctl.install.is_of_debian", lambda: True)
+    monkeypatch.setattr("importlib.util.find_spec", lambda _name, _package=None: None)
+    remedies = {one.unit: one.remedy for one in install.lacking("/opt/litegripd/bin")}
+    assert remedies == {
+        "litegripd-web": "apt install litegrip-web",
+        "litegripd-fleet@": "apt install litegrip-fleet",
+    }
+    monkeypatch.setattr("sysconfig.get_path", lambda _kind: str(tmp_path))
+    with pytest.raises(CommandError) as refused:
+        install.program_directory()
+    assert refused.value.data["hint"] == "apt install litegripd"

@@ -8,6 +8,7 @@ import pytest
 
 from litegrip_client.values import repeats
 from litegrip_web import main as web
+from litegrip_web.options import EXIT_OK
 from litegrip_web.server import Settings
 
 
@@ -32,7 +33,7 @@ def test_a_line_that_repeats_is_counted_and_reported_while_the_page_is_served(
     monkeypatch.setattr(repeats, "_LOOK_EVERY_S", 0.0)
     monkeypatch.setattr(web, "_serve", serve)
     monkeypatch.setattr(logging.getLogger(), "handlers", [])
-    assert web.main(["can0"]) == web.EXIT_OK
+    assert web.main(["can0"]) == EXIT_OK
     assert capsys.readouterr().err.splitlines() == [
         "litegripd-web: no daemon at can0",
         "litegripd-web: no daemon at can999 (again: 999 times in 11 s, the last 11 s ago)",
