@@ -240,7 +240,7 @@ def status_line(data: Data) -> str:
     parts = [
         f"{data.get('mode')!s} {data.get('phase')!s:<9}",
         f"{whose}{_percent(data):>6}",
-        f"{figure(data.get('position_mm'), '7.2f', 'mm'):>10}",
+        f"{figure(_of_frame(data, 'position_mm'), '7.2f', 'mm'):>10}",
         f"{own}{figure(data.get('torque_nm'), '+.2f', 'N·m'):>10}",
         *_felt(data),
         f"{figure(data.get('loop_hz'), '.0f', 'Hz'):>6}",
@@ -270,7 +270,7 @@ def status_text(data: Data) -> str:
         ("topic", f"{data.get('topic')}"),
         (
             f"{whose}opening",
-            f"{figure(data.get('position_mm'), '.2f', 'mm')}, {_percent(data)} open",
+            f"{figure(_of_frame(data, 'position_mm'), '.2f', 'mm')}, {_percent(data)} open",
         ),
         (f"{whose}force", figure(_of_frame(data, "force_n"), "+.1f", "N")),
         (f"{own}torque", figure(data.get("torque_nm"), "+.2f", "N·m")),
