@@ -54,10 +54,15 @@ _KINDS: tuple[tuple[type[ours.LiteGripError], type[LiteGripError]], ...] = (
 """The first that fits counts; what is none of these, a lease or a stop too, is a `CommandError`."""
 
 
+_SESSIONS = ("teleop", "record", "play")
+
+
 def translated(error: ours.LiteGripError) -> LiteGripError:
     """Return the SDK's exception for one of the client's, which becomes its cause."""
     if error.reason == "not_connected":
         return NotInitializedError("not connected: call connect() first")
+    if error.reason == "busy" and error.data.get("kind") in _SESSIONS:
+        return SessionBusyError(str(error))
     kind = next((theirs for kind, theirs in _KINDS if isinstance(error, kind)), CommandError)
     return kind(str(error), error.error_code)
 
@@ -108,7 +113,8 @@ def motion_config_of(config: MotionConfig) -> OurMotionConfig:
     }
     if config.force_ramp_n_s != _PLAIN.force_ramp_n_s:
         values["force_ramp_n_s"] = config.force_ramp_n_s
-    return OurMotionConfig(**values)
+    with in_their_terms():
+        return OurMotionConfig(**values)
 
 
 _REPORT_S = 0.05
