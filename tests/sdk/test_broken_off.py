@@ -2,12 +2,14 @@
 
 import math
 import threading
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 import litegrip
 from litegrip import LiteGrip, Trajectory, TrajectorySample
+from litegrip._bridge import Samples
 from litegrip.protocols import LiteGripCAN
 from tests.drop_in import Daemon, Site
 
@@ -286,6 +288,30 @@ def test_a_tunable_that_is_no_number(gripper: LiteGrip, name: str, value: Any) -
     gripper.motion_config.speed_mm_s = 50.0
     assert gripper.session is None
     assert gripper.open()
+
+
+def test_slices_of_a_hold_are_the_programs_own(gripper: LiteGrip) -> None:
+    tunables = gripper.motion_config
+    tunables.hold_interval = math.nan
+    with pytest.raises(litegrip.CommandError, match="hold_interval"):
+        gripper.grasp(10.0, 1.0)
+    tunables.hold_interval = 3.0
+    assert gripper.grasp(10.0, 6.0).cycles == 2
+
+
+def test_the_last_frame_is_one_sample() -> None:
+    taken: list[litegrip.MoveProgress] = []
+    samples = Samples(taken.append, litegrip.MotionConfig())
+    report: Any = SimpleNamespace(
+        total_steps=20, cmd_rad=0.1, pos_rad=0.1, torque_nm=0.0, temperature_coil=25.0
+    )
+    for _ in range(3):
+        samples.take(report)
+    state: Any = SimpleNamespace(position_rad=0.1, torque_nm=0.0, coil_temperature_c=25.0)
+    samples.end(20, 0.1, state)
+    assert [one.i for one in taken] == [10, 20]
+    samples.end(23, 0.1, state)
+    assert [one.i for one in taken] == [10, 20, 23]
 
 
 def test_a_scale_of_0(gripper: LiteGrip) -> None:

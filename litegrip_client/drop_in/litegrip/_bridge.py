@@ -97,10 +97,10 @@ def state_of(state: OurState, config: GripperConfig) -> GripperState:
 
 
 _PLAIN = MotionConfig()
+_OWN = ("frame_interval", "hold_interval", "hold_kp", "hold_kd")
+"""What the daemon has, too, and is not asked for here: slices of a hold are counted here."""
 _SENT = tuple(
-    one.name
-    for one in fields(MotionConfig)
-    if one.name in DAEMON_FIELDS and one.name not in ("frame_interval", "hold_kp", "hold_kd")
+    one.name for one in fields(MotionConfig) if one.name in DAEMON_FIELDS and one.name not in _OWN
 )
 
 
@@ -138,7 +138,7 @@ class Samples:
         self._window = config.stall_cycles
         self._seen: list[float] = []
         self._reports = -1  # the first report comes with the first frame, and is no sample
-        self._total = 0
+        self._total = self._last = 0
 
     def take(self, one: OurProgress) -> None:
         """Take a report of the daemon's."""
@@ -151,9 +151,9 @@ class Samples:
         self._pass_on(progress, i, one.cmd_rad, one.pos_rad, one.torque_nm, one.temperature_coil)
 
     def end(self, steps: int, command_rad: float, state: OurState) -> None:
-        """Pass on the last frame."""
+        """Pass on the last frame, unless a sample was due with it."""
         progress = self._progress
-        if progress is not None:
+        if progress is not None and steps != self._last:
             self._total = max(self._total, steps)
             at_rad, torque_nm = state.position_rad or 0.0, state.torque_nm or 0.0
             coil_c = state.coil_temperature_c
@@ -168,6 +168,7 @@ class Samples:
         torque_nm: float,
         coil_c: float | None,
     ) -> None:
+        self._last = i
         before_rad = self._seen[-1] if self._seen else at_rad
         self._seen.append(at_rad)
         del self._seen[: -self._window - 1]

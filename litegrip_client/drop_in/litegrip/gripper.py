@@ -593,6 +593,7 @@ class LiteGrip:
         self._ready()
         force = self.motion_config.force_n if force_n is None else finite("force_n", force_n)
         lasts_s = finite("hold_s", hold_s)
+        finite("hold_interval", self.motion_config.hold_interval)
         daemon = self._begin("grasp", None)
         limit_target(self.config, "close", self.motion_config.margin)
         samples = Samples(progress, self.motion_config)
