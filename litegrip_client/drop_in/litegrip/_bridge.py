@@ -194,7 +194,7 @@ def finite(name: str, value: Any) -> float:
         figure = float(value)
     except (TypeError, ValueError, OverflowError):
         figure = math.nan
-    if isinstance(value, str | bytes) or not math.isfinite(figure):
+    if isinstance(value, str | bytes | bool) or not math.isfinite(figure):
         _refuse(f"{name} is {value!r:.60}, it must be a finite number")
     return figure
 
