@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Iterator
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -15,22 +14,7 @@ from tests.sdk_compat.trajectories import teach
 STILL = Trajectory([TrajectorySample(0.02 * n, 0.69, -1.14) for n in range(100)])
 
 
-@pytest.fixture(autouse=True)
-def _no_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the tests carry payloads themselves: virtual time passes in one thread."""
-
-    class Idle:
-        def __init__(self, **_keywords: Any) -> None:
-            pass
-
-        def start(self) -> None:
-            pass
-
-        def is_alive(self) -> bool:
-            return False
-
-    threads = SimpleNamespace(Thread=Idle, Event=lambda: SimpleNamespace(set=lambda: None))
-    monkeypatch.setattr(litegrip._sessions, "threading", threads)
+pytestmark = pytest.mark.usefixtures("no_threads")
 
 
 # Trajectories

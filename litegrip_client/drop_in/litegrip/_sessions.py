@@ -464,7 +464,7 @@ class Carrier:
     def end(self) -> None:
         """Stop carrying, when what the daemon has sent is out."""
         self._is_over.set()
-        if self._thread.is_alive():
+        if self._thread.is_alive() and self._thread.ident != threading.get_ident():
             self._thread.join(1.0)
         self._send_out()
         self._connection.unlisten(self.notification)
