@@ -81,6 +81,19 @@ def test_a_force_of_40_n(one: DaemonProcess, tmp_path: Path) -> None:
     assert out.startswith("2.0 s")
 
 
+def test_a_grasp_and_what_serves_a_motor(one: DaemonProcess, tmp_path: Path) -> None:
+    out = run(tmp_path, "grasp", "--channel", NAMES[0], "--hold-s", "1", "--skip-loaded")
+    assert "empty True True False 5 5" in out
+    run(tmp_path, "service", "open", "--channel", NAMES[0])
+    with one.connect() as client:
+        client.result("sim.object", width_mm=30.0)
+    arguments = ("--channel", NAMES[0], "--hold-s", "1", "--skip-empty")
+    assert "loaded True False True 5 5" in run(tmp_path, "grasp", *arguments, answers="\n")
+    for what in ("status", "release"):
+        out = run(tmp_path, "service", what, "--channel", NAMES[0], "--duration", "0.3")
+        assert "mst 0x18" in out
+
+
 def test_a_bench_program_with_an_emergency_stop(one: DaemonProcess, tmp_path: Path) -> None:
     out = run(tmp_path, "bench_window", NAMES[0], str(tmp_path / "saved.json"))
     assert "enabled False failed 0" in out

@@ -1,10 +1,12 @@
 """The package `litegrip` over whole daemons in virtual time."""
 
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -40,6 +42,30 @@ def site(home: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Site]:
         for module in _CLOCKED:
             monkeypatch.setattr(module, "time", clock)
         yield site
+
+
+@pytest.fixture
+def no_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the tests carry payloads themselves: virtual time passes in one thread."""
+
+    class Idle:
+        ident = None
+
+        def __init__(self, **_keywords: Any) -> None:
+            pass
+
+        def start(self) -> None:
+            pass
+
+        def is_alive(self) -> bool:
+            return False
+
+    threads = SimpleNamespace(
+        Thread=Idle,
+        Event=lambda: SimpleNamespace(set=lambda: None),
+        get_ident=threading.get_ident,
+    )
+    monkeypatch.setattr(litegrip._sessions, "threading", threads)
 
 
 @pytest.fixture(params=MOUNTS)

@@ -117,6 +117,10 @@ def test_what_cannot_be_loaded(tmp_path: Path) -> None:
         write(path, rad_to_mm=wrong)
         with pytest.raises(litegrip.CommandError):
             gripper.load_calibration(str(path))
+    for key in ("kp", "kd", "grasp_torque_threshold", "work_stroke_mm", "can_id", "mst_id"):
+        write(path, **{key: "0x08"})
+        with pytest.raises(litegrip.CommandError, match=key):
+            gripper.load_calibration(str(path))
     assert gripper.config == litegrip.GripperConfig()
 
 

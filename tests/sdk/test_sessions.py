@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Iterator
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -15,22 +14,7 @@ from tests.sdk_compat.trajectories import teach
 STILL = Trajectory([TrajectorySample(0.02 * n, 0.69, -1.14) for n in range(100)])
 
 
-@pytest.fixture(autouse=True)
-def _no_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the tests carry payloads themselves: virtual time passes in one thread."""
-
-    class Idle:
-        def __init__(self, **_keywords: Any) -> None:
-            pass
-
-        def start(self) -> None:
-            pass
-
-        def is_alive(self) -> bool:
-            return False
-
-    threads = SimpleNamespace(Thread=Idle, Event=lambda: SimpleNamespace(set=lambda: None))
-    monkeypatch.setattr(litegrip._sessions, "threading", threads)
+pytestmark = pytest.mark.usefixtures("no_threads")
 
 
 # Trajectories
@@ -72,6 +56,14 @@ def test_a_full_recording_ends_by_itself_and_stays_readable(gripper: LiteGrip, s
     status = gripper.trajectory_status()
     assert (status["active"], status["samples"], gripper.session) == (False, 20, None)
     assert len(gripper.record_stop()) == 20
+    assert gripper.trajectory_status() == {"active": False, "kind": None}
+
+
+def test_after_a_recording_there_is_no_status(gripper: LiteGrip, site: Site) -> None:
+    gripper.record_start()
+    site.run(0.5)
+    gripper.record_stop()
+    assert gripper.trajectory_status() == {"active": False, "kind": None}
 
 
 def test_a_replay_returns_its_final_status(gripper: LiteGrip) -> None:
@@ -86,6 +78,7 @@ def test_a_replay_returns_its_final_status(gripper: LiteGrip) -> None:
 def test_a_replay_in_the_background(gripper: LiteGrip, site: Site) -> None:
     status = gripper.play_start(STILL, loop=True, speed=2.0)
     assert (status["active"], status["loop"], gripper.session) == (True, True, "play")
+    assert status["samples"] == 100
     site.run(3.0)
     assert gripper.trajectory_status()["frames"] > 100
     final = gripper.play_stop()
@@ -110,6 +103,11 @@ def test_a_replay_that_something_blocks_is_an_error(gripper: LiteGrip, daemon: D
         (lambda g: g.record_start(rate_hz=0.0), ValueError),
         (lambda g: g.record(0.0), ValueError),
         (lambda g: g.play(Trajectory()), litegrip.TrajectoryEmptyError),
+        (lambda g: g.play(STILL, speed="fast"), ValueError),
+        (lambda g: g.play(STILL, kp="stiff"), ValueError),
+        (lambda g: g.play_start(STILL, kd=float("nan")), ValueError),
+        (lambda g: g.record_start(rate_hz=None), ValueError),
+        (lambda g: g.record("long"), ValueError),
     ],
 )
 def test_what_cannot_be_recorded_or_replayed(gripper: LiteGrip, call: Any, kind: type) -> None:
@@ -132,7 +130,7 @@ def test_without_a_calibration(daemon: Daemon) -> None:
 def test_the_class_of_busy_is_of_who_asks(gripper: LiteGrip) -> None:
     gripper.play_start(STILL, loop=True)
     with pytest.raises(litegrip.TeleopBusyError, match="play"):
-        gripper.teleop_start("master")
+        gripper.teleop_start("slave", link="serial")
     with pytest.raises(litegrip.TrajectoryBusyError, match="play"):
         gripper.record_start()
     with pytest.raises(litegrip.TrajectoryBusyError, match="play"):
@@ -157,6 +155,10 @@ def test_the_class_of_busy_is_of_who_asks(gripper: LiteGrip) -> None:
         {"mode": "master", "torque_limit_nm": -1.0},
         {"mode": "master", "lead_cap_mm": -1.0},
         {"mode": "master", "ready_timeout_s": float("nan")},
+        {"mode": "master", "rate_hz": "fast"},
+        {"mode": "master", "watchdog_s": None},
+        {"mode": "master", "lead_cap_mm": "far"},
+        {"mode": "master", "kp": "stiff"},
     ],
 )
 def test_what_teleoperation_cannot_be(gripper: LiteGrip, wrong: dict[str, Any]) -> None:
@@ -260,3 +262,78 @@ def test_a_follower_drops_what_is_no_frame(pair: Pair) -> None:
         pair.run(0.1)
     status = pair.follower.teleop_status()
     assert (status["rejected"], status["frames"]) == (3, 0)
+
+
+class Odd(litegrip.TeleopTransport):
+    """A link of somebody's own, which says whether somebody listens and cannot receive."""
+
+    matching: Any = True
+
+    def pub(self, topic: str, payload: bytes) -> None:
+        pass
+
+    def sub(self, topic: str) -> litegrip.TeleopSubscription:
+        return litegrip.TeleopSubscription()
+
+
+def test_a_link_that_fails_to_receive_is_carried_on(pair: Pair, site: Site) -> None:
+    link = Odd()
+    pair.leader.teleop_start("master", transport=link, ready_timeout_s=0.5)
+    pair.run(1.0)
+    status = pair.leader.teleop_status()
+    assert status["frames"] > 20
+    assert (status["matching"], status["last_frame_age_ms"]) == (True, None)
+    link.matching = lambda: True
+    assert pair.leader.teleop_status()["matching"] is None
+    assert pair.leader.teleop_stop()["active"] is False
+
+
+def test_a_link_of_ones_own_needs_no_host(pair: Pair) -> None:
+    status = pair.follower.teleop_start("slave", transport=pair.bus, host="10.0.0.1", kp=1e6, kd=0)
+    assert (status["active"], status["matching"]) == (True, None)
+
+
+def test_a_failed_start_frees_the_link(pair: Pair) -> None:
+    with pytest.raises(litegrip.CommandError, match="grip_id"):
+        pair.leader.teleop_start("master", transport=pair.bus, grip_id="a b")
+    assert (pair.leader.session, pair.leader._sessions._carrier) == (None, None)
+    assert pair.leader.teleop_start("master", transport=pair.bus)["active"] is True
+
+
+def test_a_session_that_was_stopped_leaves_no_carrier(pair: Pair) -> None:
+    pair.leader.teleop_start("master", transport=pair.bus)
+    first = pair.leader._sessions._carrier
+    pair.leader.stop()
+    assert pair.leader.session is None
+    pair.leader.record_start()
+    assert first is not None
+    assert pair.leader._sessions._carrier is None
+    pair.leader.record_stop()
+
+
+@pytest.mark.parametrize(
+    "begin",
+    [
+        lambda g: g.play_start(STILL, loop=True),
+        lambda g: g.record_start(),
+        lambda g: g.teleop_start("master", transport=litegrip.InProcTeleopTransport()),
+    ],
+)
+def test_disconnecting_ends_a_session(gripper: LiteGrip, daemon: Daemon, begin: Any) -> None:
+    begin(gripper)
+    gripper.disconnect()
+    assert (gripper.session, daemon.is_energised) == (None, False)
+    assert gripper.connect()
+    assert gripper.enable()
+    assert gripper.goto(30.0)
+
+
+def test_a_link_that_cannot_be_opened_is_the_fault(
+    pair: Pair, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pair.leader.teleop_start("master", transport=pair.bus)
+    daemon = pair.leader.daemon
+    assert daemon is not None
+    found = daemon.teleop_status() | {"link_error": "port 17448 is in use"}
+    monkeypatch.setattr(daemon, "teleop_status", lambda: found)
+    assert pair.leader.teleop_status()["fault"] == "port 17448 is in use"

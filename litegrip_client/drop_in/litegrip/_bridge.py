@@ -54,10 +54,15 @@ _KINDS: tuple[tuple[type[ours.LiteGripError], type[LiteGripError]], ...] = (
 """The first that fits counts; what is none of these, a lease or a stop too, is a `CommandError`."""
 
 
+_SESSIONS = ("teleop", "record", "play")
+
+
 def translated(error: ours.LiteGripError) -> LiteGripError:
     """Return the SDK's exception for one of the client's, which becomes its cause."""
     if error.reason == "not_connected":
         return NotInitializedError("not connected: call connect() first")
+    if error.reason == "busy" and error.data.get("kind") in _SESSIONS:
+        return SessionBusyError(str(error))
     kind = next((theirs for kind, theirs in _KINDS if isinstance(error, kind)), CommandError)
     return kind(str(error), error.error_code)
 
@@ -92,10 +97,10 @@ def state_of(state: OurState, config: GripperConfig) -> GripperState:
 
 
 _PLAIN = MotionConfig()
+_OWN = ("frame_interval", "hold_interval", "hold_kp", "hold_kd")
+"""What the daemon has, too, and is not asked for here: slices of a hold are counted here."""
 _SENT = tuple(
-    one.name
-    for one in fields(MotionConfig)
-    if one.name in DAEMON_FIELDS and one.name not in ("frame_interval", "hold_kp", "hold_kd")
+    one.name for one in fields(MotionConfig) if one.name in DAEMON_FIELDS and one.name not in _OWN
 )
 
 
@@ -108,7 +113,8 @@ def motion_config_of(config: MotionConfig) -> OurMotionConfig:
     }
     if config.force_ramp_n_s != _PLAIN.force_ramp_n_s:
         values["force_ramp_n_s"] = config.force_ramp_n_s
-    return OurMotionConfig(**values)
+    with in_their_terms():
+        return OurMotionConfig(**values)
 
 
 _REPORT_S = 0.05
@@ -132,7 +138,7 @@ class Samples:
         self._window = config.stall_cycles
         self._seen: list[float] = []
         self._reports = -1  # the first report comes with the first frame, and is no sample
-        self._total = 0
+        self._total = self._last = 0
 
     def take(self, one: OurProgress) -> None:
         """Take a report of the daemon's."""
@@ -145,9 +151,9 @@ class Samples:
         self._pass_on(progress, i, one.cmd_rad, one.pos_rad, one.torque_nm, one.temperature_coil)
 
     def end(self, steps: int, command_rad: float, state: OurState) -> None:
-        """Pass on the last frame."""
+        """Pass on the last frame, unless a sample was due with it."""
         progress = self._progress
-        if progress is not None:
+        if progress is not None and steps != self._last:
             self._total = max(self._total, steps)
             at_rad, torque_nm = state.position_rad or 0.0, state.torque_nm or 0.0
             coil_c = state.coil_temperature_c
@@ -162,6 +168,7 @@ class Samples:
         torque_nm: float,
         coil_c: float | None,
     ) -> None:
+        self._last = i
         before_rad = self._seen[-1] if self._seen else at_rad
         self._seen.append(at_rad)
         del self._seen[: -self._window - 1]
@@ -187,7 +194,7 @@ def finite(name: str, value: Any) -> float:
         figure = float(value)
     except (TypeError, ValueError, OverflowError):
         figure = math.nan
-    if isinstance(value, str | bytes) or not math.isfinite(figure):
+    if isinstance(value, str | bytes | bool) or not math.isfinite(figure):
         _refuse(f"{name} is {value!r:.60}, it must be a finite number")
     return figure
 

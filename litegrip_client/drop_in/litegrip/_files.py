@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import logging
-import math
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 
 from litegrip_client.values import atomic_file
 
+from ._bridge import finite
 from .exceptions import CommandError
 from .models import GripperConfig
 
@@ -38,6 +38,7 @@ _TAKEN = (
     ("work_stroke_mm", "work_stroke_mm"),
 )
 """Keys of a file, and the fields that take them, where they are there."""
+_NUMBERS = ("kp", "kd", "grasp_torque_threshold", "work_stroke_mm", "can_id", "mst_id")
 
 
 def default_path(channel: str) -> str:
@@ -83,14 +84,10 @@ def apply(content: Mapping[str, Any], config: GripperConfig) -> None:
 
     Raises `CommandError`, and sets nothing, for figures that are not finite, or a scale of 0.
     """
-    for key in _REQUIRED:
-        value = content[key]
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise CommandError(f"{key} of the calibration is {value!r:.60}: not a number")
-    for key, _ in _TAKEN:
-        value = content.get(key)
-        if isinstance(value, float) and not math.isfinite(value):
-            raise CommandError(f"{key} of the calibration is {value}: not a finite number")
+    given = {key: content[key] for key in _REQUIRED}
+    given |= {key: content[key] for key in _NUMBERS if content.get(key) is not None}
+    for key, value in given.items():
+        finite(f"{key} of the calibration", value)
     if content["rad_to_mm"] == 0:
         raise CommandError("rad_to_mm of the calibration is 0")
     for key, field in _TAKEN:

@@ -10,14 +10,15 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from litegrip_client.values import errors as ours
 from litegrip_client.values import trajectory as our_trajectory
 
-from ._bridge import SessionBusyError, in_their_terms, motion_config_of
-from .exceptions import LiteGripError
+from ._bridge import SessionBusyError, finite, in_their_terms, motion_config_of
+from .exceptions import CommandError, LiteGripError
 from .teleop import (
     TeleopSubscription,
     TeleopTransport,
@@ -43,7 +44,7 @@ if TYPE_CHECKING:
 LOG = logging.getLogger("litegrip.teleop")
 TRAJECTORY_LOG = logging.getLogger("litegrip.trajectory")
 
-_LOOK_S = 0.02
+_LOOK_S, _END_S = 0.02, 2.0
 _OVER_TIME, _OVER_TIME_S = 1.5, 3.0
 _LEAST_SHARE = 0.9
 """Single measurements may be lost on the bus."""
@@ -95,24 +96,58 @@ class Sessions:
     def kind(self) -> str | None:
         """What runs: "teleop", "record", "play" or None. One that has ended by itself is over."""
         kind = self._kind
-        if kind is not None and self._gripper.is_connected:
-            status = self.teleop_status() if kind == "teleop" else self.trajectory_status()
-            if not status["active"]:
-                return None
-        return kind
+        if kind is None or not self._gripper.is_connected:
+            return None
+        status = self.teleop_status() if kind == "teleop" else self.trajectory_status()
+        return kind if status["active"] else None
 
     def end(self) -> None:
-        """End what runs, on the way out."""
-        kind = self.kind
+        """End what runs, on the way out, and forget it."""
         try:
+            kind = self.kind
             if kind == "teleop":
                 self.teleop_stop()
             elif kind == "record":
                 self.record_stop(allow_empty=True)
             elif kind == "play":
-                self.play_stop()
+                self.play_stop(_END_S)
         except LiteGripError as error:
-            LOG.warning("%s did not end as it should: %s", kind, error)
+            LOG.warning("%s did not end as it should: %s", self._kind, error)
+        finally:
+            self._kind, self._last = None, {}
+            self._end_carrier()
+
+    def _end_carrier(self) -> None:
+        carrier, self._carrier = self._carrier, None
+        if carrier is not None:
+            carrier.end()
+
+    @contextmanager
+    def _begun(self, kind: str, **asked: Any) -> Iterator[None]:
+        """Note a session that begins; free it if that fails, or is interrupted."""
+        self._kind, self._asked, self._last = kind, asked, {}
+        try:
+            with in_their_terms():
+                yield
+        except LiteGripError:
+            self._kind = None
+            self._end_carrier()
+            raise
+        except BaseException:
+            self.end()
+            raise
+
+    def _gains(self, kp: float | None, kd: float | None) -> tuple[float | None, float | None]:
+        """Return gains inside the daemon's ranges, none where none were given."""
+        from .gripper import _gains  # noqa: PLC0415 - which imports this module
+
+        if kp is None and kd is None:
+            return None, None
+        config = self._gripper.config
+        return _gains(
+            config.kp if kp is None else _figure("kp", kp),
+            config.kd if kd is None else _figure("kd", kd),
+        )
 
     def _claim(self) -> litegrip_client.LiteGrip:
         """Return the daemon's object with the program's limits; raises where a session runs."""
@@ -121,6 +156,7 @@ class Sessions:
         kind = self.kind
         if kind is not None:
             raise SessionBusyError(f"{kind} runs on {gripper.channel}: end it first")
+        self._end_carrier()  # of teleoperation that has ended by itself
         gripper._drop_frames()  # noqa: SLF001
         with in_their_terms():
             daemon.motion_config = motion_config_of(gripper.motion_config)
@@ -138,9 +174,8 @@ class Sessions:
         if not self._gripper.config.calibrated:
             raise TrajectoryError("not calibrated: load_calibration(), or zero()")
         daemon = self._claim()
-        with in_their_terms():
+        with self._begun("record", rate_hz=rate, zero_gravity=bool(zero_gravity)):
             daemon.record_start(rate, zero_gravity, max_samples)
-        self._kind, self._asked = "record", {"rate_hz": rate, "zero_gravity": bool(zero_gravity)}
         TRAJECTORY_LOG.info("recording on %s at %g Hz", self._gripper.channel, rate)
         return self.trajectory_status()
 
@@ -149,9 +184,13 @@ class Sessions:
         if self._kind != "record":
             raise TrajectoryNotActiveError("nothing is being recorded: record_start() first")
         daemon = self._gripper._connected()  # noqa: SLF001
-        self._last, self._kind = self._trajectory_status(daemon), None
-        with in_their_terms():
-            taken = daemon.record_stop(allow_empty)
+        try:
+            with in_their_terms():
+                taken = daemon.record_stop(allow_empty)
+        except TrajectoryError:
+            self._kind = None
+            raise
+        self._kind = None
         TRAJECTORY_LOG.info("recorded %d samples", len(taken))
         return _theirs(taken)
 
@@ -185,9 +224,8 @@ class Sessions:
     ) -> dict[str, Any]:
         """Begin to replay; return the status."""
         daemon, given, gains = self._replay(trajectory, speed, kp, kd)
-        with in_their_terms():
+        with self._begun("play", loop=bool(loop), speed=float(speed), samples=len(given)):
             daemon.play_start(given, speed, *gains, loop, align)
-        self._kind, self._asked = "play", {"loop": bool(loop), "speed": float(speed)}
         return self.trajectory_status()
 
     def play(
@@ -203,10 +241,13 @@ class Sessions:
         if loop:
             raise ValueError("play() returns at the end, which a loop does not have: play_start()")
         daemon, given, gains = self._replay(trajectory, speed, kp, kd)
-        self._asked = {"loop": False, "speed": float(speed)}
-        with in_their_terms():
-            result = daemon.play(given, speed, *gains, align)
+        with self._begun("play", loop=False, speed=float(speed), samples=len(given)):
+            try:
+                result = daemon.play(given, speed, *gains, align)
+            except (ours.CancelledError, ours.StoppedError) as error:
+                raise TrajectoryError(str(error)) from error
         status = self._last = self._trajectory_status(daemon)
+        self._kind = None
         if not result:
             raise TrajectoryError(f"the replay ended before its end: {result.outcome}")
         return status
@@ -216,19 +257,14 @@ class Sessions:
     ) -> tuple[
         litegrip_client.LiteGrip, our_trajectory.Trajectory, tuple[float | None, float | None]
     ]:
-        from .gripper import _gains  # noqa: PLC0415 - which imports this module
-
         _above_0("speed", speed)
-        config = self._gripper.config
         self._gripper._ready()  # noqa: SLF001
         if not len(trajectory):
             raise TrajectoryEmptyError("a trajectory without samples cannot be replayed")
-        if not config.calibrated:
+        if not self._gripper.config.calibrated:
             raise TrajectoryError("not calibrated: load_calibration(), or zero()")
+        gains = self._gains(kp, kd)
         daemon = self._claim()
-        gains: tuple[float | None, float | None] = None, None
-        if kp is not None or kd is not None:
-            gains = _gains(config.kp if kp is None else kp, config.kd if kd is None else kd)
         with in_their_terms():
             return daemon, _ours(trajectory, self._gripper), gains
 
@@ -239,8 +275,8 @@ class Sessions:
         daemon = self._gripper._connected()  # noqa: SLF001
         with in_their_terms():
             daemon.play_stop(timeout)
-        self._last, self._kind = self._trajectory_status(daemon), None
-        last, self._last = self._last, {}
+        last = self._trajectory_status(daemon)
+        self._kind = None
         return last
 
     def trajectory_status(self) -> dict[str, Any]:
@@ -256,7 +292,7 @@ class Sessions:
         status: dict[str, Any] = {
             "active": bool(found.get("active")),
             "kind": found.get("kind"),
-            "samples": int(found.get("samples") or 0),
+            "samples": int(found.get("samples") or asked.get("samples", 0)),
             "error": found.get("error"),
             "loop_hz": round(float(found.get("loop_hz") or 0.0), 1),
         }
@@ -287,13 +323,14 @@ class Sessions:
         align: bool,
         gains: tuple[float | None, float | None],
         require_ready: bool,
-        figures: Mapping[str, float],
+        figures: Mapping[str, Any],
     ) -> dict[str, Any]:
         """Begin to lead or follow; return the status."""
         self._gripper._ready()  # noqa: SLF001
         if mode not in ("master", "slave"):
             raise ValueError(f"mode is {mode!r}, it must be master or slave")
         check_ready(self._gripper.config)
+        daemon = self._claim()
         if transport is None:
             if link not in ("zenoh", "udp"):
                 raise ValueError(f"link is {link!r}, it must be zenoh or udp")
@@ -302,18 +339,18 @@ class Sessions:
         for name in _ABOVE_0:
             _above_0(name, figures[name])
         for name in _AT_LEAST_0:
-            if not figures[name] >= 0.0:
+            if _figure(name, figures[name]) < 0.0:
                 raise ValueError(f"{name} is {figures[name]!r}, it must not be negative")
-        daemon = self._claim()
-        carrier = None
-        if transport is not None:
-            connection = daemon._session.connection  # noqa: SLF001 - no public way for bytes
-            carrier = Carrier(connection, transport, mode, grip_id, figures["rate_hz"])
-        kp, kd = gains
-        with in_their_terms():
+        kp, kd = self._gains(*gains)
+        with self._begun("teleop"):
+            carrier = None
+            if transport is not None:
+                connection = daemon._session.connection  # noqa: SLF001 - no public way for bytes
+                rate_hz = float(figures["rate_hz"])
+                carrier = self._carrier = Carrier(connection, transport, mode, grip_id, rate_hz)
             daemon.teleop_start(
                 mode,
-                host,
+                host if carrier is None else None,
                 link="client" if carrier is not None else link,
                 port=port if carrier is None else None,
                 grip_id=grip_id,
@@ -323,7 +360,6 @@ class Sessions:
                 require_ready=require_ready and (carrier is None or carrier.can_listen),
                 **figures,
             )
-        self._kind, self._carrier = "teleop", carrier
         if carrier is not None:
             carrier.start()
         LOG.info("teleoperation of %s as %s", self._gripper.channel, mode)
@@ -337,22 +373,25 @@ class Sessions:
         with in_their_terms():
             found = daemon.teleop_stop(timeout)
         self._kind = None
-        carrier, self._carrier = self._carrier, None
-        if carrier is not None:
-            carrier.end()
+        last = self._of_carrier(_teleop_status(found)) | {"active": False}
+        self._end_carrier()
         LOG.info("teleoperation of %s ended", self._gripper.channel)
-        return _teleop_status(found) | {"active": False}
+        return last
 
     def teleop_status(self) -> dict[str, Any]:
         """Return the status of this object's teleoperation."""
         if self._kind != "teleop":
             return dict(_IDLE_TELEOP)
         with in_their_terms():
-            status = _teleop_status(self._gripper._connected().teleop_status())  # noqa: SLF001
+            found = self._gripper._connected().teleop_status()  # noqa: SLF001
+        return self._of_carrier(_teleop_status(found))
+
+    def _of_carrier(self, status: dict[str, Any]) -> dict[str, Any]:
+        """Return a status with what the carrier knows of the program's own link."""
         carrier = self._carrier
         if carrier is not None:
             status["send_failed"] += carrier.failed
-            status["matching"] = getattr(carrier.transport, "matching", None)
+            status["matching"] = carrier.matching if status["mode"] == "master" else None
         return status
 
 
@@ -364,7 +403,9 @@ def _teleop_status(found: Mapping[str, Any]) -> dict[str, Any]:
         if value is None or (isinstance(value, float) and not math.isfinite(value)):
             value = unknown
         status[name] = round(float(value), digits) if digits is not None else value
-    status["fault"] = "" if status["fault"] is None else str(status["fault"])
+    if status["mode"] == "master":
+        status["last_frame_age_ms"] = None
+    status["fault"] = str(status["fault"] or found.get("link_error") or "")
     return status
 
 
@@ -383,6 +424,7 @@ class Carrier:
     ) -> None:
         self.transport = transport
         self.failed = 0
+        self._is_deaf = False
         self.inbox: deque[Mapping[str, str]] = deque(maxlen=64)
         self._connection = connection
         self._period_s = 1.0 / rate_hz
@@ -406,6 +448,15 @@ class Carrier:
         """True if the transport can listen."""
         return self._subscription is not None
 
+    @property
+    def matching(self) -> bool | None:
+        """Whether somebody listens, if the transport says so."""
+        try:
+            said = getattr(self.transport, "matching", None)
+        except Exception:  # noqa: BLE001 - the program's own object may raise anything
+            return None
+        return said if isinstance(said, bool) else None
+
     def start(self) -> None:
         """Begin to carry."""
         self._thread.start()
@@ -413,7 +464,7 @@ class Carrier:
     def end(self) -> None:
         """Stop carrying, when what the daemon has sent is out."""
         self._is_over.set()
-        if self._thread.is_alive():
+        if self._thread.is_alive() and self._thread.ident != threading.get_ident():
             self._thread.join(1.0)
         self._send_out()
         self._connection.unlisten(self.notification)
@@ -426,10 +477,20 @@ class Carrier:
         """Carry what waits, both ways."""
         self._connection.take_refusal()  # which reads what has come
         self._send_out()
-        payload = None if self._subscription is None else self._subscription.drain_latest()
+        payload = self._received()
         if payload is not None:
-            params = {"topic": self._listens_to, "payload": bytes(payload).hex()}
+            params = {"topic": self._listens_to, "payload": payload.hex()}
             self._connection.notify_guarded("teleop.receive", params)
+
+    def _received(self) -> bytes | None:
+        try:
+            payload = None if self._subscription is None else self._subscription.drain_latest()
+            return None if payload is None else bytes(payload)
+        except Exception as error:  # noqa: BLE001 - the program's own object may raise anything
+            level = logging.DEBUG if self._is_deaf else logging.WARNING
+            self._is_deaf = True
+            LOG.log(level, "the transport did not receive: %s", error)
+            return None
 
     def _send_out(self) -> None:
         while self.inbox:
@@ -452,11 +513,20 @@ class Carrier:
             LOG.warning("teleoperation's transport is not carried any more: %s", error)
 
 
-def _above_0(name: str, value: float) -> float:
+def _figure(name: str, value: Any) -> float:
+    """Return a figure; raises `ValueError` unless it is a finite number."""
+    try:
+        return finite(name, value)
+    except CommandError as error:
+        raise ValueError(str(error)) from error
+
+
+def _above_0(name: str, value: Any) -> float:
     """Return a figure; raises `ValueError` unless it is above 0."""
-    if not value > 0.0 or not math.isfinite(value):
+    figure = _figure(name, value)
+    if figure <= 0.0:
         raise ValueError(f"{name} is {value!r}, it must be above 0")
-    return float(value)
+    return figure
 
 
 def _theirs(taken: our_trajectory.Trajectory) -> Trajectory:

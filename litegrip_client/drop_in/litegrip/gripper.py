@@ -181,6 +181,7 @@ class LiteGrip:
         self._found_mst_id: int | None = None
         self._enabled = False
         self._frames: SetpointStream | None = None
+        self._frames_calibration: dict[str, float] | None = None
         self._limits = (-math.inf, math.inf)
         self._polled_s: float | None = None
         self._sessions = Sessions(self)
@@ -246,14 +247,15 @@ class LiteGrip:
         """
         if self.is_connected:
             return True
+        self.disconnect()  # from a daemon that is gone
         config = self.config
         named_id = None if config.can_id == GripperParams.CAN_ID else config.can_id
-        daemon = litegrip_client.LiteGrip(
-            config.can_channel, named_id, disable_on_disconnect=self.disable_on_disconnect
-        )
         try:
+            daemon = litegrip_client.LiteGrip(
+                config.can_channel, named_id, disable_on_disconnect=self.disable_on_disconnect
+            )
             daemon.connect()
-            found = daemon.config
+            found, version = daemon.config, daemon.info().get("version")
         except ours.LiteGripError as error:
             raise ConnectError(str(error)) from error
         self.daemon, self._enabled, self._frames, self._polled_s = daemon, False, None, None
@@ -265,7 +267,7 @@ class LiteGrip:
                 found.motor_type,
                 self._motor_type.name,
             )
-        LOG.info("connected to the daemon of %s, version %s", self.channel, _version(daemon))
+        LOG.info("connected to the daemon of %s, version %s", self.channel, version)
         return True
 
     def disconnect(self) -> None:
@@ -273,8 +275,7 @@ class LiteGrip:
         daemon = self.daemon
         if daemon is None:
             return
-        if daemon.is_connected:
-            self._sessions.end()
+        self._sessions.end()
         self.daemon, self._enabled, self._frames = None, False, None
         daemon.disable_on_disconnect = self.disable_on_disconnect
         try:
@@ -303,10 +304,12 @@ class LiteGrip:
         tries = self.motion_config.enable_retries if retries is None else retries
         daemon.disable_on_disconnect = self.disable_on_disconnect
         daemon.motion_config = motion_config_of(self.motion_config)
+        self._drop_frames()
         try:
             result = daemon.enable(tries)
         except ours.HardwareError as error:
             LOG.warning("the motor could not be enabled: %s", error)
+            self._enabled = False
             return EnableResult(False, self.get_state(), tries)
         except ours.LiteGripError as error:
             raise translated(error) from error
@@ -318,7 +321,7 @@ class LiteGrip:
     def disable(self) -> bool:
         """Disable the motor: no torque. True if that was sent."""
         daemon = self._connected()
-        self._drop_frames()
+        self._frames = None  # which ends with it
         with in_their_terms():
             daemon.disable()
         self._enabled = False
@@ -327,8 +330,10 @@ class LiteGrip:
     def clear_fault(self) -> bool:
         """Clear the motor's fault and enable it; true. Raises `HardwareError` with its code."""
         daemon = self._connected()
+        self._drop_frames()
         with in_their_terms():
             if not daemon.clear_fault():
+                self._enabled = False
                 state = self.get_state()
                 text = "the motor's fault could not be cleared"
                 raise HardwareError(text, state.error_code or None)
@@ -356,7 +361,7 @@ class LiteGrip:
         daemon = self._connected()
         register = DM_REG(rid)
         try:
-            return daemon.read_param(int(register))
+            return float(daemon.read_param(int(register)))
         except ours.CommError as error:
             raise CANTimeoutError(str(error)) from error
         except ours.LiteGripError as error:
@@ -367,15 +372,22 @@ class LiteGrip:
 
         Its limits mean other angles then: calibrate again. Raises `HardwareError`.
         """
-        daemon = self._ready()
+        self._ready()
         before_rad = self.get_position_rad()
-        self._drop_frames()
-        with in_their_terms():
-            if not daemon.set_zero():
-                raise HardwareError("the motor did not take its new zero")
+        if not self._set_zero():
+            raise HardwareError("the motor did not take its new zero")
         self.enable()
         LOG.warning("the motor's zero has moved by %.4f rad: calibrate again", before_rad)
         return WriteZeroResult(before_rad, self.get_position_rad())
+
+    def _set_zero(self) -> bool:
+        """Set the motor's zero, which disables it; true if it took that."""
+        daemon = self._connected()
+        self._drop_frames()
+        with in_their_terms():
+            done = bool(daemon.set_zero())
+        self._enabled = False
+        return done
 
     # Reading
 
@@ -478,30 +490,31 @@ class LiteGrip:
         what is not finite, for a `tau` beyond 10 N·m or beside a `kp`, and for what the daemon
         refuses.
         """
-        given = {"q": q, "kp": kp, "kd": kd, "dq": dq, "tau": tau}
-        values = {name: finite(name, value) for name, value in given.items()}
-        if abs(tau) > _MOST_TAU_NM:
-            raise CommandError(f"tau is {tau:g} N·m, it must be at most {_MOST_TAU_NM:g}")
         if not self.is_enabled:
             return False
+        given = {"q": q, "kp": kp, "kd": kd, "dq": dq, "tau": tau}
+        values = {name: finite(name, value) for name, value in given.items()}
+        if abs(values["tau"]) > _MOST_TAU_NM:
+            raise CommandError(f"tau is {tau:g} N·m, it must be at most {_MOST_TAU_NM:g}")
         with in_their_terms():
-            if self._frames is None:
-                self._frames = self._stream()
+            own, frames = self._own_calibration(), self._frames  # another thread may stop
+            if frames is None or own != self._frames_calibration:
+                frames = self._frames = self._stream(own)
             if values["kp"] > 0.0:
                 if values["tau"] != 0.0:
                     raise CommandError("tau beside a kp: the daemon computes the torque itself")
                 stiff, damped = _gains(values["kp"], values["kd"])
                 low, high = self._limits
                 target_rad = min(max(values["q"], low), high)
-                self._frames.set_target(position_rad=target_rad, kp=stiff, kd=damped)
+                frames.set_target(position_rad=target_rad, kp=stiff, kd=damped)
             else:
-                self._frames.set_target(push_nm=values["tau"])
+                frames.set_target(push_nm=values["tau"])
         return True
 
-    def _stream(self) -> SetpointStream:
+    def _stream(self, own: dict[str, float] | None) -> SetpointStream:
         """Begin a stream of frames with the limits of now: the daemon's while there are no own."""
         daemon, config = self._ready(), self.config
-        daemon.motion_calibration = self._own_calibration()
+        daemon.motion_calibration = self._frames_calibration = own
         scale = config.rad_to_mm
         limits: tuple[float | None, float | None] = (config.pos_closed_rad, config.pos_open_rad)
         if not config.calibrated:
@@ -517,7 +530,8 @@ class LiteGrip:
         """End the stream of frames, so that another request can begin."""
         frames, self._frames = self._frames, None
         if frames is not None:
-            frames.close()
+            with in_their_terms():
+                frames.close()
 
     # Motions
 
@@ -576,8 +590,10 @@ class LiteGrip:
         returns only after a fault, or by an interrupt. The force stays after it returns. While it
         holds, `progress` is called once each `motion_config.hold_interval`.
         """
+        self._ready()
         force = self.motion_config.force_n if force_n is None else finite("force_n", force_n)
         lasts_s = finite("hold_s", hold_s)
+        finite("hold_interval", self.motion_config.hold_interval)
         daemon = self._begin("grasp", None)
         limit_target(self.config, "close", self.motion_config.margin)
         samples = Samples(progress, self.motion_config)
@@ -626,6 +642,7 @@ class LiteGrip:
         duration: float = 0.5,
     ) -> bool:
         """Move to an opening, mm, in `duration` seconds; it stays inside the travel."""
+        self._ready()
         return self._go(self._angle(finite("position_mm", position_mm)), kp, kd, duration)
 
     def goto_rad(
@@ -641,6 +658,7 @@ class LiteGrip:
 
         `dq_target` and `tau_feedforward` are not used: the daemon computes both.
         """
+        self._ready()
         finite("dq_target", dq_target)
         if abs(finite("tau_feedforward", tau_feedforward)) > _MOST_TAU_NM:
             raise CommandError(
@@ -681,6 +699,7 @@ class LiteGrip:
         kd: float | None = None,
     ) -> bool:
         """Move to an opening, mm, at a speed; true. Without a way or a speed nothing is sent."""
+        self._ready()
         target_rad = self._angle(finite("target_mm", target_mm))
         return self._at_speed(target_rad, finite("speed_mm_s", speed_mm_s), _SMALLEST_MM, kp, kd)
 
@@ -692,6 +711,7 @@ class LiteGrip:
         kd: float | None = None,
     ) -> bool:
         """Move to an angle, rad, at a speed, rad/s; as `move_at_speed`."""
+        self._ready()
         speed_mm_s = finite("speed_rad_s", speed_rad_s) * self.config.rad_to_mm
         least_mm = _SMALLEST_RAD * self.config.rad_to_mm
         return self._at_speed(finite("target_rad", target_rad), speed_mm_s, least_mm, kp, kd)
@@ -721,6 +741,7 @@ class LiteGrip:
         The force stays afterwards. With 0 the jaws are slack. Raises `CommandError` beyond the
         daemon's limit, and for a force that opens.
         """
+        self._ready()
         force, lasts_s = finite("force_n", force_n), max(finite("duration", duration), 0.0)
         if abs(force) > _MOST_FORCE_N:
             raise CommandError(f"force_n is {force:g}, it must be at most {_MOST_FORCE_N:g}")
@@ -894,8 +915,8 @@ class LiteGrip:
             if template not in CALIB_TEMPLATES:
                 names = ", ".join(CALIB_TEMPLATES)
                 raise CommandError(f"{template!r} is no template, it must be one of: {names}")
-            found = CALIB_TEMPLATES[template]
-            _files.apply(_files.read_strictly(found), self.config)
+            found: str | None = CALIB_TEMPLATES[template]
+            _files.apply(_files.read_strictly(CALIB_TEMPLATES[template]), self.config)
         elif path is not None:
             found = self._load_named(path)
         else:
@@ -932,16 +953,15 @@ class LiteGrip:
 
     def _load_daemons(self) -> bool:
         """Take the limits and gains that the daemon has; false where none answers, or has any."""
-        daemon = self.daemon or litegrip_client.LiteGrip(self.channel)
         try:
-            daemon.connect()
-            theirs = daemon.config
+            if self.daemon is not None and self.is_connected:
+                theirs = self.daemon.config
+            else:
+                with litegrip_client.LiteGrip(self.channel) as daemon:
+                    theirs = daemon.config
         except ours.LiteGripError as error:
             LOG.info("the daemon of %s does not tell its calibration: %s", self.channel, error)
             return False
-        finally:
-            if daemon is not self.daemon:
-                daemon.disconnect()
         if theirs.pos_closed_rad is None or theirs.pos_open_rad is None or theirs.rad_to_mm is None:
             return False
         config = self.config
@@ -1115,6 +1135,8 @@ class LiteGrip:
     def _angle(self, opening_mm: float) -> float:
         """Return the angle of an opening."""
         config = self.config
+        if config.rad_to_mm == 0.0:
+            raise CommandError("rad_to_mm is 0: load a calibration, or zero()")
         return config.pos_closed_rad - config.close_sign * opening_mm / config.rad_to_mm
 
     def _opening(self, angle_rad: float) -> float:
@@ -1136,7 +1158,3 @@ def _gains(kp: float, kd: float) -> tuple[float, float]:
 def _is_slack(state: Any) -> bool:
     """Return True if the jaws are slack, and nothing runs that would end that."""
     return state.mode == "relaxed" and state.job is None
-
-
-def _version(daemon: litegrip_client.LiteGrip) -> str:
-    return str(daemon.info().get("version"))

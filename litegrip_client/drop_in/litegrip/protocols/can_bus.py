@@ -6,15 +6,8 @@ import logging
 import math
 import time
 
-from .._bridge import in_their_terms
 from ..can.motor import MotorParams, MotorState, MotorType
-from ..exceptions import (
-    CANTimeoutError,
-    CommandError,
-    CommError,
-    HardwareError,
-    NotInitializedError,
-)
+from ..exceptions import CANTimeoutError, CommandError, CommError, HardwareError
 from ..gripper import LiteGrip
 
 __all__ = ["LiteGripCAN"]
@@ -69,7 +62,8 @@ class LiteGripCAN:
             raise HardwareError("the motor could not be enabled", code or None)
         if kp is None and kd is None:
             self._gripper.enter_zero_gravity()
-        return self.update_state()
+        self.update_state()
+        return True
 
     def enable(self) -> bool:
         """Enable the motor; false if it does not confirm."""
@@ -81,11 +75,7 @@ class LiteGripCAN:
 
     def set_zero(self) -> bool:
         """Make the present angle the motor's zero, for good; it is disabled then."""
-        daemon = self._gripper.daemon
-        if daemon is None:
-            raise NotInitializedError("not connected: call connect() first")
-        with in_their_terms():
-            return bool(daemon.set_zero())
+        return self._gripper._set_zero()  # noqa: SLF001 - without enabling, unlike write_zero
 
     def clear_fault(self) -> bool:
         """Clear the motor's fault and enable it; true, or `HardwareError`."""
