@@ -29,15 +29,10 @@ class FakeTrajectories:
     def __init__(self, daemon: FakeDaemon, looks: int = 2) -> None:
         """A recording is over after `looks` looks at its status."""
         self.kept: dict[str, bytes] = {}
-        self.recorded = CONTENT
         self.grips: dict[str | None, bytes] = {}
         self.uploads: dict[str, bytes] = {}
         self.is_of_0_1_0 = False
         """True if what ends with its connection has a number, and no name."""
-        self.missed = 0
-        self.usage: dict[str, int] | None = None
-        self.full = False
-        self.error: str | None = None
         self._daemon = daemon
         self._looks = looks
         self._wanted = 0
@@ -76,27 +71,19 @@ class FakeTrajectories:
     def _look(self) -> dict[str, Any]:
         self._looks -= 1
         is_over = self._looks <= 0
-        samples = self._wanted - self.missed if is_over else self._wanted // 2
+        samples = self._wanted if is_over else self._wanted // 2
         return {
             **self._status,
             "active": not is_over and self._status["active"],
             "samples": samples,
-            "error": self.error if is_over else None,
         }
 
-    def _stop(self, request: Request) -> dict[str, Any] | None:
+    def _stop(self, request: Request) -> dict[str, Any]:
         self._status["active"] = False
-        if self.error is not None and not request.params.get("allow_partial"):
-            request.fail("recording_failed", -32017, f"broken off: {self.error}", samples=7)
-            return None
         name = request.params.get("name")
-        if name is not None and self.full:
-            hint = "it stays: end it again (trajectory.record_stop)"
-            request.fail("trajectories_full", -32018, "there is no room", hint=hint)
-            return None
         if name is not None:
-            self.kept[name] = self.recorded
-        facts = {"samples": self._wanted, "duration_s": 2.99, "missed": self.missed}
+            self.kept[name] = CONTENT
+        facts = {"samples": self._wanted, "duration_s": 2.99, "missed": 0}
         if None in self.grips:
             facts["grips"] = 1
         temporary = None if self.is_of_0_1_0 else "tmp/recording-1"
@@ -120,8 +107,7 @@ class FakeTrajectories:
             }
             for name in names[:1]
         ]
-        usage = {} if self.usage is None else {"usage": self.usage}
-        return {"trajectories": rows, "more": len(names) > 1, **usage}
+        return {"trajectories": rows, "more": len(names) > 1}
 
     def _get(self, request: Request) -> dict[str, Any] | None:
         params = request.params
@@ -132,7 +118,7 @@ class FakeTrajectories:
         if stored is not None and stored not in self.kept:
             request.fail("unknown_trajectory", -32015, f"no trajectory {stored!r}")
             return None
-        whole = self.recorded if stored is None else self.kept[stored]
+        whole = CONTENT if stored is None else self.kept[stored]
         if params.get("format") == "csv":
             whole = b"t_s,openness\n0.0,0.5\n"
         elif params.get("format") == "grip":
