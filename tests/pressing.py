@@ -398,6 +398,7 @@ NOT_PRESSING = {
     "calibration.load": "moves nothing",
     "calibration.rescale": "moves nothing",
     "calibration.manual": "lets the jaws go",
+    "teleop.receive": "brings a payload to what teleop.start has begun",
     "motor.set_zero": "disables the motor",
 }
 """The other methods that a stop voids."""

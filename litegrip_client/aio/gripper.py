@@ -471,7 +471,7 @@ class LiteGrip(Gripper):
         motion_config: MotionConfig | None = None,
         mst_id: int | None = None,
         canfd_mode: bool | None = None,
-        motor_type: str | int | None = None,
+        motor_type: str | None = None,
         config: GripperConfig | None = None,
     ) -> None:
         """Raise `CommandError` for what cannot be a channel, a mount or a `MotionConfig`."""

@@ -27,7 +27,7 @@ def expectations(  # noqa: PLR0917 - the arguments of the SDK's LiteGrip
     can_id: int | None,
     mst_id: int | None,
     canfd_mode: bool | None,
-    motor_type: str | int | None,
+    motor_type: str | None,
     config: GripperConfig | None,
 ) -> tuple[str | None, int | None, dict[str, Any]]:
     """Return channel, CAN id, and what else the daemon's gripper must be.
@@ -71,12 +71,6 @@ def _changed(config: GripperConfig) -> dict[str, Any]:
     }
 
 
-_NUMBERED = (
-    *("DM3507", "DM4310", "DM4310_48V", "DM4340", "DM4340_48V", "DM6006", "DM6248P", "DM8006"),
-    *("DM8009", "DM10010L", "DM10010", "DMH3510", "DMH6215", "DMS3519", "DMG6220"),
-)
-"""The maker's motors, by the numbers of its own drivers."""
-
 _NOT_COMPARED = (
     *("channel", "canfd_mode", "calibrated", "grasp_torque_threshold"),
     *("max_stroke_mm", "own"),
@@ -90,36 +84,17 @@ def check_expected(expected: Mapping[str, Any], hello: Mapping[str, Any], path: 
         value = getattr(found, name)
         if wanted is None or value is None or _is_same(name, wanted, value):
             continue
-        said, more = _said(name, wanted)
         raise CommandError(
-            f"the daemon at {path} has {name} {value}, not {said}{more}",
+            f"the daemon at {path} has {name} {value}, not {wanted}",
             reason="wrong_gripper",
             data={"parameter": name, "hint": _HINTS.get(name, _HINT)},
         )
 
 
 def _is_same(name: str, wanted: Any, value: Any) -> bool:
-    if name == "motor_type":
-        name_of_it = str(getattr(wanted, "name", wanted))
-        return bool(name_of_it == value or _number_of(str(value)) == wanted)
     if isinstance(value, float):
         try:
             return math.isclose(float(wanted), value, rel_tol=_TOLERANCE, abs_tol=_TOLERANCE)
         except (TypeError, ValueError):
             return False
     return bool(wanted == value)
-
-
-def _said(name: str, wanted: Any) -> tuple[str, str]:
-    """Return what a program says in words, and what is wrong with that itself, if anything."""
-    if name != "motor_type":
-        return str(wanted), ""
-    for number, one in enumerate(_NUMBERED):
-        if wanted in (number, one):
-            return one, ""
-    return str(wanted), f", which is none of the maker's types: {', '.join(_NUMBERED)}"
-
-
-def _number_of(motor_type: str) -> int | None:
-    """Return the maker's number of a type of motor, None of another one."""
-    return _NUMBERED.index(motor_type) if motor_type in _NUMBERED else None

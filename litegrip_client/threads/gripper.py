@@ -54,14 +54,14 @@ class LiteGrip(SdkGripper):
         motion_config: MotionConfig | None = None,
         mst_id: int | None = None,
         canfd_mode: bool | None = None,
-        motor_type: str | int | None = None,
+        motor_type: str | None = None,
         config: GripperConfig | None = None,
     ) -> None:
         """Raise `CommandError` for what cannot be a channel, a mount or a `MotionConfig`."""
         from litegrip_client.core.gripper import Gripper  # noqa: PLC0415 - see above
 
         expected: dict[str, Any] = {}
-        if config is not None or not (mst_id is canfd_mode is motor_type is None):
+        if any(given is not None for given in (config, mst_id, canfd_mode, motor_type)):
             from litegrip_client.core import expected as sdk  # noqa: PLC0415 - seldom needed
 
             channel, can_id, expected = sdk.expectations(

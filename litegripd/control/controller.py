@@ -832,7 +832,7 @@ class Controller:
             if idle.watched:
                 self.events.append(events.object_lost(None))
             caught_rad = idle.caught_rad(feedback.position_rad, self.period_s)
-            self.idle = Hold(caught_rad, CATCHING_GAINS)
+            self.idle = Hold(caught_rad, self.swing.bound(CATCHING_GAINS))
             return self.idle.command(now_s, feedback)
         return command
 

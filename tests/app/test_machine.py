@@ -108,7 +108,7 @@ def test_a_queued_motion_that_fails_to_begin_ends_and_the_next_one_is_another(
     motion = client.send("motion.open")
     queued = client.send("motion.close", if_busy="queue")
 
-    def broken(*_arguments: Any) -> Any:
+    def broken(*_arguments: Any, **_keywords: Any) -> Any:
         raise ZeroDivisionError("a defect")
 
     with monkeypatch.context() as patch:

@@ -59,7 +59,19 @@ def _configs() -> Iterator[Values]:
             yield {**others, name: value}
 
 
-_OBJECTS: Mapping[str, Callable[[], Iterator[Values]]] = {"config": _configs, "content": _contents}
+def _own_calibrations() -> Iterator[Values]:
+    """Limits and gains that a request brings for itself: those of files, without what is no limit."""
+    for content in _contents():
+        yield {
+            name: value for name, value in content.items() if name not in ("calibrated", "nm_to_n")
+        }
+
+
+_OBJECTS: Mapping[str, Callable[[], Iterator[Values]]] = {
+    "config": _configs,
+    "content": _contents,
+    "calibration": _own_calibrations,
+}
 
 _TEXTS: Mapping[str, Sequence[str]] = {
     "register": ("PMAX", "15"),
@@ -87,7 +99,7 @@ _NEEDED: Mapping[str, Values] = {
     "lease.take": {"why": "a test"},
 }
 """What a call cannot do without, or what makes it more than a refusal."""
-_ONE_OF = (("opening_mm", "position_rad", "openness"),)
+_ONE_OF = (("opening_mm", "position_rad", "openness", "push_nm"),)
 _LETS_GO = (("stop", "level"), ("lease.take", "jaws"))
 
 

@@ -121,7 +121,7 @@ def terms() -> Iterator[tuple[str, Term]]:
             yield place, term
 
 
-UNNAMED = {"trajectory.get", "trajectory.put", "trajectory.control"}
+UNNAMED = {"teleop.receive", "trajectory.get", "trajectory.put", "trajectory.control"}
 """Methods that no call and no command does alone."""
 
 

@@ -100,8 +100,9 @@ def test_each_module_is_in_one_wheel_and_each_file_of_the_client_in_both_of_its(
     assert {f"litegrip_client-{VERSION}/litegrip_client/{path}" for path in needed} <= members
 
 
-MANUAL = {
+MANUAL: dict[str, set[str]] = {
     "litegrip_client": {"man1/litegripctl.1"},
+    "litegrip_compat": set(),
     "litegrip_fleet": {"man8/litegripd-fleet.8"},
     "litegrip_web": {"man8/litegripd-web.8"},
     "litegripd": {"man1/litegrip-sim.1", "man8/litegripd.8"},

@@ -320,7 +320,7 @@ def test_a_frame_that_is_rejected_later_lets_a_later_call_raise(
 ) -> None:
     where_rad = daemon.gripper.position_rad
     assert gripper.send_mit_frame(where_rad, 50.0, 1.0) is True
-    for wrong in ({"kp": 0.0}, {"tau": 0.5}):
+    for wrong in ({"kp": 0.0, "dq": 0.5}, {"tau": 0.5}):
         with pytest.raises(CommandError) as caught:
             gripper.send_mit_frame(where_rad, **{"kp": 50.0, "kd": 1.0, **wrong})
         assert caught.value.reason == "unsupported"

@@ -1,0 +1,3 @@
+from tests.sdk_compat.conftest import daemon, gripper, home, mount, site
+
+__all__ = ["daemon", "gripper", "home", "mount", "site"]
