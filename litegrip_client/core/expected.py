@@ -82,7 +82,7 @@ def check_expected(expected: Mapping[str, Any], hello: Mapping[str, Any], path: 
     found = GripperConfig.from_wire(hello)
     for name, wanted in expected.items():
         value = getattr(found, name)
-        if wanted is None or value is None or _is_same(name, wanted, value):
+        if wanted is None or value is None or _is_same(wanted, value):
             continue
         raise CommandError(
             f"the daemon at {path} has {name} {value}, not {wanted}",
@@ -91,7 +91,7 @@ def check_expected(expected: Mapping[str, Any], hello: Mapping[str, Any], path: 
         )
 
 
-def _is_same(name: str, wanted: Any, value: Any) -> bool:
+def _is_same(wanted: Any, value: Any) -> bool:
     if isinstance(value, float):
         try:
             return math.isclose(float(wanted), value, rel_tol=_TOLERANCE, abs_tol=_TOLERANCE)

@@ -60,11 +60,10 @@ def _configs() -> Iterator[Values]:
 
 
 def _own_calibrations() -> Iterator[Values]:
-    """Limits and gains that a request brings for itself: those of files, without what is no limit."""
+    """Limits and gains that a request brings for itself: those of files, and nothing else."""
+    files_alone = ("calibrated", "nm_to_n")
     for content in _contents():
-        yield {
-            name: value for name, value in content.items() if name not in ("calibrated", "nm_to_n")
-        }
+        yield {name: value for name, value in content.items() if name not in files_alone}
 
 
 _OBJECTS: Mapping[str, Callable[[], Iterator[Values]]] = {
