@@ -124,16 +124,23 @@ class LimitWatch:
         controller, probe = self._controller, self._probe if is_motion else None
         if isinstance(controller.action, Calibrate) and controller.jobs.running is not None:
             probe = probe or (controller.action if controller.has_stepped else None)
-        config = probe._config if isinstance(probe, Calibrate) else controller.config
         lead_rad = abs(command.position_rad - feedback.position_rad) - code_rad
-        fits = lead_rad <= config.calib_step_rad and torque_nm <= config.calib_tau_limit
+        # A hold keeps the configuration with which it began, too.
+        configs = [controller.config, controller.in_force.config] if probe is None else []
+        configs = (
+            [probe._config] if isinstance(probe, Calibrate) else configs or [controller.config]
+        )
+        fits = any(
+            lead_rad <= config.calib_step_rad and torque_nm <= config.calib_tau_limit
+            for config in configs
+        )
         if probe is None:  # a calibration may have been taken in this very tick
             in_force = controller.in_force.geometry  # a hold keeps that with which it began
             maybe = (self._geometry, controller.geometry, in_force)
             known = [geometry for geometry in maybe if geometry is not None]
             fits = fits and len(known) < len(maybe)
             fits = fits or any(self._is_inside(g, command, feedback, code_rad) for g in known)
-        assert fits, (command, feedback, config, self._geometry, controller.geometry)
+        assert fits, (command, feedback, configs, self._geometry, controller.geometry)
         if isinstance(probe, CalibrateByHand):
             assert command.kp_nm_rad == command.kd_nm_s_rad == 0.0
 
