@@ -49,12 +49,10 @@ unexport PYTHONDONTWRITEBYTECODE
 PYTEST = $(BIN)/python -m pytest --durations 15
 TESTS = $(PYTEST) --numprocesses auto --dist worksteal --ignore tests/process --ignore tests/io && \
 	$(PYTEST) --numprocesses 4 --dist worksteal -m 'not alone' tests/process tests/io && \
-	$(PYTEST) -m alone tests/process tests/io && \
-	$(THROUGH_PORTAL) --numprocesses 2 $(TELLING)
+	$(PYTEST) -m alone tests/process tests/io
 
-# All clients through a portal, and a part of it that is quick.
+# All clients through a portal.
 THROUGH_PORTAL = LITEGRIPD_THROUGH_PORTAL=1 $(PYTEST) -rs
-TELLING = tests/process/test_client.py tests/process/test_doctor.py tests/process/test_sdk_block.py
 
 test: $(STAMP)
 	$(TESTS)
@@ -71,7 +69,8 @@ check: $(STAMP)
 	$(BIN)/python docs/generate.py --check
 	$(TESTS)
 
-nightly: $(STAMP)
+nightly: $(STAMP) test-through-portal
+	LITEGRIPD_PROPERTIES=nightly $(BIN)/python -m pytest tests/process/test_released.py
 	LITEGRIPD_CHAOS_MINUTES=30 $(BIN)/python -m pytest tests/faults/test_chaos.py
 	LITEGRIPD_FUZZ_LINES=1000000 LITEGRIPD_FUZZ_SEED=$(SEED) $(BIN)/python -m pytest --timeout=7200 tests/rpc/test_fuzz.py
 	LITEGRIPD_FUZZ_MUTATIONS=1000000 LITEGRIPD_FUZZ_SEED=$(SEED) $(BIN)/python -m pytest --timeout=7200 \

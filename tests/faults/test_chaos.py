@@ -16,7 +16,7 @@ import pytest
 from tests.faults.chaos import Chaos, DefeatError, run
 from tests.faults.chaos_watch import kept_by
 
-MINUTES = os.environ.get("LITEGRIPD_CHAOS_MINUTES", "6")
+MINUTES = os.environ.get("LITEGRIPD_CHAOS_MINUTES", "4")
 SEEDS = (1, 2, 3)
 ROOT = Path(__file__).resolve().parents[2]
 
