@@ -17,7 +17,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO, NamedTuple, Protocol
 
 from litegrip_client.values import atomic_file
 from litegrip_client.values.atomic_file import why_not_written
@@ -145,12 +145,7 @@ class Trajectory:
         at_s, rows = number("t", t), self.samples
         if not rows:
             raise ParameterError("a trajectory without samples has no openness")
-        after = bisect.bisect_right(rows, at_s, key=lambda row: row.t)
-        if after in (0, len(rows)):
-            return rows[0 if after == 0 else -1].openness
-        low, high = rows[after - 1], rows[after]
-        share = (at_s - low.t) / (high.t - low.t)
-        return low.openness + share * (high.openness - low.openness)
+        return openness_between(rows, at_s)
 
     @property
     def longest_gap_s(self) -> float:
@@ -232,6 +227,26 @@ class Trajectory:
             can_id=header.can_id,
             mount=header.mount,
         )
+
+
+class _Row(Protocol):
+    """A moment of a motion: `t` in seconds, and the openness then."""
+
+    @property
+    def t(self) -> float: ...
+
+    @property
+    def openness(self) -> float: ...
+
+
+def openness_between(rows: Sequence[_Row], t: float) -> float:
+    """Return the openness at a time, on the line between two rows; outside them, the end's."""
+    after = bisect.bisect_right(rows, t, key=lambda row: row.t)
+    if after in (0, len(rows)):
+        return rows[0 if after == 0 else -1].openness
+    low, high = rows[after - 1], rows[after]
+    share = (t - low.t) / (high.t - low.t)
+    return low.openness + share * (high.openness - low.openness)
 
 
 def grips_counted(grips: int) -> str:

@@ -15,6 +15,7 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any, BinaryIO, Literal, TypeAlias
 
 from litegrip_client.values.errors import TrajectoryFormatError
+from litegrip_client.values.strict_json import is_finite
 from litegrip_client.values.text import json_of
 
 MAGIC = b"LGRTRJ01"
@@ -274,10 +275,7 @@ def _grip_of(number: int, plain: object) -> TaughtGrip:
 
 
 def _check_figure(name: str, value: object) -> None:
-    try:
-        fine = isinstance(value, int | float) and math.isfinite(value)
-    except OverflowError:  # an integer beyond all floats
-        fine = False
+    fine = isinstance(value, int | float) and is_finite(value)
     if not fine or isinstance(value, bool):
         raise TrajectoryFormatError(f"{name} is {value!r:.40}, it must be a finite number")
 

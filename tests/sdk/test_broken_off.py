@@ -177,7 +177,7 @@ def test_a_session_that_is_interrupted_as_it_begins(
 def test_another_thread_may_stop_while_a_frame_is_sent(
     gripper: LiteGrip, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    gains = litegrip.gripper._gains
+    gains = litegrip._bridge.gains_in_range
 
     def gains_after_a_stop(*given: Any) -> Any:
         """Let the other thread stop just before the frame is sent."""
@@ -186,7 +186,7 @@ def test_another_thread_may_stop_while_a_frame_is_sent(
         thread.join()
         return gains(*given)
 
-    monkeypatch.setattr(litegrip.gripper, "_gains", gains_after_a_stop)
+    monkeypatch.setattr(litegrip.gripper, "gains_in_range", gains_after_a_stop)
     assert gripper.send_mit_frame(-1.0, 100.0, 2.0)
     assert gripper.send_mit_frame(-1.0, 100.0, 2.0)
 

@@ -24,11 +24,9 @@ def put(revision: int, *names: str) -> str:
     """Install packages of a revision, or all, in two steps as apt does; return what dpkg said."""
     names = names or (CLIENT, DAEMON, *ADDITIONS)
     first = [f"{name}-*" if name == DAEMON else name for name in names if name not in ADDITIONS]
+    then = [name for name in names if name != CLIENT]
     said = []
-    for step in (
-        first,
-        [name for name in names if name != CLIENT],
-    ):  # what is pre-depended on first
+    for step in (first, then):  # what is pre-depended on first
         files = [str(file) for name in step for file in PACKAGES.glob(f"{name}_*-{revision}_*.deb")]
         if files:
             status, out = run("dpkg", "--install", *files, limit_s=600.0)

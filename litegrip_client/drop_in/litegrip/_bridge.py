@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import fields
-from typing import Any, NoReturn
+from typing import Any
 
 from litegrip_client.values import errors as ours
 from litegrip_client.values.motion_config import DAEMON_FIELDS
@@ -76,12 +76,16 @@ def in_their_terms() -> Iterator[None]:
         raise translated(error) from error
 
 
+def opening_mm(angle_rad: float, config: GripperConfig) -> float:
+    """Return the opening of an angle, mm, with the program's own limits and scale."""
+    return (config.pos_closed_rad - angle_rad) * config.close_sign * config.rad_to_mm
+
+
 def state_of(state: OurState, config: GripperConfig) -> GripperState:
     """Return a state with the program's own limits and scale; `config` converts it."""
     position_rad = state.position_rad or 0.0
     torque_nm = state.torque_nm or 0.0
     age_s = math.inf if state.age_s is None else state.age_s
-    sign = config.close_sign
     return GripperState(
         position_rad,
         state.velocity_rad_s or 0.0,
@@ -90,8 +94,8 @@ def state_of(state: OurState, config: GripperConfig) -> GripperState:
         int(state.coil_temperature_c or 0),
         state.error_code or 0,
         time.time() - (0.0 if math.isinf(age_s) else age_s),
-        (config.pos_closed_rad - position_rad) * sign * config.rad_to_mm,
-        sign * torque_nm * UnitConversion.NM_TO_N,
+        opening_mm(position_rad, config),
+        config.close_sign * torque_nm * UnitConversion.NM_TO_N,
         age_s,
     )
 
@@ -195,9 +199,16 @@ def finite(name: str, value: Any) -> float:
     except (TypeError, ValueError, OverflowError):
         figure = math.nan
     if isinstance(value, str | bytes | bool) or not math.isfinite(figure):
-        _refuse(f"{name} is {value!r:.60}, it must be a finite number")
+        raise CommandError(f"{name} is {value!r:.60}, it must be a finite number")
     return figure
 
 
-def _refuse(text: str) -> NoReturn:
-    raise CommandError(text)
+_KP_RANGE, _KD_RANGE, _LEAST_DAMPING = (5.0, 500.0), (0.1, 5.0), 0.002
+"""The daemon's ranges of gains; kd is at least kp · 0.002 s."""
+
+
+def gains_in_range(kp: float, kd: float) -> tuple[float, float]:
+    """Return gains inside the daemon's ranges; raises `CommandError` for what is not finite."""
+    stiff = min(max(finite("kp", kp), _KP_RANGE[0]), _KP_RANGE[1])
+    least = max(_KD_RANGE[0], stiff * _LEAST_DAMPING)
+    return stiff, min(max(finite("kd", kd), least), _KD_RANGE[1])

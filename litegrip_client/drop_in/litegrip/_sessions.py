@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from litegrip_client.values import errors as ours
 from litegrip_client.values import trajectory as our_trajectory
 
-from ._bridge import SessionBusyError, finite, in_their_terms, motion_config_of
+from ._bridge import SessionBusyError, finite, gains_in_range, in_their_terms
 from .exceptions import CommandError, LiteGripError
 from .teleop import (
     TeleopSubscription,
@@ -32,7 +32,6 @@ from .trajectory import (
     TrajectoryError,
     TrajectoryNotActiveError,
     TrajectoryRecordingError,
-    TrajectorySample,
 )
 
 if TYPE_CHECKING:
@@ -139,12 +138,10 @@ class Sessions:
 
     def _gains(self, kp: float | None, kd: float | None) -> tuple[float | None, float | None]:
         """Return gains inside the daemon's ranges, none where none were given."""
-        from .gripper import _gains  # noqa: PLC0415 - which imports this module
-
         if kp is None and kd is None:
             return None, None
         config = self._gripper.config
-        return _gains(
+        return gains_in_range(
             config.kp if kp is None else _figure("kp", kp),
             config.kd if kd is None else _figure("kd", kd),
         )
@@ -152,16 +149,12 @@ class Sessions:
     def _claim(self) -> litegrip_client.LiteGrip:
         """Return the daemon's object with the program's limits; raises where a session runs."""
         gripper = self._gripper
-        daemon = gripper._ready()  # noqa: SLF001 - the two are one object for users
+        gripper._ready()  # noqa: SLF001 - the two are one object for users
         kind = self.kind
         if kind is not None:
             raise SessionBusyError(f"{kind} runs on {gripper.channel}: end it first")
         self._end_carrier()  # of teleoperation that has ended by itself
-        gripper._drop_frames()  # noqa: SLF001
-        with in_their_terms():
-            daemon.motion_config = motion_config_of(gripper.motion_config)
-        daemon.motion_calibration = gripper._own_calibration()  # noqa: SLF001
-        return daemon
+        return gripper._in_force()  # noqa: SLF001
 
     # Trajectories
 
@@ -192,7 +185,7 @@ class Sessions:
             raise
         self._kind = None
         TRAJECTORY_LOG.info("recorded %d samples", len(taken))
-        return _theirs(taken)
+        return Trajectory._of(taken)  # noqa: SLF001
 
     def record(self, duration_s: float, rate_hz: float, zero_gravity: bool) -> Trajectory:
         """Record for a while."""
@@ -527,19 +520,6 @@ def _above_0(name: str, value: Any) -> float:
     if figure <= 0.0:
         raise ValueError(f"{name} is {value!r}, it must be above 0")
     return figure
-
-
-def _theirs(taken: our_trajectory.Trajectory) -> Trajectory:
-    return Trajectory(
-        [TrajectorySample(*row) for row in taken.samples],
-        sample_hz=taken.sample_hz,
-        created=taken.created,
-        can_id=taken.can_id,
-        pos_closed_rad=taken.pos_closed_rad,
-        pos_open_rad=taken.pos_open_rad,
-        rad_to_mm=taken.rad_to_mm,
-        mount=taken.mount,
-    )
 
 
 def _ours(given: Trajectory, gripper: LiteGrip) -> our_trajectory.Trajectory:

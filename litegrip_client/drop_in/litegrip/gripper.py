@@ -18,7 +18,16 @@ import litegrip_client
 from litegrip_client.values import errors as ours
 
 from . import _files
-from ._bridge import Samples, finite, in_their_terms, motion_config_of, state_of, translated
+from ._bridge import (
+    Samples,
+    finite,
+    gains_in_range,
+    in_their_terms,
+    motion_config_of,
+    opening_mm,
+    state_of,
+    translated,
+)
 from ._sessions import Sessions
 from .actions import (
     EnableResult,
@@ -33,6 +42,7 @@ from .actions import (
     press_target,
     work_limit_target,
 )
+from .can.protocol import DM_REG
 from .constants import (
     DefaultParams,
     GripperGeometry,
@@ -69,6 +79,7 @@ from .trajectory import DEFAULT_RATE_HZ, Trajectory
 if TYPE_CHECKING:
     from litegrip_client.threads.actions import SetpointStream
     from litegrip_client.values.results import GraspResult as OurGrasp
+    from litegrip_client.values.results import GripperState as OurState
     from litegrip_client.values.results import MoveResult as OurMove
 
 __all__ = [
@@ -122,8 +133,6 @@ _MOST_TAU_NM = 10.0
 _MOST_FORCE_N = 100.0
 _FASTEST_MM_S, _FASTEST_RAD_S = 150.0, 2.9
 """The daemon's bounds of a motion."""
-_KP_RANGE, _KD_RANGE, _LEAST_DAMPING = (5.0, 500.0), (0.1, 5.0), 0.002
-"""The daemon's ranges of gains; kd is at least kp · 0.002 s."""
 _FRAME_PRESS_NM = 2.0
 """What a frame's position presses with at most: as a motion on its way."""
 _LOOK_S, _PERIOD_S, _SHORT_S = 0.05, 0.005, 0.003
@@ -356,8 +365,6 @@ class LiteGrip:
 
     def read_param(self, rid: int, timeout_s: float = 0.5) -> float:
         """Read a register of the motor (`DM_REG`). Raises `CANTimeoutError` and `ValueError`."""
-        from .can.protocol import DM_REG  # noqa: PLC0415 - seldom needed
-
         daemon = self._connected()
         register = DM_REG(rid)
         try:
@@ -398,31 +405,32 @@ class LiteGrip:
         """
         if not self.is_connected:
             return False
+        state = self._report_after(self._polled_s, timeout_s, _PERIOD_S)
+        if state is None:
+            return False
+        self._polled_s = state.feedback_s
+        return True
+
+    def refresh_status(self, timeout_s: float = 0.5) -> bool:
+        """Return True once the motor has reported after this call."""
+        with in_their_terms():
+            before_s = self._connected().get_state().feedback_s
+        return self._report_after(before_s, timeout_s, _SHORT_S) is not None
+
+    def _report_after(
+        self, before_s: float | None, timeout_s: float, period_s: float
+    ) -> OurState | None:
+        """Return what the motor reports anew, looking each period; None if not in time."""
         daemon = self._connected()
         ends_s = time.monotonic() + timeout_s
         while True:
             with in_their_terms():
                 state = daemon.get_state()
-            if not state.stale and state.feedback_s != self._polled_s:
-                self._polled_s = state.feedback_s
-                return True
+            if not state.stale and state.feedback_s != before_s:
+                return state
             if time.monotonic() >= ends_s:
-                return False
-            time.sleep(_PERIOD_S)
-
-    def refresh_status(self, timeout_s: float = 0.5) -> bool:
-        """Return True once the motor has reported after this call."""
-        daemon = self._connected()
-        with in_their_terms():
-            before_s = daemon.get_state().feedback_s
-            ends_s = time.monotonic() + timeout_s
-            while True:
-                state = daemon.get_state()
-                if not state.stale and state.feedback_s != before_s:
-                    return True
-                if time.monotonic() >= ends_s:
-                    return False
-                time.sleep(_SHORT_S)
+                return None
+            time.sleep(period_s)
 
     def get_state(self, wait: bool = True) -> GripperState:
         """Return what the motor has reported last; `wait` makes no difference."""
@@ -503,7 +511,7 @@ class LiteGrip:
             if values["kp"] > 0.0:
                 if values["tau"] != 0.0:
                     raise CommandError("tau beside a kp: the daemon computes the torque itself")
-                stiff, damped = _gains(values["kp"], values["kd"])
+                stiff, damped = gains_in_range(values["kp"], values["kd"])
                 low, high = self._limits
                 target_rad = min(max(values["q"], low), high)
                 frames.set_target(position_rad=target_rad, kp=stiff, kd=damped)
@@ -731,7 +739,7 @@ class LiteGrip:
             return True
         stiff, damped = self._move_gains(kp, kd)
         with in_their_terms():
-            daemon.move_at_speed(self._opening(target_rad), speed_mm_s, stiff, damped)
+            daemon.move_at_speed(opening_mm(target_rad, self.config), speed_mm_s, stiff, damped)
         time.sleep(_WITHOUT_WAY_S)
         return True
 
@@ -1101,16 +1109,21 @@ class LiteGrip:
         return daemon
 
     def _begin(self, name: str, speed_mm_s: float | None) -> litegrip_client.LiteGrip:
-        """Return the daemon's object with this program's tunables and limits in force."""
-        daemon = self._ready()
+        """Return the daemon's object for a motion: with this program's terms in force."""
+        self._ready()
         if speed_mm_s is not None:
             finite("speed_mm_s", speed_mm_s)
         limit_target(self.config, "close", 0.0)  # raises where there is no travel
-        self._drop_frames()
-        with in_their_terms():
-            daemon.motion_config = motion_config_of(self.motion_config)
-        daemon.motion_calibration = self._own_calibration()
+        daemon = self._in_force()
         LOG.info("%s on %s", name, self.channel)
+        return daemon
+
+    def _in_force(self) -> litegrip_client.LiteGrip:
+        """Return the daemon's object with this program's tunables and limits; frames end."""
+        daemon = self._ready()
+        self._drop_frames()
+        daemon.motion_config = motion_config_of(self.motion_config)
+        daemon.motion_calibration = self._own_calibration()
         return daemon
 
     def _own_calibration(self) -> dict[str, float] | None:
@@ -1118,7 +1131,7 @@ class LiteGrip:
         config = self.config
         if not config.calibrated:
             return None
-        kp, kd = _gains(config.kp, config.kd)
+        kp, kd = gains_in_range(config.kp, config.kd)
         own = {
             "zero_position_rad": config.pos_closed_rad,
             "max_position_rad": config.pos_open_rad,
@@ -1139,20 +1152,9 @@ class LiteGrip:
             raise CommandError("rad_to_mm is 0: load a calibration, or zero()")
         return config.pos_closed_rad - config.close_sign * opening_mm / config.rad_to_mm
 
-    def _opening(self, angle_rad: float) -> float:
-        """Return the opening of an angle, mm."""
-        config = self.config
-        return (config.pos_closed_rad - angle_rad) * config.close_sign * config.rad_to_mm
-
     def _move_gains(self, kp: float | None, kd: float | None) -> tuple[float, float]:
-        return _gains(self.config.kp if kp is None else kp, self.config.kd if kd is None else kd)
-
-
-def _gains(kp: float, kd: float) -> tuple[float, float]:
-    """Return gains inside the daemon's ranges."""
-    stiff = min(max(finite("kp", kp), _KP_RANGE[0]), _KP_RANGE[1])
-    least = max(_KD_RANGE[0], stiff * _LEAST_DAMPING)
-    return stiff, min(max(finite("kd", kd), least), _KD_RANGE[1])
+        config = self.config
+        return gains_in_range(config.kp if kp is None else kp, config.kd if kd is None else kd)
 
 
 def _is_slack(state: Any) -> bool:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-import bisect
 import os
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, ClassVar
 
+from litegrip_client.values import atomic_file, errors
+from litegrip_client.values import trajectory as ours
 from litegrip_client.values.trajectory_format import ENDING, HEADER, LGT_VERSION, MAGIC, SAMPLE
 
 from ._refused import Refused
@@ -99,11 +101,7 @@ class Trajectory:
         rows = self.samples
         if not rows:
             raise TrajectoryEmptyError("a trajectory without samples has no openness")
-        after = bisect.bisect_right(rows, t, key=lambda row: row.t)
-        if after in (0, len(rows)):
-            return rows[0 if after == 0 else -1].openness
-        low, high = rows[after - 1], rows[after]
-        return low.openness + (t - low.t) / (high.t - low.t) * (high.openness - low.openness)
+        return ours.openness_between(rows, t)
 
     def to_bytes(self) -> bytes:
         """Return a file's content; raises `TrajectoryError` for a mount that does not fit."""
@@ -131,30 +129,27 @@ class Trajectory:
     @classmethod
     def from_bytes(cls, blob: bytes) -> Trajectory:
         """Read a file's content; raises `TrajectoryFormatError` with the reason."""
-        from litegrip_client.values import errors  # noqa: PLC0415
-        from litegrip_client.values import trajectory as ours  # noqa: PLC0415 - files are seldom read
-
         try:
-            read = ours.Trajectory.from_bytes(blob)
+            return cls._of(ours.Trajectory.from_bytes(blob))
         except errors.CommandError as error:
             raise TrajectoryFormatError(error.message) from error
+
+    @classmethod
+    def _of(cls, known: ours.Trajectory) -> Trajectory:
+        """Return what `litegrip_client` has, without its taught grips."""
         return cls(
-            [TrajectorySample(*row) for row in read.samples],
-            sample_hz=read.sample_hz,
-            created=read.created,
-            can_id=read.can_id,
-            pos_closed_rad=read.pos_closed_rad,
-            pos_open_rad=read.pos_open_rad,
-            rad_to_mm=read.rad_to_mm,
-            mount=read.mount,
+            [TrajectorySample(*row) for row in known.samples],
+            sample_hz=known.sample_hz,
+            created=known.created,
+            can_id=known.can_id,
+            pos_closed_rad=known.pos_closed_rad,
+            pos_open_rad=known.pos_open_rad,
+            rad_to_mm=known.rad_to_mm,
+            mount=known.mount,
         )
 
     def save(self, path: str | os.PathLike[str]) -> str:
         """Write a file, at once or not at all; return its path. See `resolve_path`."""
-        from pathlib import Path  # noqa: PLC0415
-
-        from litegrip_client.values import atomic_file  # noqa: PLC0415 - files are seldom written
-
         target = resolve_path(path)
         atomic_file.write(Path(target), self.to_bytes())
         return target
