@@ -147,8 +147,8 @@ class SecondMaster:
     _told_s: Carried[float] = 0.0
     NOT_CARRIED = ("is_tolerated", "count", "_write", "_known_write")  # the motor counts from 0
 
-    def __init__(self, *, is_tolerated: bool = False) -> None:
-        self.is_tolerated = is_tolerated
+    def __init__(self) -> None:
+        self.is_tolerated = False
         self.count = 0
         self._write: RegisterWrite | None = None
         """The latest write while another program is active."""
@@ -289,7 +289,7 @@ class Loss:
         """Return the same for programs."""
         data: LossData = {"cause": self.cause, "why": self.why, "on_lost": self.on_lost}
         if self.by is not None:
-            data["by"] = _who(self.by)
+            data["by"] = process_of(self.by)
         return data
 
 
@@ -341,7 +341,15 @@ class Lease:
             return None
         loss = self._losses.get(owner.client)
         if loss is not None:
-            return _lost_refusal(loss, holder)
+            return Refusal(
+                "lease_lost",
+                sentence(
+                    "the lease of this connection is lost: {how}; nothing moves for it until it"
+                    " asks for the gripper again ({lease.acquire})",
+                    how=loss.text,
+                ),
+                {**loss.data, **_held_by(holder), "hint": method_name("lease.acquire")},
+            )
         if holder is None or holder.owner.client == owner.client:
             return None
         return held_refusal(holder)
@@ -439,22 +447,17 @@ class Lease:
     def step(self, now_s: float, *, may_grant: bool) -> None:
         """Answer waiting requests: the holder's own, late ones, and the next if `may_grant`."""
         holder = self.holder
-        if holder is not None:
-            self._answer_holder(holder)
+        if holder is not None:  # it has asked twice, or has taken what it waits for
+            client = holder.owner.client
+            for entry in [entry for entry in self._waiting if entry.owner.client == client]:
+                self._waiting.remove(entry)
+                entry.on_answer(holder)
         for entry in [entry for entry in self._waiting if now_s >= entry.until_s]:
             self._waiting.remove(entry)
-            entry.on_answer(_waited_in_vain(self.holder))
+            entry.on_answer(_NOT_FREE if self.holder is None else held_refusal(self.holder))
         if may_grant and self.holder is None and self._waiting:
             entry = self._waiting.popleft()
             entry.on_answer(self._grant(entry.owner, entry.options, now_s))
-
-    def _answer_holder(self, holder: Grant) -> None:
-        """Answer a client that has asked twice, or has taken what it waits for."""
-        client = holder.owner.client
-        own = [entry for entry in self._waiting if entry.owner.client == client]
-        for entry in own:
-            self._waiting.remove(entry)
-            entry.on_answer(holder)
 
     def _grant(self, owner: Owner, options: LeaseOptions, now_s: float) -> Grant:
         self._last += 1
@@ -494,33 +497,18 @@ def held_refusal(holder: Grant) -> Refusal:
     )
 
 
-def _lost_refusal(loss: Loss, holder: Grant | None) -> Refusal:
-    """Return who has taken the lease of a connection, or how else it was lost."""
-    return Refusal(
-        "lease_lost",
-        sentence(
-            "the lease of this connection is lost: {how}; nothing moves for it until it asks for"
-            " the gripper again ({lease.acquire})",
-            how=loss.text,
-        ),
-        {**loss.data, **_held_by(holder), "hint": method_name("lease.acquire")},
-    )
-
-
 def _held_by(holder: Grant | None) -> dict[str, object]:
     return {} if holder is None else {"owner": _owner_data(holder)}
 
 
 def _owner_data(holder: Grant) -> dict[str, object]:
     purpose, since_s = holder.options.purpose, holder.since_s
-    return {**_who(holder.owner), "purpose": purpose, "since_s": since_s}
+    return {**process_of(holder.owner), "purpose": purpose, "since_s": since_s}
 
 
-def _who(owner: Owner) -> Taker:
+def process_of(owner: Owner) -> Taker:
+    """Return the process of a client, for programs."""
     return {"pid": owner.pid, "uid": owner.uid, "program": owner.program}
 
 
-def _waited_in_vain(holder: Grant | None) -> Refusal:
-    if holder is not None:
-        return held_refusal(holder)
-    return Refusal("lease_held", "the gripper was not free in time: wait longer, or try again")
+_NOT_FREE = Refusal("lease_held", "the gripper was not free in time: wait longer, or try again")

@@ -26,7 +26,6 @@ from litegripd.control.authority import (
     LeaseOptions,
     Loss,
     LossCause,
-    OnAnswer,
     SecondMaster,
     StopLatch,
     held_refusal,
@@ -623,12 +622,6 @@ class Controller:
         answer = self.lease.acquire(owner, options, self.now_s)
         return self._granted(answer) if before is None else answer
 
-    def await_lease(
-        self, owner: Owner, options: LeaseOptions, wait_s: float, on_answer: OnAnswer
-    ) -> Refusal | None:
-        """Let `owner` wait for the lease, first come, first served."""
-        return self.lease.wait(owner, options, self.now_s + wait_s, on_answer)
-
     def release(self, owner: Owner) -> Refusal | None:
         """Release the lease; a motion that runs under it continues."""
         holder, running = self.lease.holder, self.jobs.running
@@ -708,7 +701,11 @@ class Controller:
         begins, detached or not: the lease's options say how the jaws are left.
         """
         running = self.jobs.running
-        self._drop_queued(events.loss_refusal(loss), lambda job: _never_begins(job, loss, client))
+        holder = None if loss is None else loss.grant.owner.client
+        self._drop_queued(
+            events.loss_refusal(loss),
+            lambda job: job.owner.client == holder or _falls(job, loss, client),
+        )
         ends = running is not None and running.kind != "disable" and _falls(running, loss, client)
         if running is not None and ends:
             self.end(events.loss_refusal(loss, is_owner=running.owner.client == client))
@@ -826,7 +823,14 @@ class Controller:
             self.idle = idle = idle.eased(feedback.position_rad, geometry)
         if isinstance(idle, Hold):
             calm = replace(idle, gains=self.swing.bound(idle.gains))
-            idle = self._within_press(now_s, feedback, calm)
+            most_nm = self._easing.step(
+                now_s,
+                calm.asked_nm(feedback.position_rad),
+                self._press_nm(calm),
+                feedback.torque_nm,
+                stands=True,  # a hand that moves them to and fro presses, too
+            )
+            idle = calm.within(most_nm, feedback.position_rad)
         command = idle.command(now_s, feedback)
         if isinstance(idle, Grip) and idle.is_lost:
             if idle.watched:
@@ -836,35 +840,20 @@ class Controller:
             return self.idle.command(now_s, feedback)
         return command
 
-    def _within_press(self, now_s: float, feedback: Feedback, hold: Hold) -> Hold:
-        """Return the hold with which the jaws press no harder than may last."""
-        most_nm = self._easing.step(
-            now_s,
-            hold.asked_nm(feedback.position_rad),
-            self._press_nm(hold),
-            feedback.torque_nm,
-            stands=True,  # a hand that moves them to and fro presses, too
-        )
-        return hold.within(most_nm, feedback.position_rad)
-
     def _note_pressing(self, now_s: float, feedback: Feedback) -> None:
         """Take note of jaws that press, and report what was not asked for as a grasp."""
         grip, running, geometry = self.grip, self.jobs.running, self.in_force.geometry
         is_held = grip is not None and grip.is_holding
         self.pressing.see(feedback, is_held=is_held)
-        is_wanted = is_held or self._is_pushed
-        if is_wanted or geometry is None or self._rests_at_stop(feedback, geometry):
+        if is_held or self._is_pushed or geometry is None:
             return
+        config, stops_rad = self.in_force.config, (geometry.closed_rad, geometry.open_rad)
+        short_rad = min(abs(feedback.position_rad - stop_rad) for stop_rad in stops_rad)
+        if short_rad <= config.stop_tol and abs(feedback.torque_nm) <= config.stop_nm:
+            return  # a stop is elastic, and pushes back a little
         lasting = self.pressing.take_lasting(now_s, self._moved_by)
         if lasting is not None:
             self.events.append(events.pressing(lasting, geometry, self._moved_by, running))
-
-    def _rests_at_stop(self, feedback: Feedback, geometry: Geometry) -> bool:
-        """Return True if the jaws are at a stop, which is elastic and pushes back a little."""
-        position_rad, config = feedback.position_rad, self.in_force.config
-        stops_rad = (geometry.closed_rad, geometry.open_rad)
-        is_there = min(abs(position_rad - stop_rad) for stop_rad in stops_rad) <= config.stop_tol
-        return is_there and abs(feedback.torque_nm) <= config.stop_nm
 
     def _calmed(self, command: MitCommand, feedback: Feedback, *, is_motion: bool) -> MitCommand:
         """Return a command that does not swing: of a hold by stiffness, or of a follower."""
@@ -1036,12 +1025,6 @@ class Controller:
 def _defect(job: Job, error: Exception) -> Refusal:
     text = f"{job.kind} failed by a defect: {type(error).__name__}: {error}"
     return Refusal("internal_error", text)
-
-
-def _never_begins(job: Job, loss: Loss | None, client: int) -> bool:
-    """Return True if a queued job does not begin after this loss."""
-    is_holders = loss is not None and job.owner.client == loss.grant.owner.client
-    return is_holders or _falls(job, loss, client)
 
 
 def _falls(job: Job, loss: Loss | None, client: int) -> bool:

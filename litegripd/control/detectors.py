@@ -133,9 +133,14 @@ class SwingDetector:
             return False
         self._seen_s = at_s
         moved_rad_s = self._moved.add(at_s, feedback.position_rad)
-        self._keep(at_s, speed_rad_s)
-        if moved_rad_s is not None and self._is_unseen(moved_rad_s):
-            self._turned_s = at_s
+        self._speeds.append((at_s, speed_rad_s))
+        while at_s - self._speeds[0][0] > 1.5 * WINDOW_S:  # as long as `_moved` keeps positions
+            self._speeds.popleft()
+        if moved_rad_s is not None:
+            speeds_rad_s = [speed_rad_s for _, speed_rad_s in self._speeds]
+            low_rad_s, high_rad_s = min(speeds_rad_s), max(speeds_rad_s)
+            if not low_rad_s - BETWEEN_RAD_S <= moved_rad_s <= high_rad_s + BETWEEN_RAD_S:
+                self._turned_s = at_s  # they came another way than any of the speeds says
         if abs(speed_rad_s) >= TURN_RAD_S:
             side = 1 if speed_rad_s > 0.0 else -1
             if side == -self._side:
@@ -143,18 +148,6 @@ class SwingDetector:
             self._side = side
         turned_s = self._turned_s
         return self._lasts.step(turned_s is not None and at_s - turned_s <= TURN_WITHIN_S, at_s)
-
-    def _keep(self, at_s: float, speed_rad_s: float) -> None:
-        """Keep the speeds that the motor reports for as long as `_moved` keeps positions."""
-        self._speeds.append((at_s, speed_rad_s))
-        while at_s - self._speeds[0][0] > 1.5 * WINDOW_S:
-            self._speeds.popleft()
-
-    def _is_unseen(self, moved_rad_s: float) -> bool:
-        """Return True if the jaws came another way than any of the reported speeds says."""
-        speeds_rad_s = [speed_rad_s for _, speed_rad_s in self._speeds]
-        low_rad_s, high_rad_s = min(speeds_rad_s), max(speeds_rad_s)
-        return not low_rad_s - BETWEEN_RAD_S <= moved_rad_s <= high_rad_s + BETWEEN_RAD_S
 
     def reset(self) -> None:
         """Begin again: what was seen before does not count."""
@@ -341,7 +334,8 @@ class GripWatch:
         self._seen_s = at_s
         closed_rad = sign * feedback.position_rad
         torque_nm = sign * feedback.torque_nm
-        self.takes_nothing = torque_nm < self._resist_nm(applied_nm)
+        friction_nm = RESIST_FRICTIONS * self.limits.friction_nm
+        self.takes_nothing = torque_nm < max(RESIST_SHARE * applied_nm, friction_nm + RESIST_NM)
         if self.contact_rad is None:
             self.contact_rad = closed_rad
         if self._closed.step(closed_rad >= self.limits.lost_at_rad, at_s):
@@ -363,10 +357,6 @@ class GripWatch:
             self._recover(seen, is_settled=is_full and not is_free)
         elif not is_free:
             self._keep_contact()
-
-    def _resist_nm(self, applied_nm: float) -> float:
-        friction_nm = RESIST_FRICTIONS * self.limits.friction_nm
-        return max(RESIST_SHARE * applied_nm, friction_nm + RESIST_NM)
 
     def _enter(self, state: WatchState) -> None:
         self.state = state

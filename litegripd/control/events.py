@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import TypeAlias
 
-from litegripd.control.authority import Grant, Loss, LossCause
+from litegripd.control.authority import Grant, Loss, LossCause, process_of
 from litegripd.control.detectors import Pressing
 from litegripd.control.heat import HeatChange, HeatGuard
 from litegripd.control.made_torque import MadeTorque
@@ -21,7 +21,6 @@ from litegripd.model.motor import (
     LATEST_DISARM_S,
     UNANSWERED,
     BusCondition,
-    MotorIdentity,
     MotorPhase,
     MotorView,
     RegisterReply,
@@ -464,7 +463,7 @@ def lease_released(grant: Grant, by: Owner) -> Event:
     whose = "" if by.client == owner.client else f", in the place of {_named(owner)}"
     text = f"lease {grant.number} given back by {_named(by)}{whose}"
     data = {"client": owner.client, "pid": owner.pid, "lease": grant.number, "held": False}
-    return Event("lease", text, {**data, "by": {"client": by.client, **_who(by)}})
+    return Event("lease", text, {**data, "by": {"client": by.client, **process_of(by)}})
 
 
 def _named(owner: Owner) -> str:
@@ -484,12 +483,8 @@ def loss_refusal(loss: Loss | None, *, is_owner: bool = True) -> Refusal:
 
 def taken_refusal(by: Owner, why: str, left: OnLost) -> Refusal:
     """Return why a motion ends when somebody takes the gripper over."""
-    data = {"on_lost": left, "cause": "taken", "why": why, "by": _who(by)}
+    data = {"on_lost": left, "cause": "taken", "why": why, "by": process_of(by)}
     return Refusal("lease_lost", f"the gripper was taken over by {_named(by)}: {why}", data)
-
-
-def _who(owner: Owner) -> dict[str, object]:
-    return {"pid": owner.pid, "uid": owner.uid, "program": owner.program}
 
 
 _LOSERS = {
@@ -513,7 +508,7 @@ def left_to_holder() -> Event:
 
 
 def motor_changed(before: MotorView, now: MotorView) -> list[Event]:
-    """Report a change of the motor's phase or fault, and why it was disabled."""
+    """Report a change of the motor's phase, fault or registers, and why it was disabled."""
     events = []
     fault, problem = now.fault, now.problem
     if now.phase is not before.phase or (fault is not None and fault != before.fault):
@@ -525,23 +520,19 @@ def motor_changed(before: MotorView, now: MotorView) -> list[Event]:
         events.append(Event("motor", joined(": ", texts), data))
     if problem is not None and now.has_jumped and before.phase is MotorPhase.ENABLED:
         events.append(Event("implausible", problem.message, problem.data))
-    if before.identity is not None and now.identity is not None:
-        events += _registers_changed(before.identity, now.identity)
+    old, new = before.identity, now.identity
+    if old is None or new is None or new is old:
+        return events
+    known = old.registers
+    changed = {name: value for name, value in new.registers.items() if value != known.get(name)}
+    if changed:
+        worded = ", ".join(f"{name} is {value}" for name, value in changed.items())
+        text = f"the motor's registers have changed: {worded}; what was read is used from now on"
+        finite = {
+            name: None if value is None else _finite(value) for name, value in changed.items()
+        }
+        events.append(Event("motor", text, {"registers": finite, "error": text}))
     return events
-
-
-def _registers_changed(before: MotorIdentity, now: MotorIdentity) -> list[Event]:
-    """Report the registers of the motor whose values have changed."""
-    if now is before:
-        return []
-    known = before.registers
-    changed = {name: value for name, value in now.registers.items() if value != known.get(name)}
-    if not changed:
-        return []
-    worded = ", ".join(f"{name} is {value}" for name, value in changed.items())
-    text = f"the motor's registers have changed: {worded}; what was read is used from now on"
-    finite = {name: None if value is None else _finite(value) for name, value in changed.items()}
-    return [Event("motor", text, {"registers": finite, "error": text})]
 
 
 def bus_changed(

@@ -439,15 +439,24 @@ class Grip:
         self._ramped_at_s = now_s
         self._judge(feedback)
         self._ramp(elapsed_s)
-        if self._settings.by == "gains":
-            return self._around_reading(now_s, feedback)
+        settings, position_rad = self._settings, feedback.position_rad
         torque_nm = self._sign * self._applied_nm
+        if settings.by == "gains":  # as the vendor's SDK: stiff around a position read at intervals
+            if self._slice_rad is None or now_s - self._slice_began_s >= settings.interval_s:
+                self._slice_began_s, self._slice_rad = now_s, position_rad
+            kp, kd = settings.kp_nm_rad, settings.kd_nm_s_rad
+            return MitCommand(self._slice_rad, 0.0, kp, kd, torque_nm)
         if self._watch.is_searching:
-            _, damping, _ = self._settings.search(self.force_n, self._motor_type)
-            return MitCommand(feedback.position_rad, 0.0, 0.0, damping, torque_nm)
-        damping = self._settings.damping(self._applied_nm)
-        expected_rad_s = self._expected_rad_s()
-        return MitCommand(feedback.position_rad, expected_rad_s, 0.0, damping, torque_nm)
+            _, damping, _ = settings.search(self.force_n, self._motor_type)
+            return MitCommand(position_rad, 0.0, 0.0, damping, torque_nm)
+        # The damping lets the speed of a yielding object pass. It comes from positions over two
+        # periods or more: a noisy speed, or a vibration at half the control rate, would grow if it
+        # were sent back to the motor.
+        limit_rad_s = FREE_SPEED_SHARE * settings.grasp_speed_rad_s
+        closing_rad_s = self._watch.speed_rad_s or 0.0
+        expected_rad_s = self._sign * min(max(closing_rad_s, -limit_rad_s), limit_rad_s)
+        damping = settings.damping(self._applied_nm)
+        return MitCommand(position_rad, expected_rad_s, 0.0, damping, torque_nm)
 
     def _judge(self, feedback: Feedback) -> None:
         was_searching = self._watch.is_searching
@@ -468,24 +477,6 @@ class Grip:
             if has_lasted or (closes_on and self._decides_next):
                 self._has_moved_on = True
             self._decides_next = False
-
-    def _expected_rad_s(self) -> float:
-        """Return the speed that the damping lets pass: that of a yielding object.
-
-        It comes from positions over two periods or more. A noisy speed, or a vibration at half the
-        control rate, would grow if it were sent back to the motor.
-        """
-        limit_rad_s = FREE_SPEED_SHARE * self._settings.grasp_speed_rad_s
-        closing_rad_s = self._watch.speed_rad_s or 0.0
-        return self._sign * min(max(closing_rad_s, -limit_rad_s), limit_rad_s)
-
-    def _around_reading(self, now_s: float, feedback: Feedback) -> MitCommand:
-        """Hold as the vendor's SDK does: stiff around a position that is read at intervals."""
-        settings = self._settings
-        if self._slice_rad is None or now_s - self._slice_began_s >= settings.interval_s:
-            self._slice_began_s, self._slice_rad = now_s, feedback.position_rad
-        torque_nm = self._sign * self._applied_nm
-        return MitCommand(self._slice_rad, 0.0, settings.kp_nm_rad, settings.kd_nm_s_rad, torque_nm)
 
     def _aim(self, force_n: float) -> None:
         """Take another force; a lowered one goes below its value once, by the friction."""

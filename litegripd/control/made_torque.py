@@ -68,17 +68,16 @@ class MadeTorque:
             return False
         self._seen_s = at_s
         speed_rad_s = self._speed.add(at_s, feedback.position_rad)
-        if seen_s is None or sent is None or before is None or speed_rad_s is None:
+        if seen_s is None or speed_rad_s is None or abs(speed_rad_s) >= STILL_RAD_S:
             self._forget()
             return False
-        if abs(speed_rad_s) >= STILL_RAD_S:
+        if sent is None or before is None:
             self._forget()
             return False
-        position_rad = feedback.position_rad
-        commanded_nm = _less(
-            *(_commanded_nm(one, position_rad, speed_rad_s) for one in (sent, before))
-        )
-        if abs(commanded_nm) < LEAST_NM:
+        now_nm = _commanded_nm(sent, feedback.position_rad, speed_rad_s)
+        before_nm = _commanded_nm(before, feedback.position_rad, speed_rad_s)
+        commanded_nm = min(now_nm, before_nm, key=abs)
+        if now_nm * before_nm <= 0.0 or abs(commanded_nm) < LEAST_NM:
             self._forget()
             return False
         made_nm = feedback.torque_nm if commanded_nm > 0.0 else -feedback.torque_nm
@@ -120,10 +119,3 @@ def _commanded_nm(command: MitCommand, position_rad: float, speed_rad_s: float) 
         + command.kd_nm_s_rad * (command.velocity_rad_s - speed_rad_s)
         + command.torque_nm
     )
-
-
-def _less(one_nm: float, other_nm: float) -> float:
-    """Return the smaller of two torques; 0 where they differ in direction."""
-    if one_nm * other_nm <= 0.0:
-        return 0.0
-    return one_nm if abs(one_nm) < abs(other_nm) else other_nm

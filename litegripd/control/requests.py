@@ -219,7 +219,7 @@ class MotionRequests:
         owner: Owner,
         terms: Terms,
         *,
-        pace: "Pace",
+        pace: Pace,
         gains: Gains,
         detached: bool,
         turn: Turn,
@@ -449,24 +449,16 @@ class CalibrationRequests:
         `stroke_mm` is how far the jaws open, None for what is configured.
         """
         controller = self._controller
-        refusal = self._unready(turn)
+        refusal = self._unready(turn) or stroke_refusal(stroke_mm, controller.gripper_id)
         if refusal is not None:
             return refusal
-        refusal = stroke_refusal(stroke_mm, controller.gripper_id)
-        if refusal is not None:
-            return refusal
-        before = controller.calibrated.calibration
-        geometry = controller.geometry
-        if mount is None and geometry is None:
-            return controller.calibrated.problem
         if mount is not None:
             close_sign = 1 if mount == "normal" else -1
+        elif controller.geometry is not None:
+            close_sign = controller.geometry.close_sign
         else:
-            close_sign = 1 if geometry is None else geometry.close_sign
-        saving = Saving(
-            before, controller.gripper_id, controller.gains, stroke_mm=stroke_mm, keep=keep
-        )
-        action = Calibrate(close_sign, config, saving)
+            return controller.calibrated.problem
+        action = Calibrate(close_sign, config, self._saving(stroke_mm, keep=keep))
         return controller.begin("zero", action, owner, detached, turn)
 
     def by_hand(self, owner: Owner, config: MotionConfig) -> Job | Refusal:
@@ -492,14 +484,7 @@ class CalibrationRequests:
         refusal = stroke_refusal(stroke_mm, controller.gripper_id)
         if refusal is not None:
             return refusal
-        saving = Saving(
-            controller.calibrated.calibration,
-            controller.gripper_id,
-            controller.gains,
-            stroke_mm=stroke_mm,
-            keep=keep,
-        )
-        return action.finish(saving) or running or _NOT_BY_HAND
+        return action.finish(self._saving(stroke_mm, keep=keep)) or running or _NOT_BY_HAND
 
     def give_up(self, owner: Owner) -> Refusal | None:
         """End a calibration by hand without a result; the jaws hold where they are."""
@@ -567,6 +552,11 @@ class CalibrationRequests:
 
         controller.tasks.append(replace(save_task(controller.gripper_id, content, saved), uid=uid))
         return None
+
+    def _saving(self, stroke_mm: float | None, *, keep: bool) -> Saving:
+        controller = self._controller
+        before, gripper_id = controller.calibrated.calibration, controller.gripper_id
+        return Saving(before, gripper_id, controller.gains, stroke_mm=stroke_mm, keep=keep)
 
     def _unready(self, turn: Turn = NOW) -> Refusal | None:
         controller = self._controller

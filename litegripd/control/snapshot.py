@@ -5,10 +5,10 @@ from typing import Literal, TypeAlias
 
 from litegrip_client.values.fields import STALE_AFTER_S
 from litegripd.control.controller import Controller
-from litegripd.control.holds import Grip, Slack
+from litegripd.control.holds import Slack
 from litegripd.model.calibration import ScaleDoubt
-from litegripd.model.gripper import Geometry, Mount
-from litegripd.model.motor import BusState, Feedback, MotorPhase, MotorView, Status, status_name
+from litegripd.model.gripper import Mount
+from litegripd.model.motor import BusState, MotorPhase, MotorView, Status, status_name
 from litegripd.model.state import Job
 
 Mode: TypeAlias = Literal[
@@ -131,8 +131,18 @@ def snapshot(controller: Controller, now_s: float, period_s: float) -> GripperSt
     grip = controller.grip
     held = grip if grip is not None and grip.is_holding and enabled else None
     may_hold = grip is not None and grip.is_holding and motor.phase is MotorPhase.SILENT
-    detected_from_n = _loss_detected_from_n(held, feedback)
+    detected_from_n: float | None = None
+    if held is not None and feedback is not None:
+        detected_from_n = held.loss_detected_from_n(held.geometry.opening_mm(feedback.position_rad))
     keeps_force = motor.phase in (MotorPhase.ENABLED, MotorPhase.SILENT)
+    force_n: float | None = None
+    opening_mm: float | None = None
+    openness: float | None = None
+    if geometry is not None and feedback is not None:
+        force_n = geometry.force_n(feedback.torque_nm)
+        opening_mm = geometry.opening_mm(feedback.position_rad)
+        openness = geometry.openness(feedback.position_rad)
+    moved_in, pressing_nm = geometry or controller.in_force.geometry, controller.pressing.torque_nm
     return GripperState(
         seq=controller.ticks,
         monotonic_s=now_s,
@@ -150,9 +160,9 @@ def snapshot(controller: Controller, now_s: float, period_s: float) -> GripperSt
         position_rad=None if feedback is None else feedback.position_rad,
         velocity_rad_s=None if feedback is None else feedback.velocity_rad_s,
         torque_nm=None if feedback is None else feedback.torque_nm,
-        force_n=_geometric("force_n", geometry, feedback),
-        opening_mm=_geometric("opening_mm", geometry, feedback),
-        openness=_geometric("openness", geometry, feedback),
+        force_n=force_n,
+        opening_mm=opening_mm,
+        openness=openness,
         driver_temperature_c=None if feedback is None else feedback.driver_temperature_c,
         coil_temperature_c=None if feedback is None else feedback.coil_temperature_c,
         command_rad=None if command is None else command.position_rad,
@@ -169,7 +179,9 @@ def snapshot(controller: Controller, now_s: float, period_s: float) -> GripperSt
             else detected_from_n is not None and held.force_n >= detected_from_n
         ),
         loss_detection_from_n=detected_from_n,
-        pressing_n=_pressing_n(controller),
+        pressing_n=(
+            None if moved_in is None or pressing_nm is None else abs(moved_in.force_n(pressing_nm))
+        ),
         calibrated=geometry is not None,
         mount=None if geometry is None else geometry.mount,
         work_stroke_mm=controller.calibrated.work_opening_mm,
@@ -178,19 +190,6 @@ def snapshot(controller: Controller, now_s: float, period_s: float) -> GripperSt
         stop=_stop(controller),
         stop_generation=controller.stop_latch.generation,
     )
-
-
-def _loss_detected_from_n(held: Grip | None, feedback: Feedback | None) -> float | None:
-    """Return the smallest force with which a loss of the object is noticed, or None."""
-    if held is None or feedback is None:
-        return None
-    return held.loss_detected_from_n(held.geometry.opening_mm(feedback.position_rad))
-
-
-def _pressing_n(controller: Controller) -> float | None:
-    geometry, torque_nm = controller.geometry, controller.pressing.torque_nm
-    geometry = geometry or controller.in_force.geometry
-    return None if geometry is None or torque_nm is None else abs(geometry.force_n(torque_nm))
 
 
 def _enabled(motor: MotorView) -> bool | None:
@@ -210,21 +209,6 @@ def mode_of(phase: MotorPhase, has_job: bool, is_slack: bool) -> Mode:
     if has_job:
         return "moving"
     return "relaxed" if is_slack else "holding"
-
-
-def _geometric(
-    quantity: Literal["force_n", "opening_mm", "openness"],
-    geometry: Geometry | None,
-    feedback: Feedback | None,
-) -> float | None:
-    """Return a measured quantity in the calibration's units, None without a calibration."""
-    if geometry is None or feedback is None:
-        return None
-    if quantity == "force_n":
-        return geometry.force_n(feedback.torque_nm)
-    if quantity == "opening_mm":
-        return geometry.opening_mm(feedback.position_rad)
-    return geometry.openness(feedback.position_rad)
 
 
 def _job(controller: Controller, job: Job | None) -> JobSummary | None:

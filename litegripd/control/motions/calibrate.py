@@ -237,7 +237,6 @@ class Pressing:
 
 
 Confirmed: TypeAlias = Literal["confirmed", "stuck", "not_found", "apart"]
-"""Take a set-point that is valid until `valid_until_s`; the first one begins the motion."""
 
 MOST_STROKES = 4
 RUN_UP_RAD = 0.34
@@ -293,7 +292,9 @@ class Confirming:
             return self._press(self._pressing, now_s, feedback)
         command, verdict = self._stroke.step(now_s, feedback)
         if self._backing_since_s is not None:
-            if self._has_backed_off(now_s, feedback, self._backing_since_s) or verdict is not None:
+            is_far = (self.stop_rad - feedback.position_rad) * self._sign >= RUN_UP_RAD
+            is_late = now_s - self._backing_since_s >= RUN_UP_WITHIN_S
+            if is_far or is_late or verdict is not None:
                 self._backing_since_s = None
                 self._stroke = self._plan.stroke(self._sign)
             return command, None
@@ -328,12 +329,6 @@ class Confirming:
         self._backing_since_s = now_s
         self._stroke = self._plan.stroke(-self._sign)
         return None
-
-    def _has_backed_off(self, now_s: float, feedback: Feedback, since_s: float) -> bool:
-        """Return True if the run-up is long enough, or its time is over."""
-        backed_rad = (self.stop_rad - feedback.position_rad) * self._sign
-        is_far = backed_rad >= RUN_UP_RAD
-        return is_far or now_s - since_s >= RUN_UP_WITHIN_S
 
 
 Phase: TypeAlias = Literal[

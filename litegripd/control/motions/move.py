@@ -161,7 +161,9 @@ class MoveTo(PlainAction):
             self._period_s,
         )
         self._command_rad = clamp_lead(ramp_rad, position_rad, lead_rad)
-        is_behind = self._is_behind(abs(ramp_rad - position_rad))
+        # Jaws so far behind the ramp are held by more than friction.
+        held_nm = self._gains.kp_nm_rad * abs(ramp_rad - position_rad)
+        is_behind = held_nm >= min(FRICTION_NM, self._travel_nm)
         outcome = self._judge(now_s, position_rad, self._ramp, is_behind=is_behind)
         if self._command_rad != ramp_rad:
             velocity_rad_s = 0.0  # kd·dq would add to the torque that is bounded
@@ -197,11 +199,6 @@ class MoveTo(PlainAction):
         geometry = self._geometry
         closing = (ramp.target_rad - ramp.start_rad) * geometry.close_sign > 0.0
         return geometry.closed_rad if closing else geometry.open_rad
-
-    def _is_behind(self, distance_rad: float) -> bool:
-        """Return True if jaws this far behind the ramp are held by more than friction."""
-        held_nm = self._gains.kp_nm_rad * distance_rad
-        return held_nm >= min(FRICTION_NM, self._travel_nm)
 
     def _judge(
         self, now_s: float, position_rad: float, ramp: Ramp, *, is_behind: bool
@@ -301,7 +298,11 @@ class MoveToStop(PlainAction):
         if feedback is None:
             return Step()
         if self._ramp is None:
-            self._planned = self._ramp = self._begin(now_s, feedback.position_rad)
+            # It starts where the jaws are; past the target, they do not go back.
+            is_past = (self.target_rad - feedback.position_rad) * self._sign < 0.0
+            start_rad = self.target_rad if is_past else feedback.position_rad
+            self._planned = self._ramp = Ramp(now_s, start_rad, self.target_rad, self._speed_rad_s)
+            self._phase_began_s = now_s
         self._steps += 1
         self._feedback = feedback
         ramp_rad, velocity_rad_s = self._ramp.at(now_s)
@@ -324,14 +325,6 @@ class MoveToStop(PlainAction):
         total_steps = max(round(self._planned.duration_s / self._period_s), 1)
         step = min(self._steps, total_steps)
         return progress_of(self._phase, step, total_steps, self._command_rad, self._feedback)
-
-    def _begin(self, now_s: float, position_rad: float) -> Ramp:
-        """Start where the jaws are: no step, whatever was commanded before."""
-        self._phase_began_s = now_s
-        start_rad = position_rad
-        if (self.target_rad - position_rad) * self._sign < 0.0:
-            start_rad = self.target_rad  # past it: they do not go back
-        return Ramp(now_s, start_rad, self.target_rad, self._speed_rad_s)
 
     def _capped(self, command_rad: float, velocity_rad_s: float, feedback: Feedback) -> float:
         """Limit the lead to what is allowed where the jaws will be when the command arrives."""

@@ -199,7 +199,13 @@ class Stream(PlainAction):
         if now_s >= point.valid_until_s:
             return self._lapsed(now_s, feedback, point)
         if isinstance(point, SetPoint):
-            return Step(self._faded(now_s, feedback, self._towards(now_s, feedback, point)))
+            command = self._towards(now_s, feedback, point)
+            if self._pushing is not None:  # what is left of a push before it
+                torque_nm = self._pushing.fade(now_s, feedback)
+                command = replace(command, torque_nm=torque_nm)
+                if torque_nm == 0.0:
+                    self._pushing = None
+            return Step(command)
         self._reference, self._velocity_rad_s, self._hold = None, 0.0, None
         if self._pushing is None:
             self._pushing = Pushing(self._motor_type, feedback.torque_nm)
@@ -232,15 +238,6 @@ class Stream(PlainAction):
             command = point.gains.catching().at(self._hold.position_rad)
             return Step(replace(command, torque_nm=torque_nm))
         return Step(outcome=StreamResult(self._set_points))
-
-    def _faded(self, now_s: float, feedback: Feedback, command: MitCommand) -> MitCommand:
-        """Return a command with what is left of a push before it."""
-        if self._pushing is None:
-            return command
-        torque_nm = self._pushing.fade(now_s, feedback)
-        if torque_nm == 0.0:
-            self._pushing = None
-        return replace(command, torque_nm=torque_nm)
 
     def idle_after(self) -> Idle | None:
         """Return the hold that presses as in the latest tick; None for jaws that are not held.

@@ -175,8 +175,9 @@ class LeaseMethods:
         if isinstance(answer, Grant) or wait_s == 0.0:
             return self._granted(answer)
         deferred = Deferred()
-        refusal = self._controller.await_lease(
-            call.owner, options, wait_s, lambda late: deferred.resolve(self._granted(late))
+        until_s = self._controller.now_s + wait_s
+        refusal = self._controller.lease.wait(
+            call.owner, options, until_s, lambda late: deferred.resolve(self._granted(late))
         )
         return refusal or deferred
 
