@@ -41,7 +41,24 @@ class Machine(Protocol):
 
 def why_not_restartable(machine: Machine) -> Refusal | None:
     """Return why no successor can take over now, or None."""
-    return machine.controller.why_not_restartable() or _motor_refusal(machine.motor)
+    refusal = machine.controller.why_not_restartable()
+    if refusal is not None:
+        return refusal
+    view, is_verifying = machine.motor.view(), machine.motor.is_verifying
+    is_settled = view.phase in SETTLED and not is_verifying
+    if is_settled and view.feedback is not None and view.zero.state != "pending":
+        return None
+    reading = "; its registers are being read" if is_verifying else ""
+    text = (
+        f"the motor is {view.phase.value}{reading}: it can be handed over once it answers and is"
+        " settled"
+    )
+    problem = view.problem or Refusal("busy" if is_verifying else "restart_failed", text)
+    hint = (
+        "try again once it answers and is settled, or restart without the hold, which disables"
+        " the motor"
+    )
+    return Refusal(problem.reason, problem.message, {**problem.data, "hint": hint})
 
 
 def export(machine: Machine, service: RpcService) -> dict[str, Any]:
@@ -94,25 +111,6 @@ def adopt_history(machine: Machine, service: RpcService, plain: Any) -> None:
     ends = value_of(plain["ends"], _ENDS, "ends")
     machine.controller.jobs.keep(value_of(plain["jobs"], tuple[Job, ...], "jobs"))
     service.reporter.restore(ends)
-
-
-def _motor_refusal(motor: Motor) -> Refusal | None:
-    view = motor.view()
-    is_settled = view.phase in SETTLED and not motor.is_verifying
-    if is_settled and view.feedback is not None and view.zero.state != "pending":
-        return None
-    reading = "; its registers are being read" if motor.is_verifying else ""
-    text = (
-        f"the motor is {view.phase.value}{reading}: it can be handed over once it answers and is"
-        " settled"
-    )
-    passes_by_itself = motor.is_verifying
-    problem = view.problem or Refusal("busy" if passes_by_itself else "restart_failed", text)
-    hint = (
-        "try again once it answers and is settled, or restart without the hold, which disables"
-        " the motor"
-    )
-    return Refusal(problem.reason, problem.message, {**problem.data, "hint": hint})
 
 
 def _check_motor(motor: Motor, can_id: int) -> None:

@@ -380,7 +380,11 @@ class RegisterReader:
         if math.isfinite(value):
             self._answer(value, None)
         else:
-            self._answer(None, _no_number(register, value))
+            text = (
+                f"the motor's register {register.name} holds {value}, which is no number: set it"
+                " with the maker's tool"
+            )
+            self._answer(None, Refusal("motor_unsuitable", text, {"register": register.name}))
         return True
 
     def _begin(self, now_s: float, request: RegisterRequest | None) -> None:
@@ -404,13 +408,4 @@ def _unknown(number: int) -> Refusal:
         "invalid_params",
         f"there is no register {number}; these can be read: {known}",
         {"requested": number, "limit": list(REGISTERS)},
-    )
-
-
-def _no_number(register: Register, value: float) -> Refusal:
-    return Refusal(
-        "motor_unsuitable",
-        f"the motor's register {register.name} holds {value}, which is no number: set it with the"
-        " maker's tool",
-        {"register": register.name},
     )

@@ -354,10 +354,6 @@ class Verifier:
         """True if any register is still to be verified."""
         return bool(self._open)
 
-    def is_verified(self, register: Register) -> bool:
-        """Return True if a register's known value is verified."""
-        return register not in self._open
-
     def is_in_doubt(self, register: Register) -> bool:
         """Return True if a register may hold another value than the known one."""
         check = self._open.get(register)
@@ -447,14 +443,17 @@ class Verifier:
         If `sets_watchdog` is True, a watchdog that is off or too long is set and read again.
         """
         frames: list[CanFrame] = []
-        if sets_watchdog and self._must_set_watchdog(now_s, known):
+        is_due = TIMEOUT not in self._open and now_s - self._wrote_s >= ANSWER_WITHIN_S
+        if sets_watchdog and is_due and not is_watchdog_on(known):
             self._wrote_s = now_s
             self._awaited_writes += 1
             self._open[TIMEOUT] = _Check({TIMEOUT.encode(WATCHDOG_UNITS)})
             frames.append(write_request(self._can_id, TIMEOUT, WATCHDOG_UNITS))
         if not self._open:
             return frames
-        in_order = sorted(self._open, key=lambda reg: (not self._open[reg].claims, _rank(reg)))
+        in_order = sorted(
+            self._open, key=lambda reg: (not self._open[reg].claims, VERIFIED.index(reg))
+        )
         for register in in_order:
             check = self._open[register]
             if len(frames) < most and now_s - check.asked_s >= ANSWER_WITHIN_S:
@@ -478,10 +477,6 @@ class Verifier:
             return known
         claimed = (float(register.decode(raw)) for raw in check.claims)
         return max(known, *(value for value in claimed if is_usable_range(value)), known)
-
-    def _must_set_watchdog(self, now_s: float, known: MotorIdentity) -> bool:
-        is_due = now_s - self._wrote_s >= ANSWER_WITHIN_S
-        return is_due and self.is_verified(TIMEOUT) and not is_watchdog_on(known)
 
 
 def is_watchdog_on(known: MotorIdentity) -> bool:
@@ -518,10 +513,6 @@ def changed(known: MotorIdentity, register: Register, raw: bytes) -> MotorIdenti
     if register is CONTROL_MODE:
         return replace(known, control_mode=int(value))
     return replace(known, master_id=int(value)) if register is MASTER_ID else known
-
-
-def _rank(register: Register) -> int:
-    return VERIFIED.index(register)
 
 
 STILL_READ = Refusal("motor_silent", "the motor's registers are still being read: try again")

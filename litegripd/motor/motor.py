@@ -191,7 +191,13 @@ class Motor:
                 self._take_status(now_s)
         elif self._phase is Phase.ENABLED and self._silence.unanswered:
             self.counters.missed_replies += 1
-        self._watch_silence(now_s)
+        in_phase_s = now_s - self._entered_s
+        silent_s = in_phase_s if self._feedback is None else now_s - self._feedback.at_s
+        event = self._silence.event(self._phase, in_phase_s, silent_s)
+        if event is not None:
+            self._go(event, now_s)
+        elif self._silence.is_total(self._phase):
+            self._identification.expect_another()
 
     def note_bus(self, *, is_usable: bool) -> None:
         """Take the state of the bus; call it after `receive`."""
@@ -204,8 +210,12 @@ class Motor:
         frames = self._step(now_s, wanted)
         if frames:
             self._asked_s = now_s
-        read = self._register_reader.step(now_s, wanted.register, self._phase)
-        return frames + (read or self._verify(now_s))
+        reads = self._register_reader.step(now_s, wanted.register, self._phase)
+        known, is_enabled = self._identification, self._phase is Phase.ENABLED
+        if not reads and known.identity is not None and self._phase in READABLE:
+            most = 1 if is_enabled else len(VERIFIED)  # one frame beside a command
+            reads = known.verifier.step(now_s, known.identity, most, sets_watchdog=is_enabled)
+        return frames + reads
 
     # Frames that come
 
@@ -217,14 +227,17 @@ class Motor:
         if frame.can_id == self._can_id and not self._is_on_own_id(frame, answer):
             self.counters.foreign_commands += 1
         elif request is not None:
-            self._note_foreign_write(request)
+            self.counters.foreign_commands += 1
+            self._foreign_write = described(request)
             self._foreign_requests.add(request.number)
             self._identification.note_request(request)
         elif answer is not None and answer.is_write:
             self.counters.ignored_frames += not self._take_written(answer, frame.can_id)
         elif answer is not None:
             self.counters.ignored_frames += not self._take_answer(answer, frame.can_id)
-        elif self._is_feedback(frame):
+        elif frame.can_id == self._identification.master_id and codec.is_from_motor(
+            frame.data, self._can_id
+        ):
             ranges = self._identification.ranges
             self._take_feedback(codec.decode_feedback(frame.data, ranges, self._asked_s))
         else:
@@ -243,11 +256,6 @@ class Motor:
             own = self._can_id & 0xF
             return frame.data[:1] in (bytes([own]), bytes([Status.ENABLED << 4 | own]))
         return answer is not None or codec.is_from_motor(frame.data, self._can_id)
-
-    def _note_foreign_write(self, write: Answer) -> None:
-        """Count and keep what another program has written."""
-        self.counters.foreign_commands += 1
-        self._foreign_write = described(write)
 
     def _take_written(self, answer: Answer, can_id: int) -> bool:
         """Take the motor's answer to a write; if this daemon sent none, another program did."""
@@ -332,10 +340,6 @@ class Motor:
         self._note_identity()
         return True
 
-    def _is_feedback(self, frame: CanFrame) -> bool:
-        is_ours = frame.can_id == self._identification.master_id
-        return is_ours and codec.is_from_motor(frame.data, self._can_id)
-
     def _note_identity(self) -> None:
         if self._identification.finish():  # earlier feedback may have been coded in other ranges
             self._feedback, self._fresh = None, False
@@ -392,35 +396,35 @@ class Motor:
             self._arming = None
         self._zeroing.leave()
 
-    def _watch_silence(self, now_s: float) -> None:
-        in_phase_s = now_s - self._entered_s
-        silent_s = in_phase_s if self._feedback is None else now_s - self._feedback.at_s
-        event = self._silence.event(self._phase, in_phase_s, silent_s)
-        if event is not None:
-            self._go(event, now_s)
-        elif self._silence.is_total(self._phase):
-            self._identification.expect_another()
-
     # Frames that go out
-
-    def _verify(self, now_s: float) -> list[CanFrame]:
-        """Verify the registers again; one frame beside a command."""
-        known, is_enabled = self._identification, self._phase is Phase.ENABLED
-        if known.identity is None or self._phase not in READABLE:
-            return []
-        most = 1 if is_enabled else len(VERIFIED)
-        return known.verifier.step(now_s, known.identity, most, sets_watchdog=is_enabled)
 
     def _begin(self, request: MotorRequest, now_s: float) -> None:
         if isinstance(request, EnableMotor):
-            self._begin_enable(request, now_s)
+            self._failure = UNDER_WAY if self._zeroing.is_pending else self._problem()
+            self._tries = 0
+            if self._failure is None and self._phase in (Phase.DISABLED, Phase.FAULT):
+                self._identification.verifier.begin()
+                self._arming = Arming(self._identification, request, now_s)
+                self._go(Event.ENABLE, now_s)
         elif isinstance(request, DisableMotor):
             self._failure = None
             self._go(Event.DISABLE, now_s)
         elif isinstance(request, SetZero):
-            self._begin_zero(now_s)
-        else:
-            self._begin_clear(now_s)
+            if not self._zeroing.is_pending:
+                is_disabled = self._phase is Phase.DISABLED and self._latched() is None
+                refusal = (
+                    self._problem() or self._fault() or (None if is_disabled else NOT_DISABLED)
+                )
+                view = ZeroView("pending" if refusal is None else "failed", failure=refusal)
+                self._zeroing = Zeroing(self._can_id, self._identification.ranges, now_s, view)
+        else:  # accept the present position, and clear the fault that the motor has latched, if any
+            self._failure = None
+            self._plausibility.reset()
+            if self._identification.problem() is not None:
+                self._go(Event.SCAN, now_s)  # somebody may have corrected its registers
+            if self._phase is Phase.FAULT or self._latched() is not None:
+                self._fault_clearing = FaultClearing(self._can_id, now_s)
+            self._go(Event.CLEAR, now_s)
 
     def _step(self, now_s: float, wanted: MotorInput) -> list[CanFrame]:
         if self._phase is Phase.ENABLED and wanted.command is not None:
@@ -462,37 +466,6 @@ class Motor:
         """Return the status of `RESTING` that a motor at rest reports, or None."""
         feedback = self._feedback if self._phase is Phase.DISABLED else None
         return None if feedback is None or not is_fault(feedback.status) else feedback.status
-
-    def _begin_enable(self, request: EnableMotor, now_s: float) -> None:
-        self._failure = UNDER_WAY if self._zeroing.is_pending else self._problem()
-        self._tries = 0
-        is_off = self._phase in (Phase.DISABLED, Phase.FAULT)
-        if self._failure is not None or not is_off:
-            return
-        self._identification.verifier.begin()
-        self._arming = Arming(self._identification, request, now_s)
-        self._go(Event.ENABLE, now_s)
-
-    def _begin_zero(self, now_s: float) -> None:
-        if self._zeroing.is_pending:
-            return
-        is_disabled = self._phase is Phase.DISABLED and self._latched() is None
-        refusal = self._problem() or self._fault() or (None if is_disabled else NOT_DISABLED)
-        view = ZeroView("pending" if refusal is None else "failed", failure=refusal)
-        self._zeroing = Zeroing(self._can_id, self._identification.ranges, now_s, view)
-
-    def _begin_clear(self, now_s: float) -> None:
-        """Accept the present position, and clear the fault that the motor has latched, if any.
-
-        A motor that cannot be used is read again: somebody may have corrected its registers.
-        """
-        self._failure = None
-        self._plausibility.reset()
-        if self._identification.problem() is not None:
-            self._go(Event.SCAN, now_s)
-        if self._phase is Phase.FAULT or self._latched() is not None:
-            self._fault_clearing = FaultClearing(self._can_id, now_s)
-        self._go(Event.CLEAR, now_s)
 
     def _clear_fault(self, now_s: float) -> list[CanFrame]:
         if self._fault_clearing is None or self._fault_clearing.has_failed(now_s):

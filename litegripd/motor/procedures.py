@@ -251,8 +251,10 @@ class Zeroing:
             return
         self._answered_s = now_s
         self._position_rad = feedback.position_rad
-        if self._tries == 0:
-            self._is_due = self._rests(now_s)
+        if self._tries == 0:  # it is due once the jaws have not moved for a while
+            if abs(self._position_rad - self._rest_rad) > self._rest_within_rad:
+                self._rest_rad, self._rests_since_s = self._position_rad, now_s
+            self._is_due = now_s - self._rests_since_s >= REST_S
         elif now_s - self._last_try_s >= CONFIRM_AFTER_S:
             self._judge()
             self._is_due = now_s - self._last_try_s >= ZERO_RETRY_S
@@ -265,7 +267,13 @@ class Zeroing:
             return []
         frames = [status_request(self._can_id)]
         if self._is_due:
-            self._note_try(now_s)
+            if self._tries == 0:
+                self._before_rad = self._position_rad
+                self._first_try_s = now_s
+            self._tries += 1
+            self._last_try_s = now_s
+            self._is_due = self._is_unchanged = False
+            self.view = ZeroView("pending", is_uncertain=True)
             frames.insert(0, CanFrame(self._can_id, codec.SET_ZERO))
         return frames
 
@@ -273,21 +281,6 @@ class Zeroing:
         """End it, because the motor is no longer disabled."""
         if self.is_pending:
             self._fail(LEFT)
-
-    def _rests(self, now_s: float) -> bool:
-        """Return True if the jaws have not moved for a while."""
-        if abs(self._position_rad - self._rest_rad) > self._rest_within_rad:
-            self._rest_rad, self._rests_since_s = self._position_rad, now_s
-        return now_s - self._rests_since_s >= REST_S
-
-    def _note_try(self, now_s: float) -> None:
-        if self._tries == 0:
-            self._before_rad = self._position_rad
-            self._first_try_s = now_s
-        self._tries += 1
-        self._last_try_s = now_s
-        self._is_due = self._is_unchanged = False
-        self.view = ZeroView("pending", is_uncertain=True)
 
     def _judge(self) -> None:
         """Judge by the position what became of the frame: taken, lost, or unknown."""
