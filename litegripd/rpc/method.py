@@ -296,7 +296,8 @@ class Schemas:
             "properties": {name: self.of(hint) for name, (hint, _is_due) in members.items()},
             "required": [name for name, (_hint, is_due) in members.items() if is_due],
         }
-        return {**schema, "additionalProperties": False} if _is_closed(kind) else schema
+        is_closed = isinstance(kind, Shape) and kind.closed
+        return {**schema, "additionalProperties": False} if is_closed else schema
 
 
 def _members(kind: Any) -> dict[str, tuple[Any, bool]]:
@@ -308,10 +309,6 @@ def _members(kind: Any) -> dict[str, tuple[Any, bool]]:
     if is_typeddict(kind):
         return {name: (hint, name in kind.__required_keys__) for name, hint in hints.items()}
     return {field.name: (hints[field.name], True) for field in fields(kind)}
-
-
-def _is_closed(kind: Any) -> bool:
-    return isinstance(kind, Shape) and kind.closed
 
 
 # A request and its answers ------------------------------------------------------------------------
@@ -365,13 +362,28 @@ class Call(NamedTuple):
         return Gains(kp, kd).usual()
 
     def terms(self, controller: Controller) -> Terms:
-        """Return what its motion counts on: the daemon's, but for what the caller brings."""
-        terms, given = controller.terms, self.params.get("calibration")
+        """Return what its motion counts on: the daemon's, but for what the caller brings.
+
+        A doubt of the caller's calibration is told once. A stream brings the same one with each
+        set-point: it is read once.
+        """
+        terms, content = controller.terms, self.params.get("calibration")
         if "config" in self.params:
             terms = replace(terms, config=self.config(controller))
-        if given is None:
+        if content is None:
             return terms
-        return self._given_terms(given, terms.config, controller)
+        session, stroke_mm = self.session, controller.gripper_id.stroke_mm
+        given = session.calibration
+        if given is None or given.content != content:
+            given = of_stroke(_read(content), stroke_mm)
+        terms = accepted(controller.terms_of(given, self.owner, terms.config))
+        if given is session.calibration:
+            return terms
+        session.calibration, doubt = given, scale_doubt(given, stroke_mm)
+        if doubt is not None and doubt not in session.doubts:
+            session.doubts.add(doubt)
+            controller.events.append(doubted(given, stroke_mm, self.owner))
+        return terms
 
     def config(self, controller: Controller) -> MotionConfig:
         """Return the daemon's configuration with the changes that the caller wants."""
@@ -384,26 +396,6 @@ class Call(NamedTuple):
             data = {"parameter": "config", "field": error.field}
             text = sentence("{name}: {error}", name=parameter_name("config"), error=error)
             raise Refused(Refusal("invalid_params", text, data)) from None
-
-    def _given_terms(
-        self, content: Mapping[str, Any], config: MotionConfig, controller: Controller
-    ) -> Terms:
-        """Return the terms of the calibration that the caller brings; tell a doubt of it once.
-
-        A stream brings the same one with each set-point: it is read once.
-        """
-        session, stroke_mm = self.session, controller.gripper_id.stroke_mm
-        given = session.calibration
-        if given is None or given.content != content:
-            given = of_stroke(_read(content), stroke_mm)
-        terms = accepted(controller.terms_of(given, self.owner, config))
-        if given is session.calibration:
-            return terms
-        session.calibration, doubt = given, scale_doubt(given, stroke_mm)
-        if doubt is not None and doubt not in session.doubts:
-            session.doubts.add(doubt)
-            controller.events.append(doubted(given, stroke_mm, self.owner))
-        return terms
 
 
 def _read(content: Mapping[str, Any]) -> Calibration:
@@ -586,12 +578,6 @@ def _rows(group: type) -> Iterator[tuple[str, Method]]:
             yield name, row
 
 
-def speed_param(default: str) -> Param:
-    """Return a parameter for a jaw speed whose default is this field of the configuration."""
-    text = f"Jaw speed (default: {default} of the configuration)."
-    return config_param("speed_mm_s", text)
-
-
 def config_param(field: str, description: str, name: str | None = None) -> Param:
     """Return a parameter with the range of a field of the configuration, and its name."""
     low, high = ranges_of(DM4310)[field]
@@ -603,6 +589,9 @@ def config_param(field: str, description: str, name: str | None = None) -> Param
         maximum=high,
         maximum_of=lambda motor_type: ranges_of(motor_type)[field][1],
     )
+
+
+SPEED = config_param("speed_mm_s", "Jaw speed (default: speed_mm_s of the configuration).")
 
 
 def gain_params(kp: str, kd: str) -> tuple[Param, ...]:

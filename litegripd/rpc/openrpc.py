@@ -11,7 +11,7 @@ from litegripd.model.motion_config import MotionConfig
 from litegripd.model.state import Job, Progress, ReplayProgress, Result
 from litegripd.motor.exchange import MotorCounters
 from litegripd.rpc.jsonrpc import ErrorObject
-from litegripd.rpc.method import AT_ONCE, WAIT, Method, Param, Schema, Schemas, Shape
+from litegripd.rpc.method import AT_ONCE, WAIT, Method, Schema, Schemas, Shape
 from litegripd.rpc.methods.reading import Discovered
 from litegripd.rpc.methods.settings import FrameInterval
 from litegripd.rpc.reports import (
@@ -152,7 +152,14 @@ def document(methods: Iterable[Method]) -> Discovered:
         "openrpc": OPENRPC_VERSION,
         "info": {"title": "litegripd", "version": str(PROTOCOL_VERSION)},
         "methods": [_method(row, schemas) for row in methods],
-        "x-notifications": [_notification(kind, schemas) for kind in NOTIFICATIONS],
+        "x-notifications": [
+            {
+                "name": kind.name,
+                "summary": kind.summary,
+                "params": {"name": "params", "schema": schemas.of(kind.params)},
+            }
+            for kind in NOTIFICATIONS
+        ],
         "components": {
             "schemas": schemas.definitions,
             "errors": {
@@ -181,27 +188,18 @@ def _method(method: Method, schemas: Schemas) -> dict[str, Any]:
         "summary": method.summary,
         **({"x-stop-voids": True} if method.stop_voids else {}),
         "paramStructure": "by-name",
-        "params": [_param(param) for param in method.declared.values()],
+        "params": [
+            {
+                "name": param.name,
+                "description": param.description,
+                "required": param.required,
+                "schema": param.json_schema(),
+            }
+            for param in method.declared.values()
+        ],
         "result": {
             "name": "result",
             "description": method.result,
             "schema": result_schema(method, schemas),
         },
-    }
-
-
-def _notification(kind: Notification, schemas: Schemas) -> dict[str, Any]:
-    return {
-        "name": kind.name,
-        "summary": kind.summary,
-        "params": {"name": "params", "schema": schemas.of(kind.params)},
-    }
-
-
-def _param(param: Param) -> dict[str, Any]:
-    return {
-        "name": param.name,
-        "description": param.description,
-        "required": param.required,
-        "schema": param.json_schema(),
     }

@@ -18,8 +18,6 @@ from litegripd.model.state import (
     EventKind,
     Job,
     JobKind,
-    Owner,
-    Progress,
     Result,
 )
 from litegripd.model.teleop import LinkState, ReachState
@@ -454,40 +452,34 @@ def _plain(value: Any) -> dict[str, Any]:
 def state_view(state: GripperState, names: tuple[str, ...] = ()) -> StateView:
     """Return a state's wire form, or only these fields of it, in this order."""
     view: dict[str, Any] = {name: getattr(state, name) for name in names or _STATE_FIELDS}
-    if view.get("job") is not None:
-        view["job"] = _summary_view(view["job"])
+    job: JobSummary | None = view.get("job")
+    if job is not None:
+        owner: Program = {"program": job.program, "pid": job.pid}
+        summary: JobSummaryView = {
+            "job": job.job,
+            "kind": job.kind,
+            "phase": job.phase,
+            "owner": owner,
+        }
+        view["job"] = summary
     if view.get("stop") is not None:
         view["stop"] = _plain(view["stop"])
     return StateView(view)
 
 
-def _summary_view(job: JobSummary) -> JobSummaryView:
-    owner: Program = {"program": job.program, "pid": job.pid}
-    return {"job": job.job, "kind": job.kind, "phase": job.phase, "owner": owner}
-
-
-def owner_view(owner: Owner) -> OwnerView:
-    """Return an owner's wire form."""
-    return {
-        "client": owner.client,
-        "pid": owner.pid,
-        "uid": owner.uid,
-        "program": owner.program,
-    }
-
-
-def encode_result(job: Job, result: Result, state: bytes) -> bytes:
-    """Encode a job's result, with the encoded state in which the job ended."""
-    return _with(encode(with_terms({"job": job.number, **_plain(result)})), b"state", state)
-
-
 def encode_job(job: Job, phase: str | None, result: bytes | None) -> bytes:
     """Encode a job, with its encoded result, if it has one."""
+    owner = job.owner
     view: JobHead = {
         "job": job.number,
         "kind": job.kind,
         "state": job.state.value,
-        "owner": owner_view(job.owner),
+        "owner": {
+            "client": owner.client,
+            "pid": owner.pid,
+            "uid": owner.uid,
+            "program": owner.program,
+        },
         "detached": job.detached,
         "started_s": job.started_s,
         "ended_s": job.ended_s,
@@ -500,19 +492,6 @@ def encode_job(job: Job, phase: str | None, result: bytes | None) -> bytes:
 def _with(encoded: bytes, name: bytes, value: bytes) -> bytes:
     """Add a member, already JSON, to an encoded object that has others."""
     return b'%b,"%b":%b}' % (encoded[:-1], name, value)
-
-
-def progress_view(
-    job: Job, request: RequestId, progress: Progress, opening_mm: float | None
-) -> dict[str, Any]:
-    """Return a progress report's wire form; `request` is the id of the request that wants it."""
-    return {
-        "job": job.number,
-        "request": request,
-        "kind": job.kind,
-        **_plain(progress),
-        "opening_mm": opening_mm,
-    }
 
 
 # Once per tick ------------------------------------------------------------------------------------
@@ -606,9 +585,10 @@ class Reporter:
     def _end_of(self, job: Job) -> _End:
         end = self._ends.get(job.number)
         if end is None:
-            result = (
-                None if job.result is None else encode_result(job, job.result, self.state_line())
-            )
+            result: bytes | None = None
+            if job.result is not None:  # with the state in which the job ended
+                encoded = encode(with_terms({"job": job.number, **_plain(job.result)}))
+                result = _with(encoded, b"state", self.state_line())
             end = self._ends[job.number] = _End(encode_job(job, None, result), result)
         return end
 
@@ -684,8 +664,13 @@ class Waiters:
         self._next_progress_s = now_s + PROGRESS_INTERVAL_S
         for waiter in self._waiters[job.number]:
             if waiter.wants_progress and not waiter.session.congested:
-                opening_mm = self._reporter.state().opening_mm
-                view = progress_view(job, waiter.request, progress, opening_mm)
+                view = {
+                    "job": job.number,
+                    "request": waiter.request,
+                    "kind": job.kind,
+                    **_plain(progress),
+                    "opening_mm": self._reporter.state().opening_mm,
+                }
                 waiter.session.write(notification_line("job.progress", encode(view)))
 
     def _final_line(self, waiter: Waiter) -> bytes:

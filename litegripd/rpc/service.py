@@ -85,16 +85,20 @@ class Requests:
         self._controller.lease.renew(session.identity, now_s)
         if method.of_older is not None:
             request = request._replace(params=method.of_older(request.params))
+        params = request.params
         refusal = _malformed(session, request, method)
         if refusal is None and method.stop_voids:
-            refusal = self._void(session, request, received_s)
+            generation, sent_s = params.get("stop_generation"), params.get("sent_s")
+            refusal = self._controller.stop_latch.refusal_of_sent(
+                generation, sent_s, received_s, session.identity
+            )
         if refusal is not None:
             return refusal
-        owner, token = session.owner, request.params.get("lease")
+        owner, token = session.owner, params.get("lease")
         if token is not None:
             owner = replace(owner, grant=self._tokens.number(token))
         refusal = self._forbidden(session, method, owner)
-        return refusal or Call(session, owner, request.params, now_s, received_s)
+        return refusal or Call(session, owner, params, now_s, received_s)
 
     def carry_out(self, method: Method, call: Call) -> Answer:
         """Carry out an admitted request."""
@@ -108,8 +112,13 @@ class Requests:
         if key is None:
             return self._carried_out(method, call) if not call.params else self._begin(method, call)
         known = self._controller.jobs.find(call.owner, key)
+        if known is not None and known.kind != _kind_of(method):
+            text = (
+                f"the key {key!r} names job {known.number}, {known.kind}: give this motion its own"
+            )
+            return Refusal("invalid_params", text, {"parameter": "key", "job": known.number})
         if known is not None:
-            return _repeated(known, _kind_of(method), str(key))
+            return Later(known)
         answer = self._begin(method, call)
         if isinstance(answer, Later):
             answer.job.key = key
@@ -128,7 +137,12 @@ class Requests:
         if if_busy == "queue" and kind is not None:
 
             def start(turn: Turn) -> Job | Refusal:
-                return _job_of(self._carried_out(method, call._replace(turn=turn)))
+                answer = self._carried_out(method, call._replace(turn=turn))
+                if isinstance(answer, Later):
+                    return answer.job
+                if isinstance(answer, Refusal):
+                    return answer
+                return Refusal("internal_error", "a queued request began no motion")
 
             return later(self._controller.queue(kind, call.owner, call.detached, start))
         return self._carried_out(method, call)
@@ -139,21 +153,20 @@ class Requests:
         except Refused as refused:
             return refused.refusal
 
-    def _void(self, session: Session, request: Request, received_s: float) -> Refusal | None:
-        """Return a refusal if a request was sent, or received, before the latest stop."""
-        params = request.params
-        latch = self._controller.stop_latch
-        return latch.refusal_of_sent(
-            params.get("stop_generation"), params.get("sent_s"), received_s, session.identity
-        )
-
     def _forbidden(self, session: Session, method: Method, owner: Owner) -> Refusal | None:
         """Return a refusal for the daemon's end, the sender's role or the lease, or None."""
         if self._controller.is_ending and method.role != "observer":
             return ENDING  # any change would be lost; a stop and reads are for all
         if session.is_orphaned and method.role != "observer":
-            return _orphaned(session)
-        if method.lifts_stop and self._has_stopped(session):
+            text = (  # another process has its connection now
+                f"the process that opened this connection (pid {session.peer.pid}) has ended: it"
+                " may read and stop; to do more, open another connection"
+            )
+            return Refusal("client_lost", text)
+        latch = self._controller.stop_latch
+        if method.lifts_stop and latch.may_be_cleared_by(
+            session.owner.user, alone=session.role == "observer"
+        ):
             return None
         if _RANKS[session.role] < _RANKS[method.role]:
             text = f"{method.name} needs the role {method.role}; {owner.user} is {session.role}"
@@ -161,21 +174,8 @@ class Requests:
         refusal = self._controller.lease.refusal(owner) if method.needs_lease else None
         if refusal is not None and method.lifts_stop:
             is_admin = session.role == "admin"
-            return None if is_admin else self._controller.stop_latch.clearing_refusal(refusal)
+            return None if is_admin else latch.clearing_refusal(refusal)
         return refusal
-
-    def _has_stopped(self, session: Session) -> bool:
-        latch, is_observer = self._controller.stop_latch, session.role == "observer"
-        return latch.may_be_cleared_by(session.owner.user, alone=is_observer)
-
-
-def _orphaned(session: Session) -> Refusal:
-    """Return a refusal if the accepted process is gone: another one has its connection now."""
-    text = (
-        f"the process that opened this connection (pid {session.peer.pid}) has ended: it may read"
-        " and stop; to do more, open another connection"
-    )
-    return Refusal("client_lost", text)
 
 
 def _malformed(session: Session, request: Request, method: Method) -> Refusal | None:
@@ -204,22 +204,6 @@ def _is_own(running: Job, owner: Owner) -> bool:
     """Return True if a request for another motion may end a motion."""
     same_lease = running.grant is not None and running.grant == owner.grant
     return same_lease or running.owner.client == owner.client
-
-
-def _repeated(known: Job, kind: JobKind | None, key: str) -> Answer:
-    if known.kind != kind:
-        text = f"the key {key!r} names job {known.number}, {known.kind}: give this motion its own"
-        return Refusal("invalid_params", text, {"parameter": "key", "job": known.number})
-    return Later(known)
-
-
-def _job_of(answer: Answer) -> Job | Refusal:
-    """Return the job that a function has begun in its turn."""
-    if isinstance(answer, Later):
-        return answer.job
-    if isinstance(answer, Refusal):
-        return answer
-    return Refusal("internal_error", "a queued request began no motion")
 
 
 class RpcService:
@@ -409,7 +393,13 @@ class RpcService:
         if isinstance(answer, Refusal):
             self._refuse(session, request.identity, answer)
         elif isinstance(answer, Later):
-            self._answer_later(session, request, answer)
+            job, params = answer.job, request.params
+            if answer.wants_job or params.get("wait", True):
+                progress = params.get("progress", False)
+                waiter = Waiter(session, request.identity, job, answer.wants_job, progress)
+                self._waiters.add(waiter)
+            else:
+                session.write(result_line(request.identity, encode({"job": job.number})))
         elif isinstance(answer, Deferred):
             session.unanswered += 1
             answer.then(lambda result: self._answer_deferred(session, request, result))
@@ -421,14 +411,6 @@ class RpcService:
         session.unanswered -= 1
         self.reporter.refresh()
         self._answer(session, request, result)
-
-    def _answer_later(self, session: Session, request: Request, later: Later) -> None:
-        job, params = later.job, request.params
-        if later.wants_job or params.get("wait", True):
-            progress = params.get("progress", False)
-            self._waiters.add(Waiter(session, request.identity, job, later.wants_job, progress))
-        else:
-            session.write(result_line(request.identity, encode({"job": job.number})))
 
     def _stop_all_the_same(
         self, session: Session, line: bytes, refusal: Refusal, now_s: float
@@ -494,10 +476,6 @@ class RpcService:
         self.on_event(event, now_s)
         self._subscriptions.events.note(event, now_s)
         if event.kind == "lease_lost":
-            self._notify_loser(event)
-
-    def _notify_loser(self, event: Event) -> None:
-        """Notify the client that has lost the lease, if it is still there."""
-        session = self._clients.get(event.data["client"])
-        if session is not None:
-            session.write(notification_line("lease.lost", encode(event.data)))
+            loser = self._clients.get(event.data["client"])
+            if loser is not None:
+                loser.write(notification_line("lease.lost", encode(event.data)))

@@ -268,7 +268,12 @@ class Samples:
     def send_one(self, state: GripperState) -> None:
         """Add a row to all batches of one choice of fields, or send what has waited longest."""
         if self._gathering:
-            self._gather(self._gathering.pop(next(iter(self._gathering))), state)
+            subs = self._gathering.pop(next(iter(self._gathering)))
+            row = encode(list(state_view(state, subs[0].fields).values()))
+            for sub in subs:
+                sub.rows.append(row)
+                if len(sub.rows) == sub.batch:
+                    self._due.append(sub)
             return
         sub = self._due.popleft()
         if sub.number not in self._all:
@@ -280,13 +285,6 @@ class Samples:
         else:
             self._send_sample(sub, state)
         sub.rows.clear()
-
-    def _gather(self, subs: list[SampleSubscription], state: GripperState) -> None:
-        row = encode(list(state_view(state, subs[0].fields).values()))
-        for sub in subs:
-            sub.rows.append(row)
-            if len(sub.rows) == sub.batch:
-                self._due.append(sub)
 
     def _send_batch(self, sub: SampleSubscription) -> None:
         params = b'{"subscription":%d,"seq":%d,"dropped":%d,"fields":%b,"rows":[%b]}' % (
@@ -360,14 +358,13 @@ class Subscriptions:
 
     def remove_samples(self, number: int, session: Session) -> bool:
         """End a subscription of `session` to the state; return True if there was one."""
-        there_was = self._samples.remove(number, session)
-        self._open -= there_was
-        session.subscriptions -= there_was
-        return there_was
+        return self._count_end(session, self._samples.remove(number, session))
 
     def remove_events(self, number: int, session: Session) -> bool:
         """End a subscription of `session` to events; return True if there was one."""
-        there_was = self.events.remove(number, session)
+        return self._count_end(session, self.events.remove(number, session))
+
+    def _count_end(self, session: Session, there_was: bool) -> bool:
         self._open -= there_was
         session.subscriptions -= there_was
         return there_was

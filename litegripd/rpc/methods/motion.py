@@ -1,6 +1,6 @@
 """The methods that move the jaws or change the motor's power, and those that stop them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Literal, TypedDict
 
@@ -34,6 +34,7 @@ from litegripd.rpc.method import (
     IF_BUSY,
     JOB,
     MOTION_PARAMS,
+    SPEED,
     WAIT,
     Answer,
     Call,
@@ -44,7 +45,6 @@ from litegripd.rpc.method import (
     config_param,
     gain_params,
     later,
-    speed_param,
     target_params,
     usual_gain_params,
 )
@@ -141,7 +141,7 @@ class MotionMethods:
         " hold.",
         "The move's result and the state.",
         MoveResult,
-        (speed_param("speed_mm_s"), *MOTION_PARAMS),
+        (SPEED, *MOTION_PARAMS),
         role="operator",
         needs_lease=True,
         stop_voids=True,
@@ -155,7 +155,7 @@ class MotionMethods:
         "Close until the mechanical stop ends the move, then hold.",
         "The move's result and the state.",
         MoveResult,
-        (speed_param("speed_mm_s"), *MOTION_PARAMS),
+        (SPEED, *MOTION_PARAMS),
         role="operator",
         needs_lease=True,
         stop_voids=True,
@@ -220,7 +220,15 @@ class MotionMethods:
     def _grasp(self, call: Call) -> Answer:
         terms, params = call.terms(self._controller), call.params
         config = terms.config
-        _check_grasp(params)
+        if ("width_mm" in params) != ("tolerance_mm" in params):
+            text = sentence("{motion.grasp}: {.width_mm} and {.tolerance_mm} go together")
+            raise Refused(Refusal("invalid_params", text, {"parameter": "tolerance_mm"}))
+        if params.get("until") == "verdict" and "hold_s" in params:
+            text = sentence(
+                '{motion.grasp}: with until = "verdict" leave {.hold_s} out: the hold continues'
+                " anyway"
+            )
+            raise Refused(Refusal("invalid_params", text, {"parameter": "hold_s"}))
         request = GraspRequest(
             force_n=params.get("force_n", config.force_n),
             speed_mm_s=params.get("speed_mm_s", config.grasp_speed_mm_s),
@@ -241,7 +249,7 @@ class MotionMethods:
         MoveResult,
         (
             *target_params(),
-            speed_param("speed_mm_s"),
+            SPEED,
             Param(
                 "duration_s",
                 "number",
@@ -267,7 +275,14 @@ class MotionMethods:
     )
     def _move(self, call: Call) -> Answer:
         terms, target = call.terms(self._controller), _target("motion.move", call.params)
-        _one_at_most("motion.move", _PACES, call.params)
+        given = [name for name in _PACES if name in call.params]
+        if len(given) > 1:
+            text = sentence(
+                "{motion.move} takes {one} or {other}, not both",
+                one=parameter_name(given[0]),
+                other=parameter_name(given[1]),
+            )
+            raise Refused(Refusal("invalid_params", text, {"parameter": given[1]}))
         pace = Pace(*(call.params.get(name) for name in _PACES))
         return later(
             self._motions.move_to(
@@ -347,7 +362,7 @@ class MotionMethods:
                 minimum=0.02,
                 maximum=2,
             ),
-            speed_param("speed_mm_s"),
+            SPEED,
             Param(
                 "torque_nm",
                 "number",
@@ -463,18 +478,6 @@ class MotionMethods:
 _PACES = ("speed_mm_s", "duration_s", "at_least_s")
 
 
-def _one_at_most(method: str, names: Sequence[str], params: Mapping[str, Any]) -> None:
-    given = [name for name in names if name in params]
-    if len(given) > 1:
-        text = sentence(
-            "{method} takes {one} or {other}, not both",
-            method=method_name(method),
-            one=parameter_name(given[0]),
-            other=parameter_name(given[1]),
-        )
-        raise Refused(Refusal("invalid_params", text, {"parameter": given[1]}))
-
-
 def _target(method: str, params: Mapping[str, Any], *others: str) -> Target:
     """Return the target: exactly one quantity must be given, and none of the others."""
     given = [name for name in QUANTITIES if name in params]
@@ -516,15 +519,3 @@ def _expired(age_s: float, valid_s: float) -> Refusal:
         ),
         {"age_s": round(age_s, 6), "limit": valid_s},
     )
-
-
-def _check_grasp(params: Mapping[str, Any]) -> None:
-    """Refuse parameters of a grasp that do not go together."""
-    if ("width_mm" in params) != ("tolerance_mm" in params):
-        text = sentence("{motion.grasp}: {.width_mm} and {.tolerance_mm} go together")
-        raise Refused(Refusal("invalid_params", text, {"parameter": "tolerance_mm"}))
-    if params.get("until") == "verdict" and "hold_s" in params:
-        text = sentence(
-            '{motion.grasp}: with until = "verdict" leave {.hold_s} out: the hold continues anyway'
-        )
-        raise Refused(Refusal("invalid_params", text, {"parameter": "hold_s"}))

@@ -206,14 +206,6 @@ class ReadingMethods:
     def _subscribe_to_state(self, call: Call) -> Answer:
         hz = float(call.params.get("hz", DEFAULT_SAMPLE_HZ))
         names, batch = call.params.get("fields", ()), call.params.get("batch", 1)
-        self._check_rate(hz)
-        _check_fields(names, batch)
-        number = accepted(
-            self._subscriptions.add_samples(call.session, hz, names, batch, call.now_s)
-        )
-        return b'{"subscription":%d,"state":%b}' % (number, self._reporter.state_line())
-
-    def _check_rate(self, hz: float) -> None:
         limit_hz = self._reporter.rate_hz
         if hz > limit_hz:
             text = sentence(
@@ -224,6 +216,11 @@ class ReadingMethods:
             )
             data = {"parameter": "hz", "requested": hz, "limit": limit_hz}
             raise Refused(Refusal("invalid_params", text, data))
+        _check_fields(names, batch)
+        number = accepted(
+            self._subscriptions.add_samples(call.session, hz, names, batch, call.now_s)
+        )
+        return b'{"subscription":%d,"state":%b}' % (number, self._reporter.state_line())
 
     @Method(
         "state.unsubscribe",
