@@ -247,7 +247,13 @@ class Daemon:
             self._parts.tick(now_s)
         self._greeting.note(self._machine.motor.view().identity)
         if self._began_s is not None:
-            self._open_when_ready(now_s - self._began_s)
+            # Clients come once motor and calibration are found, or were awaited long enough.
+            waited_s = now_s - self._began_s
+            is_read = self._calibration_is_known or waited_s >= READ_WITHIN_S
+            if is_read and (waited_s >= OPEN_WITHIN_S or not self._machine.is_out_of_reach):
+                self._began_s = None
+                self._open()
+                self._supervision.ready()
         successor = self._succession.step(now_s, self._reactor.next_tick_s)
         if successor is not None:
             controller = self._machine.controller
@@ -277,14 +283,6 @@ class Daemon:
             log_event(event)
         self._log_handler.poll()
         self._supervision.tick(now_s, failed=failed)
-
-    def _open_when_ready(self, waited_s: float) -> None:
-        """Let clients in once motor and calibration are found, or have been awaited long enough."""
-        is_read = self._calibration_is_known or waited_s >= READ_WITHIN_S
-        if is_read and (waited_s >= OPEN_WITHIN_S or not self._machine.is_out_of_reach):
-            self._began_s = None
-            self._open()
-            self._supervision.ready()
 
     def _open(self) -> None:
         self._server.let_in(True)

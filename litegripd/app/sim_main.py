@@ -52,8 +52,9 @@ def main(argv: Sequence[str] | None = None) -> int:
             unasked_hz=arguments.unasked_hz,
             motor_type=arguments.motor_type,
         )
-        if arguments.link is not None:
-            _check_link(arguments.link)
+        link: Path | None = arguments.link
+        if link is not None and link.exists() and not link.is_symlink():
+            raise ValueError(f"--link {link} exists and is no symbolic link; choose another path")
         if not arguments.pty and arguments.channel is None:
             raise ValueError("--interface needs --channel, for example --channel vcan0")
         if arguments.pty and (arguments.channel is not None or arguments.bitrate is not None):
@@ -175,11 +176,6 @@ def make_parser() -> argparse.ArgumentParser:
 def _identifier(text: str) -> int:
     """Return the number of an identifier, for example 8 or 0x08."""
     return int(text, 0)
-
-
-def _check_link(link: Path) -> None:
-    if link.exists() and not link.is_symlink():
-        raise ValueError(f"--link {link} exists and is no symbolic link; choose another path")
 
 
 def _say(text: str) -> None:

@@ -132,7 +132,13 @@ class MotorGreeting:
     def note(self, identity: MotorIdentity | None) -> None:
         """Log the identity if it is new."""
         if identity is not None and not self._was_known:
-            _log_motor(identity)
+            _log.info(
+                "motor 0x%02X answers on 0x%02X, serial %s",
+                identity.can_id,
+                identity.master_id,
+                identity.registers.get("SN"),
+                extra={REPEATS: True},
+            )
             self._warnings = []
         self._was_known = identity is not None
         if identity is None or identity is self._identity:
@@ -142,17 +148,6 @@ class MotorGreeting:
         for warning in self._warnings:
             if warning not in before:
                 _log.warning("%s", warning)
-
-
-def _log_motor(identity: MotorIdentity) -> None:
-    serial = identity.registers.get("SN")
-    _log.info(
-        "motor 0x%02X answers on 0x%02X, serial %s",
-        identity.can_id,
-        identity.master_id,
-        serial,
-        extra={REPEATS: True},
-    )
 
 
 _LATE_SHARE = 0.4

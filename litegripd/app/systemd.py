@@ -35,7 +35,8 @@ class Notifier:
 
     def send(self, text: str) -> bool:
         """Send lines (READY=1); return True if they left. Never waits, raises nothing."""
-        return self._left(lambda address: self._send_text(text, address))
+        data = text.encode(errors="replace")
+        return self._left(lambda address: self._socket.sendto(data, address))
 
     def insist(self, text: str, goes_on: Callable[[], bool]) -> bool:
         """Send lines, and retry while there is no room; return True if they left.
@@ -78,7 +79,7 @@ class Notifier:
             select.select((), (), (), _LOOK_EVERY_MS * 1e-3)
         return True
 
-    def _left(self, send: Callable[[str], None]) -> bool:
+    def _left(self, send: Callable[[str], object]) -> bool:
         self.is_full = False
         if self._address is None:
             return False
@@ -90,9 +91,6 @@ class Notifier:
         except OSError:
             return False
         return True
-
-    def _send_text(self, text: str, address: str) -> None:
-        self._socket.sendto(text.encode(errors="replace"), address)
 
     def _send_descriptor(self, descriptor: int, address: str) -> None:
         self._socket.connect(address)  # before Python 3.12 `send_fds` ignores an address

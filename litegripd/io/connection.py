@@ -208,7 +208,10 @@ class Connection:
         outgoing = session.outgoing
         try:
             if len(outgoing) == 1 and not unsent:
-                self._send_at_once(outgoing)
+                line = outgoing.pop()
+                sent = self._send(line)
+                if sent < len(line):  # without a copy if the kernel takes it whole
+                    unsent += line[sent:]
             elif outgoing or unsent:
                 unsent += b"".join(outgoing)
                 outgoing.clear()
@@ -226,13 +229,6 @@ class Connection:
             self._watch()
         if self._half_closed:
             self._drop_if_done()
-
-    def _send_at_once(self, outgoing: list[bytes]) -> None:
-        """Send the one waiting line, without a copy if the kernel takes it whole."""
-        line = outgoing.pop()
-        sent = self._send(line)
-        if sent < len(line):
-            self._unsent += line[sent:]
 
     def _send(self, waiting: bytes | bytearray) -> int:
         """Send as much as is taken now; raises `OSError` if the client is gone."""

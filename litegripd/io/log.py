@@ -81,18 +81,15 @@ class LineWriter:
                 line = self._lines.popleft()
                 self._waiting_bytes -= len(line)
                 self._since_s = time.monotonic()
-                line = self._note_of_lost() + line
+                unreported, self._reported = self.lost - self._reported, self.lost
+                if unreported:
+                    text = b"litegripd: %d log lines were lost: standard error was not read\n"
+                    line = text % unreported + line
             is_written = self._is_written(line)
             with self._condition:
                 self.lost += not is_written
                 self._since_s = None
                 self._condition.notify_all()
-
-    def _note_of_lost(self) -> bytes:
-        unreported, self._reported = self.lost - self._reported, self.lost
-        if unreported == 0:
-            return b""
-        return b"litegripd: %d log lines were lost: standard error was not read\n" % unreported
 
     def _is_written(self, line: bytes) -> bool:
         try:

@@ -210,16 +210,11 @@ def _claim(interface: str, channel: str, *, has_lock: bool) -> socket.socket:
                 channel,
                 RUN_DIRECTORY,
             )
-            return _without_name()
+            claimed = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+            claimed.bind("")  # a name chosen by the kernel
+            claimed.listen()
+            return claimed
         raise InUseError(_owned(channel, owner)) from None
-    return claimed
-
-
-def _without_name() -> socket.socket:
-    """Return a listening socket with a name chosen by the kernel."""
-    claimed = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-    claimed.bind("")
-    claimed.listen()
     return claimed
 
 

@@ -471,7 +471,10 @@ def read_content(content: object) -> Calibration:
         geometry = Geometry(closed_rad, open_rad, rad_to_mm, nm_to_n)
     except ValueError as error:
         raise CalibrationError(str(error)) from None
-    _check_motor_type(_type_name(content))
+    motor_type = _type_name(content)
+    why_not = None if motor_type is None else why_not_driven(motor_type)
+    if why_not is not None:
+        raise CalibrationError(f"motor_type is {reprlib.repr(motor_type)}, {why_not}")
     return Calibration(
         geometry=geometry,
         calibrated=_typed(content, "calibrated", bool, default=True),
@@ -497,13 +500,6 @@ def read_given(content: Mapping[str, Any]) -> Calibration:
     if unknown is not None:
         raise KeyError(unknown)
     return read_content(content)
-
-
-def _check_motor_type(motor_type: str | None) -> None:
-    """Raise for a file of a motor that no daemon drives."""
-    why_not = None if motor_type is None else why_not_driven(motor_type)
-    if why_not is not None:
-        raise CalibrationError(f"motor_type is {reprlib.repr(motor_type)}, {why_not}")
 
 
 def _is_nested_deeper(value: object, levels: int) -> bool:

@@ -253,8 +253,11 @@ def memory(source: object) -> dict[str, Any]:
     if unknown:
         names = ", ".join(sorted(unknown))
         raise PlainError(f"of {owner.__name__} it is not said who takes over: {names}")
-    plain = {name: _part(getattr(source, name), kind) for name, kind in carried_by(owner).items()}
-    return {TYPE_KEY: owner.__name__, **plain}
+    plain: dict[str, Any] = {TYPE_KEY: owner.__name__}
+    for name, kind in carried_by(owner).items():
+        value = getattr(source, name)
+        plain[name] = memory(value) if is_stateful(kind) else plain_of(value)
+    return plain
 
 
 def restore(target: object, plain: Any, where: str = "") -> None:
@@ -277,10 +280,6 @@ def restore(target: object, plain: Any, where: str = "") -> None:
             present.extend(value)
         else:
             setattr(target, name, value)
-
-
-def _part(value: Any, kind: Any) -> Any:
-    return memory(value) if is_stateful(kind) else plain_of(value)
 
 
 @cache

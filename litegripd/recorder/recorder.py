@@ -231,11 +231,8 @@ class Recorder:
 
     def _note_changes(self, now_s: float, controller: Controller, inner_phase: Phase) -> None:
         """Recompute what follows from owner, calibration and phases if one of them has changed."""
-        job, holder, phase = (
-            controller.jobs.running,
-            controller.lease.holder,
-            controller.motor.phase,
-        )
+        job, holder = controller.jobs.running, controller.lease.holder
+        geometry, phase = controller.geometry, controller.motor.phase
         owner = _NOBODY
         if job is not None:
             owner = job.owner
@@ -243,8 +240,12 @@ class Recorder:
             owner = holder.owner
         if owner is not self._owner:
             self._note_owner(now_s, owner)
-        if controller.geometry is not self._geometry:
-            self._note_geometry(controller.geometry)
+        if geometry is not self._geometry:
+            self._geometry, self._geometry_flag = geometry, 0
+            if geometry is not None:
+                self._geometry_flag = CALIBRATED
+                self._closed_rad = geometry.closed_rad
+                self._mm_per_rad = -geometry.close_sign * geometry.rad_to_mm
         if phase is not self._phase:
             self._phase, self._phase_number = phase, _PHASE_NUMBERS[phase]
         if inner_phase is not self._inner_phase:
@@ -278,13 +279,6 @@ class Recorder:
         text = f"in the hands of {owner.program} (pid {owner.pid}, uid {owner.uid})"
         data = {"client": owner.client, "pid": owner.pid, "program": owner.program[:64]}
         _put_text(self._events, now_s, {"kind": "owner", "message": text}, data)
-
-    def _note_geometry(self, geometry: Geometry | None) -> None:
-        self._geometry, self._geometry_flag = geometry, 0
-        if geometry is not None:
-            self._geometry_flag = CALIBRATED
-            self._closed_rad = geometry.closed_rad
-            self._mm_per_rad = -geometry.close_sign * geometry.rad_to_mm
 
 
 def _put_text(

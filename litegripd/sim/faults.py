@@ -99,7 +99,10 @@ class FrameFaults:
     def arrivals(self, due_s: float, frame: CanFrame) -> list[tuple[float, CanFrame]]:
         """Return what arrives, and when, of a frame that is due at `due_s`."""
         with self._lock:
-            if self._is_lost():
+            if self._drop_next > 0:
+                self._drop_next -= 1
+                return []
+            if self._happens(self._drop):
                 return []
             if self._happens(self._corrupt):
                 frame = self._changed(frame)
@@ -113,12 +116,6 @@ class FrameFaults:
 
     def _happens(self, probability: float) -> bool:
         return probability > 0.0 and self._random.random() < probability
-
-    def _is_lost(self) -> bool:
-        if self._drop_next > 0:
-            self._drop_next -= 1
-            return True
-        return self._happens(self._drop)
 
     def _arrives_at(self, due_s: float) -> float:
         if not self._in_order:

@@ -553,20 +553,18 @@ class Plant:
         elif s > self._zone_at and (v > 0.0 or (v == 0.0 and force > 0.0)):
             ratio = v / p.close_stick_speed_rad_s
             friction += (p.close_stick_nm - friction) / (1.0 + ratio * ratio)
-        if self._object is not None and s > self._object_at:
-            press = self._object.stiffness_nm_rad * (s - self._object_at)
-            if press + self._object.damping_nm_s_rad * v > 0.0:
+        item = self._object
+        if item is not None and s > self._object_at:
+            press = item.stiffness_nm_rad * (s - self._object_at)
+            if press + item.damping_nm_s_rad * v > 0.0:
                 force -= press
-                damping += gain * self._object.damping_nm_s_rad
-                friction += self._object.friction_nm
-                self._let_object_yield(self._object, press)
+                damping += gain * item.damping_nm_s_rad
+                friction += item.friction_nm
+                if item.yield_mm_s > 0.0 and press > item.yield_torque_nm:
+                    self._yielding = True
+                    self._object_at += item.yield_mm_s / p.rad_to_mm * STEP_S
+                    self._bound_free_travel()
         return force, damping, gain * friction
-
-    def _let_object_yield(self, item: GrippedObject, press_nm: float) -> None:
-        if item.yield_mm_s > 0.0 and press_nm > item.yield_torque_nm:
-            self._yielding = True
-            self._object_at += item.yield_mm_s / self._p.rad_to_mm * STEP_S
-            self._bound_free_travel()
 
 
 def _settled(value: float, end: float, within: float) -> float:

@@ -215,7 +215,9 @@ class ForceIntake:
         if frame is None:
             self.rejected += 1
             return
-        self._forget_old(now_s)
+        for sender, heard in list(self._heard.items()):
+            if not _is_recent(heard.echo_s, now_s):
+                del self._heard[sender]
         before = self._heard.get(frame.sender)
         is_full = before is None and len(self._heard) >= MOST_FOLLOWERS
         if is_full or not _is_recent(frame.echo_s, now_s):
@@ -234,11 +236,6 @@ class ForceIntake:
         """Return the largest force that a follower reports now; 0 without followers."""
         forces = [h.force_n for h in self._heard.values() if _is_recent(h.echo_s, now_s)]
         return max(forces, key=abs, default=0.0)
-
-    def _forget_old(self, now_s: float) -> None:
-        for sender, heard in list(self._heard.items()):
-            if not _is_recent(heard.echo_s, now_s):
-                del self._heard[sender]
 
 
 def _is_recent(echo_s: float, now_s: float) -> bool:

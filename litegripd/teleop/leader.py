@@ -82,7 +82,11 @@ class PushBack:
         self._stored_j = min(self._stored_j - gave_j, MOST_STORED_J)
         elapsed_s = min(elapsed_s, _LONGEST_TICK_S)
         self._ramp(felt_n, elapsed_s)
-        self._allow(self._torque_nm(self._ramped_n) * moved_rad, elapsed_s)
+        # A hand that presses against it may get all of the force. Its share drops at once when no
+        # work is left to give back, and returns by the ramp.
+        is_against = self._torque_nm(self._ramped_n) * moved_rad < 0.0
+        left = 1.0 if is_against else min(max(self._stored_j / GRANT_J + 1.0, 0.0), 1.0)
+        self._share = min(left, self._share + elapsed_s / RAMP_S)
         self.force_n = self._ramped_n * self._share
         torque_nm = self._torque_nm(self.force_n)
         fastest_rad_s = min(self._geometry.to_rad(FASTEST_MM_S), FASTEST_RAD_S)
@@ -100,14 +104,6 @@ class PushBack:
         if wanted_n == 0.0 and abs(self._ramped_n) < 1e-3:  # too little to pack: a new contact
             self._smooth_n = self._ramped_n = self._stored_j = 0.0
             self._share = 1.0
-
-    def _allow(self, gives: float, elapsed_s: float) -> None:
-        """Return how much of the force may be given: all of it to a hand that presses against it.
-
-        It drops at once when no work is left to give back, and returns by the ramp.
-        """
-        left = 1.0 if gives < 0.0 else min(max(self._stored_j / GRANT_J + 1.0, 0.0), 1.0)
-        self._share = min(left, self._share + elapsed_s / RAMP_S)
 
     def _torque_nm(self, force_n: float) -> float:
         """Return the motor's torque for a force that opens the jaws."""

@@ -415,6 +415,7 @@ class TeleopAction(PlainAction, ABC):
     def base_status(self) -> TeleopStatus:
         """Return the part of the status that is the same for both ends."""
         link, feedback = self.link.status, self.feedback
+        is_faultless = feedback is None or feedback.status == Status.ENABLED
         return TeleopStatus(
             active=True,
             mode=self.options.mode,
@@ -431,15 +432,8 @@ class TeleopAction(PlainAction, ABC):
             send_failed=self.send_failed,
             loop_hz=round(self.loop.hz, 1),
             torque_nm=0.0 if feedback is None else feedback.torque_nm,
-            fault=fault_of(feedback),
+            fault="" if feedback is None or is_faultless else status_name(feedback.status),
         )
-
-
-def fault_of(feedback: Feedback | None) -> str:
-    """Return the motor's status if it is not "enabled", else nothing."""
-    if feedback is None or feedback.status == Status.ENABLED:
-        return ""
-    return status_name(feedback.status)
 
 
 def ended(status: TeleopStatus, why: str | None) -> TeleopStatus:

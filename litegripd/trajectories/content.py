@@ -88,7 +88,12 @@ def open_file(path: Path) -> BinaryIO:
     # A link could lead anywhere; and opening a pipe must not wait for its other end.
     descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
-        _check_file(path, os.fstat(descriptor))
+        status = os.fstat(descriptor)
+        if not stat.S_ISREG(status.st_mode):
+            raise StoreError("trajectory_unreadable", f"{path}: it is no regular file")
+        if status.st_size > MAX_BYTES:
+            text = f"{path}: {status.st_size} bytes, more than the {MAX_BYTES} of the longest one"
+            raise StoreError("trajectory_unreadable", text)
         return os.fdopen(descriptor, "rb")
     except BaseException:
         os.close(descriptor)
@@ -144,14 +149,6 @@ def decoded(data: str) -> bytes:
         return base64.b64decode(data, validate=True)
     except (binascii.Error, ValueError):
         raise StoreError("out_of_limits", "data is no base64") from None
-
-
-def _check_file(path: Path, status: os.stat_result) -> None:
-    if not stat.S_ISREG(status.st_mode):
-        raise StoreError("trajectory_unreadable", f"{path}: it is no regular file")
-    if status.st_size > MAX_BYTES:
-        text = f"{path}: {status.st_size} bytes, more than the {MAX_BYTES} of the longest one"
-        raise StoreError("trajectory_unreadable", text)
 
 
 @dataclass(frozen=True, slots=True)

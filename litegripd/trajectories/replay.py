@@ -235,7 +235,14 @@ class ReplayGrips:
     ) -> tuple[MitCommand | None, ReplayOutcome | None]:
         """Close or hold; return the command, and the outcome if nothing is held."""
         if self._grasp is None:
-            self._grasp, self._let_go_at = self._new_grasp(), None
+            self._grasp = Grasp(
+                GraspRequest(self.present.force_n, self._config.grasp_speed_mm_s),
+                geometry=self._geometry,
+                config=self._config,
+                period_s=self._period_s,
+                motor_type=self._motor_type,
+            )
+            self._let_go_at = None
         step = self._grasp.step(now_s, motor)
         idle = self._grasp.idle_after()
         before, self.held = self.held, idle if isinstance(idle, Grip) else None
@@ -270,16 +277,6 @@ class ReplayGrips:
         if self._let_go_at is not None and openness >= self._let_go_at:
             self._let_go_at = None
         return openness if self._let_go_at is None else self._let_go_at
-
-    def _new_grasp(self) -> Grasp:
-        request = GraspRequest(self.present.force_n, self._config.grasp_speed_mm_s)
-        return Grasp(
-            request,
-            geometry=self._geometry,
-            config=self._config,
-            period_s=self._period_s,
-            motor_type=self._motor_type,
-        )
 
     def _note(self, width_mm: float) -> None:
         self.done += 1

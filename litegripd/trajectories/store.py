@@ -74,7 +74,11 @@ class Owners:
 
     def usage(self, directory: Path, uid: int) -> dict[str, int]:
         """Return what a user has in `directory`, and may have; raises `OSError`."""
-        sizes = [_size_of(path) for path in self._paths_of(directory, uid)]
+        names = lgt_names(directory, self._file_system)
+        owned = [
+            name for name in names if self._owner_in(f"{directory}/{name}{OWNER_ENDING}") == uid
+        ]
+        sizes = [_size_of(directory / f"{name}{ENDING}") for name in owned]
         return {
             "uid": uid,
             "named": len(sizes),
@@ -165,13 +169,6 @@ class Owners:
     def _save(self, path: Path, uid: int) -> None:
         content = f"{uid}\n".encode()
         atomic_file.write(path_beside(path), content, file_system=self._file_system)
-
-    def _paths_of(self, directory: Path, uid: int) -> list[Path]:
-        names = lgt_names(directory, self._file_system)
-        owned = (
-            name for name in names if self._owner_in(f"{directory}/{name}{OWNER_ENDING}") == uid
-        )
-        return [directory / f"{name}{ENDING}" for name in owned]
 
 
 def lgt_names(directory: Path, file_system: FileSystem) -> list[str]:
@@ -297,7 +294,9 @@ class TrajectoryStore:
             content = self._content(name)
             whole, sha256 = content.whole, content.sha256
         if file_format == "csv":
-            whole = self._as_csv(content)
+            if self._csv is None or self._csv[0] != content.sha256:
+                self._csv = (content.sha256, content.as_csv())
+            whole = self._csv[1]
             sha256 = hashlib.sha256(whole).hexdigest()
         offset, length = int(parameters["offset"]), int(parameters["length"])
         if offset > len(whole):
@@ -435,20 +434,13 @@ class TrajectoryStore:
                 status = os.fstat(file.fileno())
                 key = (str(path), status.st_ino, status.st_mtime_ns, status.st_size)
                 if key not in self._cached:
-                    self._keep_in_cache(key, content_of(path, file.read(MAX_BYTES + 1)))
+                    content = content_of(path, file.read(MAX_BYTES + 1))
+                    while len(self._cached) >= _MAX_CACHED:
+                        del self._cached[next(iter(self._cached))]
+                    self._cached[key] = content
         except OSError as error:
             raise unopened(name, path, error) from None
         return self._cached[key]
-
-    def _keep_in_cache(self, key: tuple[str, int, int, int], content: Content) -> None:
-        while len(self._cached) >= _MAX_CACHED:
-            del self._cached[next(iter(self._cached))]
-        self._cached[key] = content
-
-    def _as_csv(self, content: Content) -> bytes:
-        if self._csv is None or self._csv[0] != content.sha256:
-            self._csv = (content.sha256, content.as_csv())
-        return self._csv[1]
 
 
 def _refusing(

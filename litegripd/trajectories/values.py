@@ -5,7 +5,7 @@
 
 import base64
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -200,14 +200,12 @@ class Loading:
         unanswered = self._asked - len(self._pieces)
         if self._facts is None or unanswered >= _MOST_UNANSWERED or self._asked >= self._count:
             return None
-        self._asked += 1
-        offset = (self._asked - 1) * PIECE_BYTES
-        parameters = {
-            "name": self._name,
-            "sha256": self._facts["sha256"],
-            "offset": offset,
-        }
-        return HelperTask("trajectory.samples", parameters, self._taker(self._asked - 1))
+        number, self._asked = self._asked, self._asked + 1
+        sha256, offset = self._facts["sha256"], number * PIECE_BYTES
+        parameters = {"name": self._name, "sha256": sha256, "offset": offset}
+        return HelperTask(
+            "trajectory.samples", parameters, lambda result: self._take(number, result)
+        )
 
     @property
     def _count(self) -> int:
@@ -226,12 +224,6 @@ class Loading:
             self.grips = tuple(TaughtGrip(*row) for row in facts["grip_rows"])
             self.grip_problem = facts["grip_problem"]
             self._facts = facts
-
-    def _taker(self, number: int) -> Callable[[TaskResult], None]:
-        def take(result: TaskResult) -> None:
-            self._take(number, result)
-
-        return take
 
     def _take(self, number: int, result: TaskResult) -> None:
         self._heard += 1

@@ -131,21 +131,6 @@ def explain(error: BaseException, text: str, interface: str, channel: str) -> st
     return f"{why.format(channel=channel)} ({text})"
 
 
-def not_opened(error: BaseException, text: str, interface: str, channel: str) -> BusCondition:
-    """Return the condition of a bus that could not be opened."""
-    why = explain(error, text, interface, channel)
-    return condition_of(error, f"cannot be opened: {why}", channel)
-
-
-def state_in(message: can.Message) -> BusState | None:
-    """Return the state that an error frame reports: `bus_off`, `up` at its end; None for others."""
-    if not message.is_error_frame:
-        return None
-    if message.arbitration_id & RESTARTED:
-        return "up"
-    return "bus_off" if message.arbitration_id & BUS_OFF else None
-
-
 # python-can asks the time of day how long `recv` still has to wait: were it set back by an hour in
 # the middle of a `recv(0)`, that would wait for an hour, in the control thread.
 can.bus.time = time.monotonic  # type: ignore[attr-defined]
@@ -296,13 +281,12 @@ class DirectBus:
     def _take_error_frame(self, message: can.Message) -> None:
         """Note a bus-off, and its end; most error frames report only corrected errors."""
         self.counters.error_frames += 1
-        state = state_in(message)
-        if state == "bus_off":
+        if message.arbitration_id & RESTARTED:
+            self._works()
+        elif message.arbitration_id & BUS_OFF:
             self.counters.errors += 1
             self._sending_failed = False  # a frame that can be sent again proves nothing any more
             self.condition = BusCondition("bus_off", "the controller has left the bus")
-        elif state == "up":
-            self._works()
 
     def _open(self, now_s: float) -> None:
         if now_s < self._reopen_at_s:
@@ -311,9 +295,8 @@ class DirectBus:
             self._bus = open_bus(self._settings)
         except Exception as error:  # noqa: BLE001 - an interface may raise anything
             settings = self._settings
-            self.condition = not_opened(
-                error, describe(error), settings.interface, settings.channel
-            )
+            why = explain(error, describe(error), settings.interface, settings.channel)
+            self.condition = condition_of(error, f"cannot be opened: {why}", settings.channel)
             self._reopen_at_s = now_s + self._reopen_after_s
             self._reopen_after_s = min(2 * self._reopen_after_s, _REOPEN_AT_MOST_S)
             return

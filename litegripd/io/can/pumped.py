@@ -113,8 +113,13 @@ class PumpedBus:
                 break
             self._take(packet, frames, now_s)
         self._judge_drops(now_s)
-        if self.condition.state == "up":
-            self._note_doubts(now_s)
+        if self.condition.state == "up":  # then a doubt may be why the motor is not reached
+            doubt = self._doubt
+            if now_s < self._late_until_s:
+                rights = "" if self._has_rights else _NO_RIGHTS
+                doubt = _TOO_LATE.format(ms=1e3 * self.lateness.worst_s(), rights=rights)
+            if doubt != self.condition.error:
+                self.condition = UP if doubt is None else BusCondition("up", doubt)
         return frames
 
     def send(self, frames: Sequence[CanFrame], now_s: float) -> None:
@@ -224,15 +229,6 @@ class PumpedBus:
         self._is_open = True
         self._dropping_since_s = None
         self.condition = UP
-
-    def _note_doubts(self, now_s: float) -> None:
-        """Name what may be the reason when the motor is not reached, though the bus is up."""
-        doubt = self._doubt
-        if now_s < self._late_until_s:
-            rights = "" if self._has_rights else _NO_RIGHTS
-            doubt = _TOO_LATE.format(ms=1e3 * self.lateness.worst_s(), rights=rights)
-        if doubt != self.condition.error:
-            self.condition = UP if doubt is None else BusCondition("up", doubt)
 
     def _spawn(self, now_s: float) -> Child | None:
         if now_s < self._restart_at_s:

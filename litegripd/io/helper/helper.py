@@ -307,7 +307,9 @@ class Helper:
     def _take(self, packet: bytes) -> None:
         identity = int.from_bytes(packet[:4], "little")
         if packet[4:5] == LOG_STATE:
-            self._note_log(*json.loads(packet[5:]))
+            lost, self.log_is_stuck = json.loads(packet[5:])
+            self.log_lines_lost += lost - self._lost_by_child
+            self._lost_by_child = lost
             return
         request = self._requests.at_helper(identity)
         if request is None:
@@ -324,10 +326,6 @@ class Helper:
             _answer(request, HelperResult(value, pieces=pieces))
         else:
             _answer(request, HelperResult(error=str(value)))
-
-    def _note_log(self, lost: int, is_stuck: bool) -> None:
-        self.log_lines_lost += lost - self._lost_by_child
-        self._lost_by_child, self.log_is_stuck = lost, is_stuck
 
     def _restart_later(self) -> None:
         now_s = time.monotonic()

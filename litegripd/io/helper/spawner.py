@@ -30,6 +30,8 @@ OPERATION = "spawner.start"
 _LOOK_EVERY_S = 0.5
 _END_WITHIN_S = 0.5
 
+_IRREPLACEABLE = "the process that starts the others cannot be replaced: %s"
+
 
 class Spawner:
     """Keeps one spawning process, and starts others by it: `start` never waits.
@@ -86,7 +88,10 @@ class Spawner:
         if helper.is_running:
             self._replace_by(helper)
         elif may_wait:
-            self._replace_here()
+            try:
+                self._child = start_here(MODULE)
+            except OSError as error:
+                _log.error(_IRREPLACEABLE, error)
 
     def let_go(self) -> None:
         """Leave the spawner to end by itself, as it does without its daemon."""
@@ -111,22 +116,18 @@ class Spawner:
                 return
             self._coming = None
             try:
-                pid = _pid_of(result)
+                if result.error is not None or not isinstance(result.value, dict):
+                    raise OSError(errno.ECHILD, str(result.error))
+                pid = int(result.value["pid"])
                 coming.started(pid, os.pidfd_open(pid))
             except OSError as error:
                 coming.close()
-                _log.error("the process that starts the others cannot be replaced: %s", error)
+                _log.error(_IRREPLACEABLE, error)
             else:
                 self._child = coming
 
         with theirs:
             helper.request(OPERATION, {}, started, (theirs.fileno(),))
-
-    def _replace_here(self) -> None:
-        try:
-            self._child = start_here(MODULE)
-        except OSError as error:
-            _log.error("the process that starts the others cannot be replaced: %s", error)
 
     def _settle(self, within_s: float) -> None:
         """Learn which processes have been started, or that the spawner is gone."""
@@ -160,10 +161,3 @@ class Spawner:
         orphans, self._starting = list(self._starting.values()), {}
         for child in orphans:
             child.failure = "the process that starts the others died"
-
-
-def _pid_of(result: HelperResult) -> int:
-    """Return the pid of a process that the helper has started; raises `OSError` with its reason."""
-    if result.error is not None or not isinstance(result.value, dict):
-        raise OSError(errno.ECHILD, str(result.error))
-    return int(result.value["pid"])
