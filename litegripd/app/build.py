@@ -468,7 +468,7 @@ def named_calibration(config: Config) -> Mapping[str, object] | None:
     if problem is not None and in_use.calibration is not None:
         problem = f"{file} says that it is none, with calibrated = false: {problem}"
         _log.error("%s", problem)
-    doubts = controller.calibration_doubts() + controller.work_stroke_doubts()
+    doubts = in_use.doubts(gripper_id, None) + in_use.work_stroke_doubts()
     for doubt in doubts:
         _log.warning("the calibration %s: %s", file, doubt)
     return {
@@ -495,7 +495,9 @@ def _use_calibration(controller: Controller, result: TaskResult) -> None:
         return
     calibration = of_stroke(from_plain(found), controller.gripper_id.stroke_mm)
     path = result.value["path"]
-    unfitting = controller.why_unfitting(calibration, path)
+    unfitting = controller.calibrated.why_unfitting(
+        calibration, path, controller.gripper_id, controller.motor.identity
+    )
     if unfitting is not None:
         _log.error("%s", unfitting.message)
         controller.use_calibration(None, unfitting)

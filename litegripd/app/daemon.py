@@ -342,12 +342,7 @@ class Daemon:
         tasks = self._machine.controller.tasks
         while tasks:
             task = tasks.pop(0)
-            self._helper.request(
-                task.operation,
-                task.parameters,
-                task.on_result,
-                uid=task.uid,
-            )
+            self._helper.request(task.operation, task.parameters, task.on_result, uid=task.uid)
 
     def _note_calibration(self) -> None:
         self._calibration_is_known = True

@@ -296,7 +296,7 @@ class DaemonFacts:
         elif is_usable:
             misplaced = position_refusal(self._machine.motor.view(), geometry)
             found += [] if misplaced is None else [misplaced.message]
-        found += controller.calibration_doubts()
+        found += controller.calibrated.doubts(controller.gripper_id, controller.motor.identity)
         if controller.output.made.is_weak:
             found.append(weak_text(controller.output.made))
         allowed_nm = controller.output.heat.allowance_nm
@@ -379,14 +379,15 @@ def _process_complaints(parts: Parts) -> list[str]:
 
 def _calibration(controller: Controller) -> CalibrationFacts:
     """Return the origin of the calibration; `saved_s` is the file's date, in Unix time."""
-    calibration, problem = controller.calibrated.calibration, controller.calibrated.problem
+    in_use = controller.calibrated
+    calibration, problem = in_use.calibration, in_use.problem
     facts: CalibrationFacts = {
-        "file": controller.calibrated.file,
+        "file": in_use.file,
         "nominal": calibration is not None and calibration.nominal,
         "channel": None if calibration is None else calibration.channel,
         "saved_s": None if calibration is None else calibration.saved_s,
-        "foreign": controller.foreign_doubt,
-        "work_stroke": next(iter(controller.work_stroke_doubts()), None),
+        "foreign": in_use.foreign_doubt(controller.gripper_id, controller.motor.identity),
+        "work_stroke": next(iter(in_use.work_stroke_doubts()), None),
         "problem": problem.message if problem.reason == "calibration_unreadable" else None,
     }
     return cast("CalibrationFacts", with_terms(facts))

@@ -1,4 +1,4 @@
-"""The calibration in use, and how a new one is saved."""
+"""The calibration in use, what is doubtful about it, and how a new one is saved."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -11,14 +11,22 @@ from litegripd.model.calibration import (
     NOMINAL,
     Calibration,
     CalibrationError,
+    ScaleDoubt,
+    foreign_warning,
     measured,
+    out_of_range,
     plausible_travel_rad,
+    scale_doubt,
+    scale_warning,
+    unfitting,
+    work_stroke_warning,
 )
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import Geometry, GripperId
 from litegripd.model.motion_config import MotionConfig, damping_conflict
-from litegripd.model.motor import MotorView, ZeroView
+from litegripd.model.motor import MotorIdentity, MotorView, ZeroView
 from litegripd.model.plain import Carried
+from litegripd.model.sentence import sentence
 from litegripd.model.state import HelperTask, TaskResult, ZeroOutcome, ZeroResult
 
 
@@ -53,6 +61,12 @@ class CalibrationInUse:
     _by: Carried[int | None] = None
     problem: Carried[Refusal] = NOT_CALIBRATED
     _zero: Carried[ZeroView] = ZeroView()
+
+    @property
+    def valid(self) -> Calibration | None:
+        """The calibration; None without one, and for one that is not calibrated (any more)."""
+        calibration = self.calibration
+        return calibration if calibration and calibration.calibrated else None
 
     @property
     def geometry(self) -> Geometry | None:
@@ -96,14 +110,96 @@ class CalibrationInUse:
         """Return what a motion counts on that brings no calibration of its own."""
         return Terms(self.geometry, self.work_opening_mm, self.gains, config)
 
-    def terms_of(self, given: Calibration, by: int, config: MotionConfig) -> Terms:
+    def terms_of(
+        self,
+        given: Calibration,
+        by: int,
+        config: MotionConfig,
+        gripper_id: GripperId,
+        identity: MotorIdentity | None,
+    ) -> Terms | Refusal:
         """Return what a motion counts on for which the client `by` has given a calibration.
 
-        What that cannot say is this gripper's: a measured force per torque.
+        It is judged as one that is loaded, and nothing of it stays. What it cannot say is this
+        gripper's: a measured force per torque.
         """
+        refusal = self.why_unfitting(given, None, gripper_id, identity)
+        if refusal is not None:
+            return refusal
         if self.calibration is not None:
             given = given.with_force_of(self.calibration)
         return Terms(given.geometry, given.work_opening_mm, self._gains_of(given, by), config)
+
+    # Doubts
+
+    def scale_doubt(self, stroke_mm: float) -> ScaleDoubt | None:
+        """Return why the scale in use is probably wrong, or None."""
+        calibration = self.calibration
+        if calibration is None or not calibration.calibrated:
+            return None
+        return scale_doubt(calibration, stroke_mm)
+
+    def doubts(self, gripper_id: GripperId, identity: MotorIdentity | None) -> list[str]:
+        """Return why it is probably wrong: its scale, and where it is from."""
+        if self.valid is None:
+            return []
+        found = (
+            scale_warning(self.valid, gripper_id.stroke_mm),
+            self.foreign_doubt(gripper_id, identity),
+        )
+        return [doubt for doubt in found if doubt is not None]
+
+    def work_stroke_doubts(self) -> list[str]:
+        """Return that it has `open` go beyond the travel; else nothing."""
+        beyond = None if self.valid is None else work_stroke_warning(self.valid)
+        return [] if beyond is None else [beyond]
+
+    def foreign_doubt(self, gripper_id: GripperId, identity: MotorIdentity | None) -> str | None:
+        """Return why it is probably another gripper's, or None."""
+        if self.valid is None:
+            return None
+        return foreign_warning(
+            self.valid,
+            channel=gripper_id.channel,
+            can_id=gripper_id.can_id,
+            master_id=None if identity is None else identity.master_id,
+            motor_type=gripper_id.motor_type.name,
+        )
+
+    def why_unfitting(
+        self,
+        calibration: Calibration,
+        file: str | None,
+        gripper_id: GripperId,
+        identity: MotorIdentity | None,
+    ) -> Refusal | None:
+        """Return a refusal if another calibration cannot be this gripper's, or None.
+
+        `file` is where it comes from, None for what a client gives.
+        """
+        ranges = gripper_id.motor_type.ranges if identity is None else identity.ranges
+        why = unfitting(calibration, gripper_id.stroke_mm, ranges.position_rad)
+        return None if why is None else self._unfitting(why, file)
+
+    def leave_range(self, position_rad: float) -> Refusal | None:
+        """Give up a calibration beyond ±`position_rad`, what the motor can report; return why."""
+        why = None if self.valid is None else out_of_range(self.valid, position_rad)
+        if why is None:
+            return None
+        file = self.file
+        self.use(None, None, None)
+        self.problem = self._unfitting(why, file)
+        return self.problem
+
+    def _unfitting(self, why: str, file: str | None) -> Refusal:
+        kept = "; the calibration in use stays in force" if self.geometry is not None else ""
+        text = sentence(
+            "the calibration {file} cannot be this gripper's: {why}{kept}",
+            file=file or "that was given",
+            why=why,
+            kept=kept,
+        )
+        return Refusal("calibration_unreadable", text, {"file": file})
 
     def _gains_of(self, calibration: Calibration, by: int | None) -> Gains:
         """Return the gains of a calibration that the client `by` brings."""

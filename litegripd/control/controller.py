@@ -37,7 +37,6 @@ from litegripd.control.events import (
     RELEASES_WITHIN_S,
     JobBook,
     RegisterReads,
-    Start,
     Turn,
 )
 from litegripd.control.holds import Grip, Hold, Idle, Slack
@@ -50,16 +49,7 @@ from litegripd.control.limiter import (
     bounds_of,
 )
 from litegripd.control.motions.base import Action
-from litegripd.model.calibration import (
-    Calibration,
-    ScaleDoubt,
-    foreign_warning,
-    out_of_range,
-    scale_doubt,
-    scale_warning,
-    unfitting,
-    work_stroke_warning,
-)
+from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import Geometry, GripperId
 from litegripd.model.motion_config import MotionConfig
@@ -295,74 +285,8 @@ class Controller:
         """
         self.calibrated.use(calibration, problem, file, by)
         if calibration is not None:
-            self.events.append(events.calibrated(calibration, file, self.calibration_doubts()))
-
-    @property
-    def scale_doubt(self) -> ScaleDoubt | None:
-        """Why the scale in use is probably wrong, or None."""
-        calibration = self.calibrated.calibration
-        if calibration is None or not calibration.calibrated:
-            return None
-        return scale_doubt(calibration, self.gripper_id.stroke_mm)
-
-    def calibration_doubts(self) -> list[str]:
-        """Return why the calibration in use is probably wrong: its scale, and where it is from."""
-        calibration = self.calibrated.calibration
-        if calibration is None or not calibration.calibrated:
-            return []
-        found = (scale_warning(calibration, self.gripper_id.stroke_mm), self.foreign_doubt)
-        return [doubt for doubt in found if doubt is not None]
-
-    def work_stroke_doubts(self) -> list[str]:
-        """Return that the calibration in use has `open` go beyond the travel; else nothing."""
-        calibration = self.calibrated.calibration
-        if calibration is None or not calibration.calibrated:
-            return []
-        beyond = work_stroke_warning(calibration)
-        return [] if beyond is None else [beyond]
-
-    @property
-    def foreign_doubt(self) -> str | None:
-        """Why the calibration in use is probably another gripper's, or None."""
-        calibration, gripper_id = self.calibrated.calibration, self.gripper_id
-        if calibration is None or not calibration.calibrated:
-            return None
-        identity = self.motor.identity
-        return foreign_warning(
-            calibration,
-            channel=gripper_id.channel,
-            can_id=gripper_id.can_id,
-            master_id=None if identity is None else identity.master_id,
-            motor_type=gripper_id.motor_type.name,
-        )
-
-    def why_unfitting(self, calibration: Calibration, file: str | None) -> Refusal | None:
-        """Return a refusal if a calibration cannot be this gripper's, or None.
-
-        `file` is where it comes from, None for what a client gives.
-        """
-        identity = self.motor.identity
-        ranges = self.gripper_id.motor_type.ranges if identity is None else identity.ranges
-        why = unfitting(calibration, self.gripper_id.stroke_mm, ranges.position_rad)
-        return None if why is None else self._unfitting(why, file)
-
-    def terms_of(self, given: Calibration, by: Owner, config: MotionConfig) -> Terms | Refusal:
-        """Return what a motion counts on for which a client has given a calibration.
-
-        It is judged as one that is loaded, and nothing of it stays.
-        """
-        refusal = self.why_unfitting(given, None)
-        return refusal or self.calibrated.terms_of(given, by.client, config)
-
-    def _unfitting(self, why: str, file: str | None) -> Refusal:
-        kept = "; the calibration in use stays in force" if self.geometry is not None else ""
-        text = sentence(
-            "the calibration {file} cannot be this gripper's: {why}{kept}",
-            file=file or "that was given",
-            why=why,
-            kept=kept,
-        )
-        return Refusal("calibration_unreadable", text, {"file": file})
+            doubts = self.calibrated.doubts(self.gripper_id, self.motor.identity)
+            self.events.append(events.calibrated(calibration, file, doubts))
 
     def note_bus(self, bus: BusCondition) -> None:
         """Take the state of the bus; report each change of it once, whatever its errors say.
@@ -454,10 +378,6 @@ class Controller:
         else:
             self.jobs.forget_like(job)
         return job
-
-    def queue(self, kind: JobKind, owner: Owner, detached: bool, start: Start) -> Job | Refusal:
-        """Let a motion wait for the end of the running one; then `start` is called."""
-        return self.jobs.enqueue(kind, owner, detached, self.now_s, start)
 
     def cancel(self, number: int, by: Owner) -> Job | Refusal:
         """End a job; the jaws keep holding what they hold, else they hold where they are."""
@@ -785,8 +705,7 @@ class Controller:
         is_motion = command is not None
         command = command or self._idle_command(now_s, feedback)
         command = self._calmed(command, feedback, is_motion=is_motion)
-        self._note_moved_object(feedback)
-        self._note_pressing(now_s, feedback)
+        self._note_contact(now_s, feedback)
         sent = self._send(now_s, command, feedback)
         return self._asked(MotorInput(sent, request, is_motion, register))
 
@@ -840,10 +759,14 @@ class Controller:
             return self.idle.command(now_s, feedback)
         return command
 
-    def _note_pressing(self, now_s: float, feedback: Feedback) -> None:
-        """Take note of jaws that press, and report what was not asked for as a grasp."""
+    def _note_contact(self, now_s: float, feedback: Feedback) -> None:
+        """Report a held object that has moved, and jaws that press unasked for as a grasp."""
         grip, running, geometry = self.grip, self.jobs.running, self.in_force.geometry
         is_held = grip is not None and grip.is_holding
+        moved_mm = None if grip is None else grip.take_moved_mm()
+        if grip is not None and is_held and moved_mm is not None:
+            width_mm = grip.geometry.opening_mm(feedback.position_rad)
+            self.events.append(events.object_moved(moved_mm, width_mm))
         self.pressing.see(feedback, is_held=is_held)
         if is_held or self._is_pushed or geometry is None:
             return
@@ -866,13 +789,6 @@ class Controller:
         if is_lowered:
             self.events.append(events.swings(self.swing.share))
         return command
-
-    def _note_moved_object(self, feedback: Feedback) -> None:
-        grip = self.grip
-        moved_mm = None if grip is None else grip.take_moved_mm()
-        if grip is not None and grip.is_holding and moved_mm is not None:
-            width_mm = grip.geometry.opening_mm(feedback.position_rad)
-            self.events.append(events.object_moved(moved_mm, width_mm))
 
     def _send(self, now_s: float, command: MitCommand, feedback: Feedback) -> MitCommand | None:
         """Return the command that is sent in place of `command`."""
@@ -924,18 +840,12 @@ class Controller:
     def _note_ranges(self, motor: MotorView) -> None:
         """Give up a calibration beyond what the motor, as soon as it is known, can report."""
         ranges = None if motor.identity is None else motor.identity.ranges
-        calibration = self.calibrated.calibration
         if ranges is None or ranges == self._ranges:
             return
         self._ranges = ranges
-        if calibration is None or not calibration.calibrated:
-            return
-        why = out_of_range(calibration, ranges.position_rad)
-        if why is not None:
-            file = self.calibrated.file
-            self.use_calibration(None)
+        refusal = self.calibrated.leave_range(ranges.position_rad)
+        if refusal is not None:
             self.put_in_force(self.terms)
-            self.calibrated.problem = refusal = self._unfitting(why, file)
             self.events.append(Event("calibration", refusal.message, {"error": refusal.reason}))
             if self.action is not None and self.action.needs_power:
                 self.end(refusal)

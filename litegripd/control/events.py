@@ -124,7 +124,7 @@ class JobBook:
     def enqueue(
         self, kind: JobKind, owner: Owner, detached: bool, now_s: float, start: Start
     ) -> Job | Refusal:
-        """Let a motion wait for its turn; return a refusal if `MOST_QUEUED` wait already."""
+        """Let a motion wait for its turn, in which `start` is called; at most `MOST_QUEUED` do."""
         if len(self.queue) >= MOST_QUEUED:
             text = f"{MOST_QUEUED} motions wait for their turn already"
             return Refusal("too_many_requests", text, {"limit": MOST_QUEUED})

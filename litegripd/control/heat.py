@@ -271,9 +271,16 @@ class HeatGuard:
         asked_nm, self._asked_nm = self._asked_nm, 0.0
         waited_s = now_s - self._changed_s
         change = self._lowered(coil_c, waited_s) or self._raised(coil_c, waited_s, asked_nm)
-        if change is not None:
-            self._learn(change, waited_s)
-            self._changed_s, self.allowance_nm = now_s, change.to_nm
+        if change is None:
+            return None
+        was_raised, self._was_raised = self._was_raised, change.to_nm > change.from_nm
+        if was_raised and waited_s >= self._raised_lasts_s:
+            self._raise_every_s = _RAISE_EVERY_S
+        elif was_raised and not self._was_raised:  # it did not last: the next one waits longer
+            self._raise_every_s = min(2.0 * self._raise_every_s, _RAISE_EVERY_AT_MOST_S)
+        if change.from_nm == math.inf:
+            self._top_nm = change.to_nm / _STEP
+        self._changed_s, self.allowance_nm = now_s, change.to_nm
         return change
 
     def bears_s(self, torque_nm: float) -> float | None:
@@ -321,13 +328,3 @@ class HeatGuard:
         allowed = "any torque" if to_nm == math.inf else f"{to_nm:.2f} N·m"
         why = f"the coil has cooled to {coil_c:.1f} °C: {allowed} allowed"
         return HeatChange(self.allowance_nm, to_nm, coil_c, why)
-
-    def _learn(self, change: HeatChange, waited_s: float) -> None:
-        """Learn from a change: after a raise that did not last, wait longer for the next one."""
-        was_raised, self._was_raised = self._was_raised, change.to_nm > change.from_nm
-        if was_raised and waited_s >= self._raised_lasts_s:
-            self._raise_every_s = _RAISE_EVERY_S
-        elif was_raised and not self._was_raised:
-            self._raise_every_s = min(2.0 * self._raise_every_s, _RAISE_EVERY_AT_MOST_S)
-        if change.from_nm == math.inf:
-            self._top_nm = change.to_nm / _STEP

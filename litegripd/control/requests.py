@@ -508,10 +508,13 @@ class CalibrationRequests:
 
     def load(self, calibration: Calibration, file: str | None, owner: Owner) -> Refusal | None:
         """Use another calibration, which `owner` has loaded; one that cannot fit is refused."""
-        calibration = of_stroke(calibration, self._controller.gripper_id.stroke_mm)
-        refusal = self.refusal_to_load() or self._controller.why_unfitting(calibration, file)
+        controller = self._controller
+        calibration = of_stroke(calibration, controller.gripper_id.stroke_mm)
+        refusal = self.refusal_to_load() or controller.calibrated.why_unfitting(
+            calibration, file, controller.gripper_id, controller.motor.identity
+        )
         if refusal is None:
-            self._controller.use_calibration(calibration, file=file, by=owner.client)
+            controller.use_calibration(calibration, file=file, by=owner.client)
         return refusal
 
     def rescale(self, stroke_mm: float | None, owner: Owner) -> Refusal | None:
@@ -520,8 +523,8 @@ class CalibrationRequests:
         The limits stay: nothing is measured again, and nothing moves.
         """
         controller = self._controller
-        calibration = controller.calibrated.calibration
-        if calibration is None or not calibration.calibrated:
+        calibration = controller.calibrated.valid
+        if calibration is None:
             return controller.calibrated.problem
         refusal = stroke_refusal(stroke_mm, controller.gripper_id)
         if refusal is not None:
@@ -537,8 +540,8 @@ class CalibrationRequests:
     def save(self, on_saved: OnSaved, uid: int | None = None) -> Refusal | None:
         """Let the helper write the calibration in use to the daemon's own file."""
         controller = self._controller
-        calibration = controller.calibrated.calibration
-        if calibration is None or not calibration.calibrated:
+        calibration = controller.calibrated.valid
+        if calibration is None:
             return controller.calibrated.problem
         content = content_of(calibration, controller.gripper_id, controller.gains, controller.motor)
 

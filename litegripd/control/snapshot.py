@@ -185,7 +185,7 @@ def snapshot(controller: Controller, now_s: float, period_s: float) -> GripperSt
         calibrated=geometry is not None,
         mount=None if geometry is None else geometry.mount,
         work_stroke_mm=controller.calibrated.work_opening_mm,
-        scale_doubt=controller.scale_doubt,
+        scale_doubt=controller.calibrated.scale_doubt(controller.gripper_id.stroke_mm),
         job=_job(controller, controller.jobs.running),
         stop=_stop(controller),
         stop_generation=controller.stop_latch.generation,

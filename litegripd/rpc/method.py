@@ -376,7 +376,15 @@ class Call(NamedTuple):
         given = session.calibration
         if given is None or given.content != content:
             given = of_stroke(_read(content), stroke_mm)
-        terms = accepted(controller.terms_of(given, self.owner, terms.config))
+        terms = accepted(
+            controller.calibrated.terms_of(
+                given,
+                self.owner.client,
+                terms.config,
+                controller.gripper_id,
+                controller.motor.identity,
+            )
+        )
         if given is session.calibration:
             return terms
         session.calibration, doubt = given, scale_doubt(given, stroke_mm)

@@ -144,7 +144,8 @@ class Requests:
                     return answer
                 return Refusal("internal_error", "a queued request began no motion")
 
-            return later(self._controller.queue(kind, call.owner, call.detached, start))
+            jobs, now_s = self._controller.jobs, self._controller.now_s
+            return later(jobs.enqueue(kind, call.owner, call.detached, now_s, start))
         return self._carried_out(method, call)
 
     def _carried_out(self, method: Method, call: Call) -> Answer:

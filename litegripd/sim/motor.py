@@ -423,7 +423,11 @@ class SimulatedMotor:
             self._registers.write(rid, data[4:])
             self._heed_registers()
             if self._registers.mode != mode:
-                self._forget_command()
+                # No mode takes over another mode's command. That is an estimate; the maker does not
+                # say what a change of the mode does while enabled.
+                self._stored = _FREE
+                if self._enabled:
+                    self._apply()
         elif operation != READ:
             return []
         value = self._registers.read(rid)
@@ -436,15 +440,6 @@ class SimulatedMotor:
         """Let the values of the registers count that are not looked up when they are used."""
         self._ranges = self._registers.ranges
         self._plant.set_speed_filter(self._registers[reg.V_BW])
-
-    def _forget_command(self) -> None:
-        """Drive nothing until the next command: no mode takes over another mode's command.
-
-        That is an estimate; the maker does not say what a change of the mode does while enabled.
-        """
-        self._stored = _FREE
-        if self._enabled:
-            self._apply()
 
     def _apply(self) -> None:
         command = self._stored

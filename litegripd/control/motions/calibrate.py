@@ -404,7 +404,15 @@ class Calibrate(PlainAction):
             self._closed_rad = feedback.position_rad
             self._phase = "confirm_open"
             self._active = Confirming(-self._close_sign, self._open_rad, self._plan)
-            return Step(command, outcome=self._unmoved() or self._judged())
+            config = self._config
+            if abs(self._closed_rad - self._open_rad) >= config.calib_step_rad:
+                return Step(command, outcome=self._judged())
+            push_nm = min(config.calib_kp * config.calib_step_rad, config.calib_tau_limit)
+            text = (
+                f"the probe pushes with {push_nm:.2g} N·m, which did not move the jaws: clear their"
+                " way and clean their guides, or raise calib_kp"
+            )
+            return Step(command, outcome=failed("not_found", text))
         return Step(command)
 
     def _confirm(self, confirming: Confirming, now_s: float, feedback: Feedback) -> Step:
@@ -421,19 +429,15 @@ class Calibrate(PlainAction):
             return Step(command)
         self._closed_rad = confirming.stop_rad
         self._phase, self._backed_off_s = "back_off", now_s
-        return Step(command, outcome=self._too_stiff())
-
-    def _unmoved(self) -> ZeroResult | None:
-        """Return a failure if the probe did not move the jaws at all."""
-        config = self._config
-        if abs(self._closed_rad - self._open_rad) >= config.calib_step_rad:
-            return None
-        push_nm = min(config.calib_kp * config.calib_step_rad, config.calib_tau_limit)
+        press_nm = self._config.stop_nm
+        if self._friction_nm < press_nm:
+            return Step(command)
         text = (
-            f"the probe pushes with {push_nm:.2g} N·m, which did not move the jaws: clear their way"
-            " and clean their guides, or raise calib_kp"
+            f"moving the jaws takes {self._friction_nm:.2f} N·m, and a close presses with"
+            f" {press_nm:.2f}, which would not reach the stop: clean the guides, or raise"
+            " stop_lead_mm"
         )
-        return failed("not_found", text)
+        return Step(command, outcome=failed("not_confirmed", text))
 
     def _judged(self) -> ZeroResult | None:
         """Return a failure if the stops cannot be right, or None."""
@@ -453,18 +457,6 @@ class Calibrate(PlainAction):
         else:
             what = f"a stroke did not come to rest at the {self._side} stop"
         return f"{what}: clear the jaws' way and clean their guides, then try again"
-
-    def _too_stiff(self) -> ZeroResult | None:
-        """Return a failure if friction takes all torque with which `open` and `close` press."""
-        press_nm = self._config.stop_nm
-        if self._friction_nm < press_nm:
-            return None
-        text = (
-            f"moving the jaws takes {self._friction_nm:.2f} N·m, and a close presses with"
-            f" {press_nm:.2f}, which would not reach the stop: clean the guides, or raise"
-            " stop_lead_mm"
-        )
-        return failed("not_confirmed", text)
 
     def _back_off(self, now_s: float, feedback: Feedback) -> Step:
         """Open by one probe step: the jaws must not stay pressed against each other."""

@@ -152,18 +152,16 @@ def _first_of(channel: str, paths: tuple[Path, ...]) -> Found:
         except FileNotFoundError:
             continue
         except CalibrationError as error:
-            raise CalibrationError(f"{error}; {_HINT}{_previous_hint(path)}") from error
+            # The previous file is never used unasked: its mount may differ.
+            previous, hint = path.with_name(f"{path.stem}.previous.json"), _HINT
+            if os.access(previous, os.R_OK):
+                hint += f"; the calibration before it is {previous}"
+            raise CalibrationError(f"{error}; {hint}") from error
         if calibration.channel not in (None, channel):
             skipped.append(f"{path}: it is for channel {reprlib.repr(calibration.channel)}")
             continue
         return Found(calibration, path, tuple(skipped))
     return Found(None, None, tuple(skipped))
-
-
-def _previous_hint(path: Path) -> str:
-    """Return a hint at the previous file, which is never used unasked: its mount may differ."""
-    previous = path.with_name(f"{path.stem}.previous.json")
-    return f"; the calibration before it is {previous}" if os.access(previous, os.R_OK) else ""
 
 
 def _read(path: Path) -> Calibration:

@@ -211,8 +211,8 @@ class SettingsMethods:
     def _warnings(self) -> list[str]:
         """Return what is doubtful about the calibration in use, for who loads it."""
         controller = self._controller
-        found = controller.calibration_doubts() + controller.work_stroke_doubts()
-        geometry, motor = controller.geometry, controller.motor
+        in_use, geometry, motor = controller.calibrated, controller.geometry, controller.motor
+        found = in_use.doubts(controller.gripper_id, motor.identity) + in_use.work_stroke_doubts()
         if geometry is not None and motor.feedback is not None:
             misplaced = position_refusal(motor, geometry)
             found += [] if misplaced is None else [misplaced.message]
