@@ -114,22 +114,16 @@ def _only(data: Mapping[str, Any], names: Mapping[str, Any] | tuple[str, ...]) -
 
 
 def health(run: Run) -> int:
-    """Show the daemon's verdict and figures; the exit code gives the verdict."""
+    """Show the daemon's verdict, why, and its figures; the exit code gives the verdict."""
     data = run.connection.call("health")
-    run.output.result(data, _health_text(data))
-    return {"ok": 0, "degraded": 1}.get(data["verdict"], 2)
-
-
-_WORDS = ("verdict", "reasons", "notes", "terms")
-
-
-def _health_text(data: Data) -> str:
-    """Return the daemon's verdict, its reasons and notes, and then the figures."""
-    figures = {name: value for name, value in data.items() if name not in _WORDS}
+    words = ("verdict", "reasons", "notes", "terms")
+    figures = {name: value for name, value in data.items() if name not in words}
     lines = [f"verdict: {plain(data.get('verdict'))}"]
     lines += [f"- {plain(reason)}" for reason in told_all(data, "reasons", in_shell)]
     lines += [f"note: {plain(note)}" for note in told_all(data, "notes", in_shell)]
-    return "\n".join([*lines, "", _tree_text(figures)] if figures else lines)
+    lines += ["", _tree_text(figures)] if figures else []
+    run.output.result(data, "\n".join(lines))
+    return {"ok": 0, "degraded": 1}.get(data["verdict"], 2)
 
 
 def metrics(run: Run) -> int:
@@ -219,14 +213,9 @@ def _kept(run: Run, gap_s: float) -> str:
 def discover(run: Run) -> int:
     """Show which methods the daemon has."""
     data = run.connection.call("rpc.discover")
-    run.output.result(data, _methods_text(data))
+    rows = {row.get("name", ""): row.get("summary", "") for row in data.get("methods", [])}
+    run.output.result(data, _tree_text(dict(sorted(rows.items()))))
     return OK
-
-
-def _methods_text(document: Data) -> str:
-    """Return the methods of an OpenRPC document."""
-    rows = {row.get("name", ""): row.get("summary", "") for row in document.get("methods", [])}
-    return _tree_text(dict(sorted(rows.items())))
 
 
 COMMANDS: Commands = {

@@ -83,7 +83,6 @@ def doctor(run: Run) -> int:
     return OK if is_well(found) else NOT_OK
 
 
-_DATA = Path(__file__).resolve().parents[2] / "data"
 _INTERFACE = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,14}")  # IFNAMSIZ less the final zero
 
 _FLEET_NEXT = (
@@ -143,7 +142,8 @@ def install_units(run: Run) -> int:
                 "leave --can, --serial and --fleet out, or --uninstall",
             )
         done = install.uninstall(root)
-        following = _after_removal(root, done)
+        is_any_removed = any(one.what == "removed" for one in done)
+        following = ["systemctl daemon-reload", *_reloads(root, done)] if is_any_removed else []
         notes.append("configuration, calibrations, user and group are left: see the documentation")
     else:
         wanted = Wanted(options.can, options.serial, options.fleet)
@@ -189,7 +189,12 @@ def _after_installation(
     stopped = [name for name in install.enabled(root) if "@" in name and name not in running]
     daemons = [name for name in running if name.startswith("litegripd@")]
     others = [name for name in running if name not in daemons]  # they hold nothing, nor reload
-    if daemons and _has_new_settings(done):
+    new_settings = [  # of the daemons' unit, its drop-in included
+        one.path
+        for one in done
+        if one.what in ("installed", "replaced") and "/litegripd@.service" in one.path
+    ]
+    if daemons and new_settings:
         following.append(f"systemctl restart {' '.join(daemons)}")
     elif daemons:
         silent = [name for name in daemons if root == Path("/") and _is_silent(name)]
@@ -238,13 +243,6 @@ def _channel(daemon: str) -> str:
     return daemon.partition("@")[2]
 
 
-def _has_new_settings(done: Sequence[Done]) -> bool:
-    """Return True if the daemons' unit is not what it was, its drop-in included."""
-    return any(
-        one.what in ("installed", "replaced") and "/litegripd@.service" in one.path for one in done
-    )
-
-
 def _reloads(root: Path, done: Sequence[Done], *, is_rule_wanted: bool = False) -> list[str]:
     """Return the commands for networkd and udev to reload their files, if any has changed."""
     changed = [one.path for one in done if one.what not in ("unchanged", "kept")]
@@ -254,11 +252,6 @@ def _reloads(root: Path, done: Sequence[Done], *, is_rule_wanted: bool = False) 
     if is_rule_wanted or is_rule or is_network:  # a .link is udev's
         following.append("udevadm control --reload")
     return following
-
-
-def _after_removal(root: Path, done: Sequence[Done]) -> list[str]:
-    is_any_removed = any(one.what == "removed" for one in done)
-    return ["systemctl daemon-reload", *_reloads(root, done)] if is_any_removed else []
 
 
 def _text(done: Sequence[Done], following: Sequence[str], notes: Sequence[str]) -> str:
@@ -290,27 +283,23 @@ def completion_options(parser: LateParser) -> None:
     parser.add_argument("shell", choices=("bash", "zsh", "fish"), help="the shell")
 
 
-def _script(shell: str) -> str:
-    """Return a shell's script that was built with the package; a source tree makes it itself."""
-    built = _DATA / f"litegripctl.{shell}"
-    if built.exists():
-        return built.read_text(encoding="utf-8")
-    maker = Path(__file__).parents[3] / "docs/completion.py"
-    try:
-        return str(run_path(str(maker))["completion_script"](shell))
-    except ModuleNotFoundError as missing:
-        raise CommandError(
-            f"a source tree has no script for {shell}, and {missing.name}, which makes it,"
-            " is not installed",
-            reason="library_missing",
-            data={"hint": installing(missing.name or "shtab")},
-        ) from None
-
-
 def completion(run: Run) -> int:
-    """Print the script of a shell."""
+    """Print a shell's script that was built with the package; a source tree makes it itself."""
     shell = run.options.shell
-    script = _script(shell)
+    built = install.DATA / f"litegripctl.{shell}"
+    if built.exists():
+        script = built.read_text(encoding="utf-8")
+    else:
+        maker = Path(__file__).parents[3] / "docs/completion.py"
+        try:
+            script = str(run_path(str(maker))["completion_script"](shell))
+        except ModuleNotFoundError as missing:
+            raise CommandError(
+                f"a source tree has no script for {shell}, and {missing.name}, which makes it,"
+                " is not installed",
+                reason="library_missing",
+                data={"hint": installing(missing.name or "shtab")},
+            ) from None
     run.output.result({"shell": shell, "script": script}, script.rstrip("\n"))
     return OK
 

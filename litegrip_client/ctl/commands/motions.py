@@ -5,13 +5,12 @@ Motions outlive this program: what was begun is carried out, and held.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.ctl.figures import Data, figure, owner, plain
 from litegrip_client.ctl.parser import LateParser, count, not_negative, positive, target
 from litegrip_client.ctl.render import (
-    Clock,
     aligned,
     clock_of,
     finish,
@@ -82,21 +81,17 @@ def register_options(parser: LateParser) -> None:
 
 
 def register(run: Run) -> int:
-    """Read registers."""
+    """Read registers, and show one in a line."""
     rows = [
         run.connection.call("motor.read_register", {"register": name})
         for name in run.options.registers
     ]
-    run.output.result({"registers": rows}, _registers_text(rows))
-    return OK
-
-
-def _registers_text(rows: Iterable[Data]) -> str:
-    """Return registers, one in a line."""
-    return "\n".join(
+    lines = (
         f"{plain(row.get('number')):>3}  {plain(row.get('name')):<9}  {plain(row.get('value'))}"
         for row in rows
     )
+    run.output.result({"registers": rows}, "\n".join(lines))
+    return OK
 
 
 def to_stop_options(parser: LateParser) -> None:
@@ -291,16 +286,10 @@ def force(run: Run) -> int:
     """Set the squeezing force."""
     _note_force(run, run.options.newtons)
     data = run.connection.command("motion.set_force", {"force_n": run.options.newtons})
-    run.output.result(data, _force_text(data))
+    text = f"force: squeezing with {figure(data.get('force_n'), '.1f', 'N')}"
+    text += f", at {opening_of(data)}; let go with: litegripctl release"
+    run.output.result(data, text)
     return OK
-
-
-def _force_text(data: Data) -> str:
-    """Return the force with which the jaws squeeze from now on."""
-    newtons = figure(data.get("force_n"), ".1f", "N")
-    return (
-        f"force: squeezing with {newtons}, at {opening_of(data)}; let go with: litegripctl release"
-    )
 
 
 def slack(run: Run) -> int:
@@ -322,12 +311,6 @@ def jobs(run: Run) -> int:
     """List the jobs."""
     clock = clock_of(run.connection)
     data = run.connection.call("job.list")
-    run.output.result(data, _jobs_text(data["jobs"], clock) if data["jobs"] else "no jobs")
-    return OK
-
-
-def _jobs_text(rows: list[Data], clock: Clock) -> str:
-    """Return jobs as a table."""
     table = [("JOB", "KIND", "BEGAN", "TOOK", "OUTCOME", "OWNER")]
     table += [
         (
@@ -338,9 +321,10 @@ def _jobs_text(rows: list[Data], clock: Clock) -> str:
             _outcome(row),
             plain(owner(row.get("owner") or {})),
         )
-        for row in rows
+        for row in data["jobs"]
     ]
-    return aligned(table)
+    run.output.result(data, aligned(table) if data["jobs"] else "no jobs")
+    return OK
 
 
 def _took(row: Data) -> str:
@@ -362,7 +346,7 @@ def _outcome(row: Data) -> str:
 
 
 def job_options(parser: LateParser) -> None:
-    """Add the arguments of `job`."""
+    """Add the arguments of `job` and `cancel`."""
     parser.add_argument("job", type=count, metavar="JOB", help="the number that 'jobs' shows")
 
 
@@ -390,11 +374,6 @@ def job(run: Run) -> int:
     return OK
 
 
-def cancel_options(parser: LateParser) -> None:
-    """Add the arguments of `cancel`."""
-    parser.add_argument("job", type=count, metavar="JOB", help="the number that 'jobs' shows")
-
-
 def cancel(run: Run) -> int:
     """Cancel a job."""
     data = run.connection.call("job.cancel", {"job": run.options.job})
@@ -419,5 +398,5 @@ COMMANDS: Commands = {
     "hold": (hold, None),
     "jobs": (jobs, None),
     "job": (job, job_options),
-    "cancel": (cancel, cancel_options),
+    "cancel": (cancel, job_options),
 }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from functools import partial
 from itertools import chain, islice
@@ -12,7 +12,7 @@ from litegrip_client.core.discovery import socket_paths
 from litegrip_client.core.sockets import STOP_LEVELS
 from litegrip_client.core.stop import is_taken_as_meant, stop_at, stop_params
 from litegrip_client.ctl import render
-from litegrip_client.ctl.figures import Data, figure, owner, plain
+from litegrip_client.ctl.figures import figure, owner, plain
 from litegrip_client.ctl.parser import LateParser, count, positive
 from litegrip_client.ctl.run import (
     NOT_OK,
@@ -30,9 +30,8 @@ from litegrip_client.values.errors import CommandError
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from argparse import Namespace
-    from typing import Any, TypeAlias
+    from typing import Any
 
-    from litegrip_client.ctl.live import Scene
     from litegrip_client.ctl.run import Output
 
 STOP_WITHIN_S = 2.5
@@ -40,14 +39,8 @@ STOP_WITHIN_S = 2.5
 
 
 def clients(run: Run) -> int:
-    """List who is connected, and what each has cost."""
+    """List who is connected, and what each has cost; this program is marked."""
     data = run.connection.call("clients.list")
-    run.output.result(data, _clients_text(data["clients"]))
-    return OK
-
-
-def _clients_text(rows: list[Data]) -> str:
-    """Return a table of the connected clients; this program is marked."""
     table = [("CLIENT", "ROLE", "REQUESTS", "REFUSED", "DROPPED", "WORST", "CONNECTED")]
     table += [
         (
@@ -59,9 +52,10 @@ def _clients_text(rows: list[Data]) -> str:
             figure(row.get("worst_latency_ms"), ".1f", "ms"),
             figure(row.get("connected_s"), ".0f", "s"),
         )
-        for row in rows
+        for row in data["clients"]
     ]
-    return render.aligned(table)
+    run.output.result(data, render.aligned(table))
+    return OK
 
 
 _TAKE = """\
@@ -105,9 +99,15 @@ def _take(run: Run) -> int:
     holder = before["owner"]
     if not options.yes and may_ask():
         whose = connection.call("state.get").get("job") if holder is None else holder
-        if whose is not None and not confirm(_question(before, whose, options)):
-            run.output.error(CommandError("nothing was done", reason="not_wanted"), "")
-            return NOT_OK
+        if whose is not None:
+            what = render.lease(before)
+            if holder is None:
+                by = owner(whose.get("owner") or {})
+                what = f"job {whose.get('job')}, {whose.get('kind')} by {by}, is running"
+            then = "go slack" if options.release else "hold on"
+            if not confirm(plain(f"{what}; end that? The jaws {then} then.")):
+                run.output.error(CommandError("nothing was done", reason="not_wanted"), "")
+                return NOT_OK
     params = {"why": options.why, "purpose": "litegripctl"}
     taken = connection.call("lease.take", params | ({"jaws": "relax"} if options.release else {}))
     connection.call("lease.release")
@@ -117,16 +117,6 @@ def _take(run: Run) -> int:
     data = {"taken_from": holder, "ended_job": ended, "state": state}
     run.output.result(data, plain(f"{text}; {_jaws(state)}; nobody has the lease now"))
     return OK
-
-
-def _question(before: Mapping[str, Any], whose: Mapping[str, Any], options: Namespace) -> str:
-    if before["owner"] is None:
-        by = owner(whose.get("owner") or {})
-        what = f"job {whose.get('job')}, {whose.get('kind')} by {by}, is running"
-    else:
-        what = render.lease(before)
-    then = "go slack" if options.release else "hold on"
-    return plain(f"{what}; end that? The jaws {then} then.")
 
 
 def _jaws(state: Mapping[str, Any]) -> str:
@@ -189,9 +179,6 @@ def clear(run: Run) -> int:
     return OK
 
 
-Show: TypeAlias = "Callable[[Iterable[Scene], str, Callable[[str], str]], None]"
-
-
 def state(run: Run) -> int:
     """Show the state."""
     data = run.connection.call("state.get")
@@ -219,42 +206,31 @@ def watch_options(parser: LateParser) -> None:
 
 def watch(run: Run) -> int:
     """Show states until the count is reached or Ctrl-C is pressed."""
-    show = _live_view(run)
-    if show is None:
+    options = run.options
+    if options.plain or not run.output.live or os.environ.get("TERM", "dumb") == "dumb":
         return _lines(run)
-    last: list[Scene] = []
+    try:
+        from litegrip_client.ctl import live  # noqa: PLC0415 - needs the extra
+    except ModuleNotFoundError as error:
+        text = f"lines only: the live view needs the library {error.name}: {installing('rich')}"
+        run.output.note(text)
+        return _lines(run)
+    last: list[live.Scene] = []
+
+    def counted() -> Iterator[live.Scene]:
+        scenes = live.scenes(partial(connected, options), run.connection, options.hz)
+        for scene in islice(scenes, options.count):
+            last[:] = [scene]
+            yield scene
+
     name = str(run.connection.call("hello")["channel"])
     try:
-        show(_counted(run, last), name, run.output.for_gripper)
+        live.show(counted(), name, run.output.for_gripper)
     finally:
         for scene in last:
             if scene.state is not None:  # the view itself leaves nothing in the terminal
                 run.output.result(scene.state, state_line(scene.state))
     return OK
-
-
-def _live_view(run: Run) -> Show | None:
-    """Return what shows scenes; None where lines are wanted, or nothing else can be done."""
-    if run.options.plain or not run.output.live or os.environ.get("TERM", "dumb") == "dumb":
-        return None
-    try:
-        from litegrip_client.ctl.live import show  # noqa: PLC0415 - needs the extra
-    except ModuleNotFoundError as error:
-        text = f"lines only: the live view needs the library {error.name}: {installing('rich')}"
-        run.output.note(text)
-        return None
-    return show
-
-
-def _counted(run: Run, last: list[Scene]) -> Iterator[Scene]:
-    """Yield at most `--count` scenes; `last` holds the newest."""
-    from litegrip_client.ctl.live import scenes  # noqa: PLC0415 - only the view needs it
-
-    for scene in islice(
-        scenes(partial(connected, run.options), run.connection, run.options.hz), run.options.count
-    ):
-        last[:] = [scene]
-        yield scene
 
 
 def _lines(run: Run) -> int:

@@ -113,11 +113,16 @@ def trajectories(run: Run) -> int:
 def show(run: Run) -> int:
     """List what the daemon keeps, or this user."""
     if run.options.local:
-        rows = [_row(asdict(file)) for file in list_trajectories()]
+        files = map(asdict, list_trajectories())
+        rows = [{**file, "created_s": file["created"]} for file in files]  # as the daemon has it
         run.output.result({"trajectories": rows, "directory": str(directory())}, listed_text(rows))
         return OK
     rows, usage = kept_and_usage(run)
-    text = "\n".join([listed_text(rows, owners=usage is not None), *_room_lines(usage)])
+    text = listed_text(rows, owners=usage is not None)
+    if usage is not None:
+        most, most_mb = usage["most_named"], usage["most_bytes"] / 1e6
+        has = f"{usage['named']} of {most}, {usage['bytes'] / 1e6:.1f} of {most_mb:g} MB"
+        text += f"\nof uid {usage['uid']}, who asks: {has}"
     run.output.result({"trajectories": rows, **({"usage": usage} if usage else {})}, text)
     return OK
 
@@ -138,15 +143,6 @@ def listed_text(rows: Iterable[Data], *, owners: bool = False) -> str:
             if row.get("grip_problem") is not None:
                 broken.append(f"{name}: its grips are NOT usable: {plain(row['grip_problem'])}")
     return "\n".join([aligned(table), *broken])
-
-
-def _room_lines(usage: Data | None) -> list[str]:
-    """Return how much of the room a user has taken; nothing if the daemon does not say."""
-    if usage is None:
-        return []
-    most, most_mb = usage["most_named"], usage["most_bytes"] / 1e6
-    has = f"{usage['named']} of {most}, {usage['bytes'] / 1e6:.1f} of {most_mb:g} MB"
-    return [f"of uid {usage['uid']}, who asks: {has}"]
 
 
 def _figures(row: Data) -> tuple[str, ...]:
@@ -225,24 +221,26 @@ def keep(run: Run) -> int:
     return OK
 
 
-def kept(run: Run) -> list[dict[str, Any]]:
-    """Return the daemon's list of all that it keeps."""
-    return kept_and_usage(run)[0]
-
-
 def kept_and_usage(run: Run) -> tuple[list[dict[str, Any]], dict[str, Any] | None]:
-    """Return that, and what this user has of it and may have; None from an older daemon."""
+    """Return the daemon's list of all that it keeps, and what this user has of it and may have.
+
+    The latter is None from an older daemon.
+    """
     return complete(listed(BlockingWire(run.connection)))
 
 
 def refuse_kept(run: Run, name: str) -> None:
     """Raise `CommandError` for a name that the daemon has already, usable or not."""
-    _refuse_name(kept(run), name)
+    _refuse_name(kept_and_usage(run)[0], name)
 
 
 def refuse_unkeepable(run: Run, name: str, *, overwrite: bool) -> None:
     """Raise `CommandError`, before anything is recorded, where it could not be kept as `name`."""
-    _refuse_no_name(run, name)
+    try:  # whether a trajectory can have this name is the daemon's to say
+        run.connection.call("trajectory.get", {"name": name, "offset": 0, "length": 1})
+    except CommandError as error:
+        if error.reason == "invalid_params" or "/" in name:
+            raise
     rows, usage = kept_and_usage(run)
     if not overwrite:
         _refuse_name(rows, name)
@@ -256,15 +254,6 @@ def refuse_unkeepable(run: Run, name: str, *, overwrite: bool) -> None:
         )
         hint = "make room: litegripctl trajectories delete NAME"
         raise CommandError(text, reason="trajectories_full", data={"hint": hint, "usage": usage})
-
-
-def _refuse_no_name(run: Run, name: str) -> None:
-    """Raise `CommandError` where no trajectory can have this name: the daemon's is the rule."""
-    try:
-        run.connection.call("trajectory.get", {"name": name, "offset": 0, "length": 1})
-    except CommandError as error:
-        if error.reason == "invalid_params" or "/" in name:
-            raise
 
 
 def _refuse_name(rows: list[dict[str, Any]], name: str) -> None:
@@ -315,11 +304,6 @@ def showing(run: Run) -> Iterator[Callable[[float], None]]:
         yield share
     finally:
         run.output.erase_line()
-
-
-def _row(file: dict[str, Any]) -> dict[str, Any]:
-    """Return a file's fields under the daemon's names."""
-    return {**file, "created_s": file.pop("created")}
 
 
 _ACTIONS: Mapping[str, Command] = {
@@ -374,7 +358,9 @@ def record(run: Run) -> int:
             is_said = True
             say(f"The jaws are slack for {options.seconds:g} s: push them. {_CTRL_C}")
         if run.output.live:
-            run.output.line(_recording_line(status, samples))
+            share = bar((status["samples"] + status["missed"]) / samples)
+            seconds = figure(status.get("duration_s"), ".1f", "s")
+            run.output.line(f"{share} {seconds}, {status['samples']} samples")
 
     recording = Recording(
         BlockingWire(run.connection),
@@ -403,13 +389,6 @@ def record(run: Run) -> int:
     return OK
 
 
-def _recording_line(data: Data, samples: int) -> str:
-    """Return how far a recording is, in one line."""
-    done = data["samples"] + data["missed"]
-    seconds = figure(data.get("duration_s"), ".1f", "s")
-    return f"{bar(done / samples)} {seconds}, {data['samples']} samples"
-
-
 def recorded_text(data: Data) -> str:
     """Return what was recorded, and its name."""
     missed = f", {data['missed']} missed" if data.get("missed") else ""
@@ -425,7 +404,6 @@ Replay a recorded motion: go to its start, then along its path, then hold. It
 repeats positions; with --force replay also what was gripped, with its force.
 Ctrl-C cancels it.
 """
-_NAME = "the daemon's name of it"
 
 
 def play_options(parser: LateParser) -> None:
@@ -452,7 +430,7 @@ def play_options(parser: LateParser) -> None:
 
 def _kept_options(parser: LateParser) -> None:
     """Add the name of a trajectory that the daemon keeps."""
-    parser.add_argument("name", metavar="NAME", help=_NAME)
+    parser.add_argument("name", metavar="NAME", help="the daemon's name of it")
 
 
 def play(run: Run) -> int:
@@ -464,7 +442,10 @@ def play(run: Run) -> int:
     if options.force != "path":
         params["force"] = options.force
     if options.local:
-        params.update(_uploaded(run))
+        wire, content = BlockingWire(run.connection), read_file(options.name)
+        grips = b"" if options.force == "path" else read_grips(options.name)
+        with showing(run) as share:
+            params.update(named(complete(send(wire, content, None, share, grips))))
     else:
         params["name"] = options.name
     return finish(run, "trajectory.play", params, played_text)
@@ -482,13 +463,6 @@ def played_text(data: Data) -> str:
         grips = grips_counted(data["grips"])
         text += f"; {grips}, the last one {width} wide, at most {differs} to taught"
     return text
-
-
-def _uploaded(run: Run) -> Mapping[str, Any]:
-    wire, content = BlockingWire(run.connection), read_file(run.options.name)
-    grips = b"" if run.options.force == "path" else read_grips(run.options.name)
-    with showing(run) as share:
-        return named(complete(send(wire, content, None, share, grips)))
 
 
 COMMANDS: Commands = {
