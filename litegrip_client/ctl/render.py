@@ -115,8 +115,15 @@ def hint_for(error: LiteGripError, options: Namespace) -> str:
     if own:
         return own
     if error.reason == "internal_error":
-        where = " on the gripper's machine" if _is_remote(options) else ""
-        return f"see the daemon's log{where}: journalctl {_log_of(options)}"
+        from litegrip_client.ctl.doctor.gather import is_remote_name  # noqa: PLC0415 - seldom needed
+
+        is_remote = options.channel_chosen and is_remote_name(options.channel)
+        where = " on the gripper's machine" if is_remote else ""
+        # A socket that is named alone may be of any channel's daemon.
+        alone = options.socket is not None or is_socket_given()
+        is_any = is_remote or (alone and not options.channel_chosen)
+        unit = "-t litegripd" if is_any else f"-u litegripd@{options.channel}"
+        return f"see the daemon's log{where}: journalctl {unit}"
     if error.retryable:
         return "" if "try again" in error.message else "try again"
     return f"see: {options.help_of} --help"
@@ -125,20 +132,6 @@ def hint_for(error: LiteGripError, options: Namespace) -> str:
 def names_remedy(error: LiteGripError) -> bool:
     """Return True if the message of an error names what its hint is about."""
     return error.names(frozenset(_REMEDIES.get(error.reason or "", error.remedy)))
-
-
-def _log_of(options: Namespace) -> str:
-    """Name the daemon's unit; a socket that is named alone may be of any channel."""
-    alone = options.socket is not None or is_socket_given()
-    if _is_remote(options) or (alone and not options.channel_chosen):
-        return "-t litegripd"
-    return f"-u litegripd@{options.channel}"
-
-
-def _is_remote(options: Namespace) -> bool:
-    from litegrip_client.ctl.doctor.gather import is_remote_name  # noqa: PLC0415 - seldom needed
-
-    return options.channel_chosen and is_remote_name(options.channel)
 
 
 def start(run: Run, method: str, params: Mapping[str, Any]) -> int:
