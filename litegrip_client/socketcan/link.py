@@ -88,7 +88,10 @@ def from_ip(text: str) -> Link:
     info = _mapping(link, "linkinfo")
     data, counters = _mapping(info, "info_data"), _mapping(info, "info_xstats")
     timing, errors = _mapping(data, "bittiming"), _mapping(data, "berr_counter")
-    kind = info.get("info_kind")
+    kind, told = info.get("info_kind"), data.get("ctrlmode")
+    modes = [str(mode).upper() for mode in told] if isinstance(told, list) else []
+    if kind == "can" and _integer(link.get("mtu")) == _FD_MTU and "FD" not in modes:
+        modes.append("FD")
     return Link(
         name=str(link.get("ifname")),
         is_can=link.get("link_type") == "can",
@@ -104,16 +107,8 @@ def from_ip(text: str) -> Link:
         termination_ohm=_integer(data.get("termination")),
         history={name: value for name, value in counters.items() if isinstance(value, int)},
         index=_integer(link.get("ifindex")),
-        modes=_modes(data.get("ctrlmode"), _integer(link.get("mtu")) if kind == "can" else None),
+        modes=tuple(modes),
     )
-
-
-def _modes(told: object, mtu: int | None) -> tuple[str, ...]:
-    """Return the modes that are on; an interface of the size of FD frames is in FD mode."""
-    modes = [str(mode).upper() for mode in told] if isinstance(told, list) else []
-    if mtu == _FD_MTU and "FD" not in modes:
-        modes.append("FD")
-    return tuple(modes)
 
 
 def from_files(name: str, files: Mapping[str, str]) -> Link:

@@ -114,7 +114,7 @@ def load(file: str = FILE) -> FleetConfig:
 
 def _config(file: str, content: Mapping[str, Any]) -> FleetConfig:
     top = _Table(file, "", content)
-    network, insecure = _network(top.table("network"))
+    network, insecure = _network(top.part("network") or _Table(file, "network", {}))
     gateway, portal, router = (top.part(name) for name in ("gateway", "portal", "router"))
     top.finish()
     return FleetConfig(
@@ -229,11 +229,6 @@ class _Table:
         """Return the error of a key."""
         table = f"[{self._name}] " if self._name else ""
         return FleetConfigError(f"{self._file}: {table}{key} {problem}")
-
-    def table(self, name: str) -> "_Table":
-        """Take a table; it may be missing, and is empty then."""
-        found = self.part(name)
-        return _Table(self._file, name, {}) if found is None else found
 
     def part(self, name: str) -> "_Table | None":
         """Take a table, or None where there is none."""

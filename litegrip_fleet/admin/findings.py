@@ -278,7 +278,6 @@ class DaemonFacts:
     hint: str | None = None
     distrust: str | None = None
     asked_as: str | None = None
-    gateway_user: str = "litegrip-gateway"
 
 
 def of_daemon(facts: DaemonFacts) -> Finding:
@@ -290,7 +289,7 @@ def of_daemon(facts: DaemonFacts) -> Finding:
         return warning(f"{called} was not asked: this user may not", CHECK_AS_ROOT)
     if facts.asked_as is None:
         return warning(
-            f"{called} answers, {facts.version}; not known: does it trust {facts.gateway_user}?",
+            f"{called} answers, {facts.version}; not known: does it trust litegrip-gateway?",
             CHECK_AS_ROOT,
         )
     if facts.distrust is not None:

@@ -236,11 +236,11 @@ class Portal:
         loop = asyncio.get_running_loop()
         key = self.place.to(self.user, f"{self._identity}-*").replace("-*", "-$*")
         self._subscriber = session.declare_subscriber(key, the_newest())
-
-        def pushed(sample: zenoh.Sample) -> None:
-            loop.call_soon_threadsafe(self._pushed, sample)
-
-        hand_over(self._subscriber, pushed, f"portal {self.place}")
+        hand_over(
+            self._subscriber,
+            lambda sample: loop.call_soon_threadsafe(self._pushed, sample),
+            f"portal {self.place}",
+        )
 
     def _pushed(self, sample: zenoh.Sample) -> None:
         client = self._clients.get(str(sample.key_expr).rpartition("/")[2])
