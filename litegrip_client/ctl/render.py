@@ -13,7 +13,7 @@ from time import localtime, strftime, time
 from litegrip_client.core.discovery import is_socket_given, running_channels
 from litegrip_client.core.motion import Motion
 from litegrip_client.ctl.figures import Data, figure, owner, plain
-from litegrip_client.ctl.run import ENDING, INTERRUPTED, NOT_OK, OK, Run
+from litegrip_client.ctl.run import ENDING, INTERRUPTED, Run
 from litegrip_client.threads.blocking import BlockingWire, complete
 from litegrip_client.values.errors import CancelledError, LiteGripError
 
@@ -137,8 +137,7 @@ def names_remedy(error: LiteGripError) -> bool:
 def start(run: Run, method: str, params: Mapping[str, Any]) -> int:
     """Start a motion and show its job, without waiting for its end."""
     data = run.connection.command(method, {**params, "detach": True, "wait": False})
-    run.output.result(data, f"{run.options.command}: job {data['job']} started")
-    return OK
+    return run.done(data, f"{run.options.command}: job {data['job']} started")
 
 
 def finish(
@@ -162,8 +161,7 @@ def finish(
         _report_cancelled(motion, run)
         return INTERRUPTED
     run.output.erase_line()
-    run.output.result(data, tell(data))
-    return OK if data.get("ok", True) else NOT_OK
+    return run.done(data, tell(data), ok=data.get("ok", True))
 
 
 def jaws(state: Mapping[str, Any]) -> str:

@@ -170,6 +170,11 @@ class Run:
             raise RuntimeError(f"{self.options.command} is run without a daemon")
         return self._connection
 
+    def done(self, data: Mapping[str, Any], text: str, *, ok: bool = True) -> int:
+        """Print a result; return the exit code, by which it is `ok` or not."""
+        self.output.result(data, text)
+        return OK if ok else NOT_OK
+
     def refuse(self, text: str, hint: str) -> int:
         """Report wrong usage and what to do; return the exit code."""
         self.output.error(CommandError(text, reason="wrong_usage"), hint)

@@ -21,7 +21,6 @@ from litegrip_client.ctl.render import CHOOSE_MOUNT, finish, verdict
 from litegrip_client.ctl.run import (
     INTERRUPTED,
     NOT_OK,
-    OK,
     Command,
     Commands,
     Run,
@@ -80,8 +79,7 @@ def manual(run: Run) -> int:
     except BaseException:
         _cancel(run)  # if that fails, too, the end of the connection does it
         raise
-    run.output.result(data, _measured_text("manual", data))
-    return OK if data["ok"] else NOT_OK
+    return run.done(data, _measured_text("manual", data), ok=data["ok"])
 
 
 def _lead(run: Run) -> dict[str, Any]:
@@ -323,8 +321,7 @@ def show(run: Run) -> int:
     data = run.connection.call("calibration.get")
     if not data.get("calibrated"):
         why = f": {plain(told(data, 'problem', in_shell))}\n" if data.get("problem") else "; "
-        run.output.result(data, f"not calibrated{why}{CHOOSE_MOUNT}")
-        return OK
+        return run.done(data, f"not calibrated{why}{CHOOSE_MOUNT}")
     work_mm = data.get("work_stroke_mm")
     work = "none: open goes to the stop" if work_mm is None else figure(work_mm, ".2f", "mm")
     rows = [
@@ -338,8 +335,7 @@ def show(run: Run) -> int:
         ("file", data.get("file") or "none"),
     ]
     lines = [f"{label:<11} {plain(text)}" for label, text in rows]
-    run.output.result(data, "\n".join(_doubt(data) + lines))
-    return OK
+    return run.done(data, "\n".join(_doubt(data) + lines))
 
 
 def _doubt(data: Data) -> list[str]:
@@ -356,8 +352,7 @@ def templates(run: Run) -> int:
         f"open {figure(row['content'].get('max_position_rad'), '+.4f', 'rad')}"
         for row in data["templates"]
     )
-    run.output.result(data, "\n".join(lines))
-    return OK
+    return run.done(data, "\n".join(lines))
 
 
 def load(run: Run) -> int:
@@ -375,8 +370,7 @@ def load(run: Run) -> int:
         raise
     if data["loaded"] and run.options.keep:
         data = {**data, "saved": _store(run)}
-    run.output.result(data, _loaded_text(data, source=source))
-    return OK if data["loaded"] else NOT_OK
+    return run.done(data, _loaded_text(data, source=source), ok=data["loaded"])
 
 
 def _loaded_text(data: Data, *, source: str | None) -> str:
@@ -447,8 +441,7 @@ def rescale(run: Run) -> int:
             " LITEGRIP_CALIB names that file, correct its rad_to_mm as well"
         )
     data = {**data, "before": before, "saved": saved}
-    run.output.result(data, "\n".join(lines + _doubt(data)))
-    return OK
+    return run.done(data, "\n".join(lines + _doubt(data)))
 
 
 def save(run: Run) -> int:
@@ -456,8 +449,7 @@ def save(run: Run) -> int:
     path = run.options.file
     if path is None:
         data = _store(run)
-        run.output.result(data, _stored_text(data))
-        return OK
+        return run.done(data, _stored_text(data))
     data = run.connection.call("calibration.get")
     content = data["content"]
     if not data["calibrated"] or not content:
@@ -465,8 +457,7 @@ def save(run: Run) -> int:
     if not run.options.overwrite:
         refuse_existing(path, "take another name, or replace it with: --overwrite")
     put_file(path, (json.dumps(content, indent=2) + "\n").encode())
-    run.output.result({"path": path, "content": content}, f"written to {plain(path)}")
-    return OK
+    return run.done({"path": path, "content": content}, f"written to {plain(path)}")
 
 
 def _store(run: Run) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.ctl.figures import Data, figure, plain
 from litegrip_client.ctl.parser import NUMBER, LateParser
-from litegrip_client.ctl.run import OK, Commands, Run, connected, installing
+from litegrip_client.ctl.run import Commands, Run, connected, installing
 from litegrip_client.values.errors import CommandError, LiteGripError, ParameterError
 from litegrip_client.values.terms import told_all
 from litegrip_client.values.voices import in_shell
@@ -64,8 +64,7 @@ def config(run: Run) -> int:
     data = run.connection.call("config.get")
     field = run.options.field
     if field is None:
-        run.output.result(data, _config_text(data))
-        return OK
+        return run.done(data, _config_text(data))
     if field not in data["config"]:
         raise ParameterError(
             f"there is no field {field!r}",
@@ -73,8 +72,7 @@ def config(run: Run) -> int:
             data={"hint": "all fields: litegripctl config"},
         )
     only = _only(data, (field,))
-    run.output.result(only, plain(only["config"][field]))
-    return OK
+    return run.done(only, plain(only["config"][field]))
 
 
 def _config_text(data: Data) -> str:
@@ -100,8 +98,7 @@ def _set(run: Run) -> int:
     text = _config_text(_only(data, fields))
     if not run.options.keep:
         text += "\nuntil the daemon restarts; for longer: --keep"
-    run.output.result(data, text)
-    return OK
+    return run.done(data, text)
 
 
 def _only(data: Mapping[str, Any], names: Mapping[str, Any] | tuple[str, ...]) -> dict[str, Any]:
@@ -138,15 +135,13 @@ def metrics(run: Run) -> int:
         ) from error
     health, hello = run.connection.call("health"), run.connection.call("hello")
     text = exposition.text(health, channel=hello["channel"], version=hello["version"])
-    run.output.result({"format": exposition.CONTENT_TYPE, "text": text}, text.rstrip("\n"))
-    return OK
+    return run.done({"format": exposition.CONTENT_TYPE, "text": text}, text.rstrip("\n"))
 
 
 def info(run: Run) -> int:
     """Show what does not change."""
     data = run.connection.call("info.get")
-    run.output.result(data, _tree_text(data))
-    return OK
+    return run.done(data, _tree_text(data))
 
 
 def _tree_text(data: Data) -> str:
@@ -192,8 +187,7 @@ def restart(run: Run) -> int:
         )
     data = run.connection.call("daemon.restart", {"hold_through_restart": True}, ACTION_TIMEOUT_S)
     text = f"restarted: pid {data['pid']} has taken over, {_kept(run, data['gap_s'])}"
-    run.output.result(data, plain(text))
-    return OK
+    return run.done(data, plain(text))
 
 
 def _kept(run: Run, gap_s: float) -> str:
@@ -214,8 +208,7 @@ def discover(run: Run) -> int:
     """Show which methods the daemon has."""
     data = run.connection.call("rpc.discover")
     rows = {row.get("name", ""): row.get("summary", "") for row in data.get("methods", [])}
-    run.output.result(data, _tree_text(dict(sorted(rows.items()))))
-    return OK
+    return run.done(data, _tree_text(dict(sorted(rows.items()))))
 
 
 COMMANDS: Commands = {

@@ -16,7 +16,7 @@ from litegrip_client.ctl.doctor.gather import gather, scan
 from litegrip_client.ctl.findings import Check, as_data, as_text, findings_of, is_well
 from litegrip_client.ctl.install import Done, Wanted
 from litegrip_client.ctl.parser import LateParser
-from litegrip_client.ctl.run import NOT_OK, OK, Commands, Run, installing
+from litegrip_client.ctl.run import Commands, Run, installing
 from litegrip_client.socketcan.managers import uses_networkd
 from litegrip_client.threads.blocking import connect
 from litegrip_client.values.errors import CommandError, LiteGripError
@@ -79,8 +79,7 @@ def doctor(run: Run) -> int:
         facts = replace(facts, scan=scan(facts))
     found = [*findings_of(CHECKS, facts), *facts.fleet]
     channel = facts.channel if facts.is_channel_known else None
-    run.output.result(as_data(found, channel=channel), as_text(found))
-    return OK if is_well(found) else NOT_OK
+    return run.done(as_data(found, channel=channel), as_text(found), ok=is_well(found))
 
 
 _INTERFACE = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,14}")  # IFNAMSIZ less the final zero
@@ -170,8 +169,7 @@ def install_units(run: Run) -> int:
     if install.is_packaged(root):
         notes.append("the units are those of the Debian package: no copy is installed")
     data = {"files": [asdict(one) for one in done], "next": following, "notes": notes}
-    run.output.result(data, _text(done, following, notes))
-    return OK
+    return run.done(data, _text(done, following, notes))
 
 
 def _after_installation(
@@ -300,8 +298,7 @@ def completion(run: Run) -> int:
                 reason="library_missing",
                 data={"hint": installing(missing.name or "shtab")},
             ) from None
-    run.output.result({"shell": shell, "script": script}, script.rstrip("\n"))
-    return OK
+    return run.done({"shell": shell, "script": script}, script.rstrip("\n"))
 
 
 COMMANDS: Commands = {

@@ -20,7 +20,7 @@ from litegrip_client.ctl.render import (
     verdict,
     words,
 )
-from litegrip_client.ctl.run import ENDING, NOT_OK, OK, Commands, Run
+from litegrip_client.ctl.run import ENDING, Commands, Run
 from litegrip_client.values.checks import given_numbers
 from litegrip_client.values.errors import CommandError, HardwareError, from_error_object
 from litegrip_client.values.voices import in_shell
@@ -43,17 +43,17 @@ def enable(run: Run) -> int:
         params["retries"] = run.options.retries
     data = run.connection.command("motor.enable", params, ACTION_TIMEOUT_S)
     failure = f"NOT enabled: {data.get('message') or data.get('reason')} (tries: {data['tries']})"
-    run.output.result(data, "enabled" if data["ok"] else plain(failure))
-    return OK if data["ok"] else NOT_OK
+    return run.done(data, "enabled" if data["ok"] else plain(failure), ok=data["ok"])
 
 
 def disable(run: Run) -> int:
     """Disable the motor."""
     data = run.connection.call("motor.disable", {"detach": True}, ACTION_TIMEOUT_S)
-    run.output.result(
-        data, "disabled" if data["ok"] else "NOT disabled: the motor does not confirm it"
+    return run.done(
+        data,
+        "disabled" if data["ok"] else "NOT disabled: the motor does not confirm it",
+        ok=data["ok"],
     )
-    return OK if data["ok"] else NOT_OK
 
 
 def clear_fault(run: Run) -> int:
@@ -61,8 +61,7 @@ def clear_fault(run: Run) -> int:
     data = run.connection.call("motor.clear_fault", {"detach": True}, ACTION_TIMEOUT_S)
     cleared = data.get("cleared")
     text = "the motor had no fault" if cleared is None else f"cleared: {cleared}"
-    run.output.result(data, plain(f"{text}; it is disabled"))
-    return OK
+    return run.done(data, plain(f"{text}; it is disabled"))
 
 
 _REGISTERS = """\
@@ -90,8 +89,7 @@ def register(run: Run) -> int:
         f"{plain(row.get('number')):>3}  {plain(row.get('name')):<9}  {plain(row.get('value'))}"
         for row in rows
     )
-    run.output.result({"registers": rows}, "\n".join(lines))
-    return OK
+    return run.done({"registers": rows}, "\n".join(lines))
 
 
 def to_stop_options(parser: LateParser) -> None:
@@ -288,23 +286,20 @@ def force(run: Run) -> int:
     data = run.connection.command("motion.set_force", {"force_n": run.options.newtons})
     text = f"force: squeezing with {figure(data.get('force_n'), '.1f', 'N')}"
     text += f", at {opening_of(data)}; let go with: litegripctl release"
-    run.output.result(data, text)
-    return OK
+    return run.done(data, text)
 
 
 def slack(run: Run) -> int:
     """Let the jaws move freely."""
     data = run.connection.command("motion.zero_gravity", {})
-    run.output.result(data, "jaws move freely; hold again with: litegripctl hold")
-    return OK
+    return run.done(data, "jaws move freely; hold again with: litegripctl hold")
 
 
 def hold(run: Run) -> int:
     """Hold the measured position."""
     data = run.connection.command("motion.hold", {})
     opening = figure(data["state"].get("opening_mm"), ".2f", "mm")
-    run.output.result(data, f"holding at {opening}")
-    return OK
+    return run.done(data, f"holding at {opening}")
 
 
 def jobs(run: Run) -> int:
@@ -323,8 +318,7 @@ def jobs(run: Run) -> int:
         )
         for row in data["jobs"]
     ]
-    run.output.result(data, aligned(table) if data["jobs"] else "no jobs")
-    return OK
+    return run.done(data, aligned(table) if data["jobs"] else "no jobs")
 
 
 def _took(row: Data) -> str:
@@ -370,8 +364,7 @@ def job(run: Run) -> int:
         for name, value in (data["result"] or {}).items()
         if name not in ("job", "state", "ok", "outcome") and value is not None
     ]
-    run.output.result(data, aligned(rows))
-    return OK
+    return run.done(data, aligned(rows))
 
 
 def cancel(run: Run) -> int:
@@ -379,8 +372,7 @@ def cancel(run: Run) -> int:
     data = run.connection.call("job.cancel", {"job": run.options.job})
     done = data["state"] in ENDING
     text = f"cancelled, {jaws_now(run)}" if done else f"had ended already: {data['state']}"
-    run.output.result(data, plain(f"job {data['job']} {text}"))
-    return OK if done else NOT_OK
+    return run.done(data, plain(f"job {data['job']} {text}"), ok=done)
 
 
 COMMANDS: Commands = {

@@ -14,7 +14,7 @@ from litegrip_client.ctl.commands.trajectories import fetched_whole
 from litegrip_client.ctl.figures import figure, plain
 from litegrip_client.ctl.files import put_file, refuse_existing
 from litegrip_client.ctl.parser import LateParser, positive
-from litegrip_client.ctl.run import OK, Commands, Run, installing
+from litegrip_client.ctl.run import Commands, Run, installing
 from litegrip_client.values.errors import CommandError
 from litegrip_client.values.trajectory import Trajectory
 from litegrip_client.values.trajectory_format import MAGIC
@@ -57,8 +57,7 @@ def dump(run: Run) -> int:
         path, data = target, {**data, "file": target}
     size = figure(data["bytes"] / 1e6, ".1f", "MB")
     length = figure(data["seconds"], ".0f", "s")
-    run.output.result(data, f"{length} ({data['ticks']} ticks, {size}) in {plain(path)}")
-    return OK
+    return run.done(data, f"{length} ({data['ticks']} ticks, {size}) in {plain(path)}")
 
 
 _PLOT = """\
@@ -101,8 +100,7 @@ def plot(run: Run) -> int:
     if not target:  # beside it, but the directory of this user's trajectories is no place for that
         target = f"{file.stem}.png" if options.local else str(file.with_suffix(".png"))
     put_file(target, picture)
-    run.output.result({"path": target}, f"drawn in {plain(target)}")
-    return OK
+    return run.done({"path": target}, f"drawn in {plain(target)}")
 
 
 def _trajectory(run: Run) -> Trajectory | None:

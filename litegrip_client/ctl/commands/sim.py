@@ -6,7 +6,7 @@ from argparse import ArgumentTypeError
 
 from litegrip_client.ctl.figures import Data, figure
 from litegrip_client.ctl.parser import LateParser, not_negative, number, positive
-from litegrip_client.ctl.run import OK, Commands, Run
+from litegrip_client.ctl.run import Commands, Run
 from litegrip_client.values.errors import CommandError
 
 _SIM = """\
@@ -99,8 +99,7 @@ def sim(run: Run) -> int:
         if (value := getattr(run.options, option)) is not None
     }
     data = run.connection.call("sim.get" if action == "show" else f"sim.{action}", params)
-    run.output.result(data, _world_text(data))
-    return OK
+    return run.done(data, _world_text(data))
 
 
 def _world_text(data: Data) -> str:

@@ -54,8 +54,7 @@ def clients(run: Run) -> int:
         )
         for row in data["clients"]
     ]
-    run.output.result(data, render.aligned(table))
-    return OK
+    return run.done(data, render.aligned(table))
 
 
 _TAKE = """\
@@ -89,8 +88,7 @@ def lease(run: Run) -> int:
     if run.options.action == "take":
         return _take(run)
     data = run.connection.call("lease.get")
-    run.output.result(data, render.lease(data))
-    return OK
+    return run.done(data, render.lease(data))
 
 
 def _take(run: Run) -> int:
@@ -115,8 +113,7 @@ def _take(run: Run) -> int:
     text = "nobody had the lease" if holder is None else f"taken from {owner(holder)}"
     text += "" if ended is None else f", job {ended} was ended"
     data = {"taken_from": holder, "ended_job": ended, "state": state}
-    run.output.result(data, plain(f"{text}; {_jaws(state)}; nobody has the lease now"))
-    return OK
+    return run.done(data, plain(f"{text}; {_jaws(state)}; nobody has the lease now"))
 
 
 def _jaws(state: Mapping[str, Any]) -> str:
@@ -164,8 +161,7 @@ def stop_options(parser: LateParser) -> None:
 def stop(run: Run) -> int:
     """Latch a stop by the socket of all requests."""
     data = run.connection.call("stop", stop_params(run.options.level, run.options.why))
-    run.output.result(data, stopped(data))
-    return OK
+    return run.done(data, stopped(data))
 
 
 def clear(run: Run) -> int:
@@ -175,15 +171,13 @@ def clear(run: Run) -> int:
     text = "cleared: motions are allowed"
     if state.get("enabled") is not True:
         text += f", once the motor is enabled (it is {plain(state.get('motor'))})"
-    run.output.result(data, text)
-    return OK
+    return run.done(data, text)
 
 
 def state(run: Run) -> int:
     """Show the state."""
     data = run.connection.call("state.get")
-    run.output.result(data, state_text(data))
-    return OK
+    return run.done(data, state_text(data))
 
 
 _WATCH = """\

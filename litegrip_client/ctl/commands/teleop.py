@@ -6,7 +6,7 @@ import time
 
 from litegrip_client.ctl.figures import Data, figure, plain
 from litegrip_client.ctl.parser import LateParser, count, not_negative, positive
-from litegrip_client.ctl.run import NOT_OK, OK, Commands, Run
+from litegrip_client.ctl.run import Commands, Run
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
@@ -156,8 +156,7 @@ def teleop(run: Run) -> int:
     action = run.options.action
     if action == "status":
         data = run.connection.call("teleop.status")
-        run.output.result(data, status_text(data))
-        return OK
+        return run.done(data, status_text(data))
     if action == "stop":
         return _stop(run)
     return _start(run, action)
@@ -196,18 +195,15 @@ def _leave(run: Run, data: dict[str, Any]) -> int:
         data = run.connection.call("teleop.stop")
         text = f"{data['mode']}: ended, the link has failed: {why}"
         run.output.note(f"the link has failed, and nothing runs: {why}")
-        run.output.result({**data, "link_error": why}, text)
-        return NOT_OK
+        return run.done({**data, "link_error": why}, text, ok=False)
     if not data["active"]:
-        run.output.result(data, status_text(data))
-        return NOT_OK
+        return run.done(data, status_text(data), ok=False)
     opening = ", its link is still opening" if data.get("link_state") == "opening" else ""
     if data.get("link_unreached"):
         whom = "a follower" if data.get("mode") == "master" else "its leader"
         opening = f", but {whom} is not reached: {plain(data['link_unreached'])}"
     text = f"{data['mode']}: it runs{opening}; end it with: litegripctl teleop stop"
-    run.output.result(data, text)
-    return OK
+    return run.done(data, text)
 
 
 def _is_on_its_way(data: Data) -> bool:
@@ -221,8 +217,7 @@ def _watch(run: Run) -> int:
     while True:
         data = run.connection.call("teleop.status")
         if not data["active"]:
-            run.output.result(data, ended_text(data))
-            return NOT_OK
+            return run.done(data, ended_text(data), ok=False)
         if run.output.live:
             run.output.line(status_line(data))
         time.sleep(_LOOK_EVERY_S)
@@ -230,8 +225,7 @@ def _watch(run: Run) -> int:
 
 def _stop(run: Run, *, holding: bool = False) -> int:
     data = run.connection.call("teleop.stop")
-    run.output.result(data, ended_text(data, holding=holding))
-    return OK
+    return run.done(data, ended_text(data, holding=holding))
 
 
 def status_line(data: Data) -> str:

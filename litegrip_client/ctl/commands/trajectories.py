@@ -13,7 +13,7 @@ from litegrip_client.ctl.figures import Data, figure, plain
 from litegrip_client.ctl.files import put_file, refuse_existing
 from litegrip_client.ctl.parser import LateParser, count, positive
 from litegrip_client.ctl.render import aligned, bar, date, finish, jaws_now, opening_of, verdict
-from litegrip_client.ctl.run import INTERRUPTED, OK, Command, Commands, Run, say
+from litegrip_client.ctl.run import INTERRUPTED, Command, Commands, Run, say
 from litegrip_client.threads.blocking import BlockingWire, complete, pause
 from litegrip_client.values.errors import CancelledError, CommandError
 from litegrip_client.values.trajectory import (
@@ -115,16 +115,14 @@ def show(run: Run) -> int:
     if run.options.local:
         files = map(asdict, list_trajectories())
         rows = [{**file, "created_s": file["created"]} for file in files]  # as the daemon has it
-        run.output.result({"trajectories": rows, "directory": str(directory())}, listed_text(rows))
-        return OK
+        return run.done({"trajectories": rows, "directory": str(directory())}, listed_text(rows))
     rows, usage = kept_and_usage(run)
     text = listed_text(rows, owners=usage is not None)
     if usage is not None:
         most, most_mb = usage["most_named"], usage["most_bytes"] / 1e6
         has = f"{usage['named']} of {most}, {usage['bytes'] / 1e6:.1f} of {most_mb:g} MB"
         text += f"\nof uid {usage['uid']}, who asks: {has}"
-    run.output.result({"trajectories": rows, **({"usage": usage} if usage else {})}, text)
-    return OK
+    return run.done({"trajectories": rows, **({"usage": usage} if usage else {})}, text)
 
 
 def listed_text(rows: Iterable[Data], *, owners: bool = False) -> str:
@@ -166,8 +164,7 @@ def get(run: Run) -> int:
         refuse_existing(str(path), _REPLACE)
     trajectory, content = fetched_whole(run, {"name": options.name})
     write_file(target, content, trajectory.grip_bytes())
-    run.output.result({"name": options.name, "path": str(path)}, f"written to {plain(path)}")
-    return OK
+    return run.done({"name": options.name, "path": str(path)}, f"written to {plain(path)}")
 
 
 def put(run: Run) -> int:
@@ -180,16 +177,14 @@ def put(run: Run) -> int:
     grips = grips_beside(options.file, content)
     with showing(run) as share:
         data = complete(send(BlockingWire(run.connection), content, {"name": name}, share, grips))
-    run.output.result(data, f"kept as {plain(data['name'])}, {data['samples']} samples")
-    return OK
+    return run.done(data, f"kept as {plain(data['name'])}, {data['samples']} samples")
 
 
 def delete(run: Run) -> int:
     """Remove one of the daemon's."""
     params = {"name": run.options.name}
     data = run.connection.call("trajectory.delete", params, ACTION_TIMEOUT_S)
-    run.output.result(data, f"deleted: {plain(run.options.name)}")
-    return OK
+    return run.done(data, f"deleted: {plain(run.options.name)}")
 
 
 def export(run: Run) -> int:
@@ -200,11 +195,9 @@ def export(run: Run) -> int:
     content = fetched(run, {"name": name, "format": "csv"})
     if target is not None:
         put_file(target, content)
-        run.output.result({"name": name, "path": target}, f"written to {plain(target)}")
-        return OK
+        return run.done({"name": name, "path": target}, f"written to {plain(target)}")
     text = content.decode()
-    run.output.result({"name": name, "csv": text}, text.removesuffix("\n"))
-    return OK
+    return run.done({"name": name, "csv": text}, text.removesuffix("\n"))
 
 
 def keep(run: Run) -> int:
@@ -217,8 +210,7 @@ def keep(run: Run) -> int:
         text = "a recording is under way: it is kept by the program that records"
         raise CommandError(text, reason="trajectory_busy", data={"hint": "wait for its end"})
     data = run.connection.call("trajectory.record_stop", {"name": name}, ACTION_TIMEOUT_S)
-    run.output.result(data, recorded_text(data))
-    return OK
+    return run.done(data, recorded_text(data))
 
 
 def kept_and_usage(run: Run) -> tuple[list[dict[str, Any]], dict[str, Any] | None]:
@@ -385,8 +377,7 @@ def record(run: Run) -> int:
         data = {**error.data, "hint": hint}
         raise CommandError(error.message, reason=error.reason, data=data) from error
     run.output.erase_line()
-    run.output.result(data, recorded_text(data))
-    return OK
+    return run.done(data, recorded_text(data))
 
 
 def recorded_text(data: Data) -> str:
