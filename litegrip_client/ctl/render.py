@@ -7,7 +7,7 @@ must not know single commands' options.
 from __future__ import annotations
 
 from argparse import Namespace
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from time import localtime, strftime, time
 
 from litegrip_client.core.discovery import is_socket_given, running_channels
@@ -19,7 +19,7 @@ from litegrip_client.values.errors import CancelledError, LiteGripError
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
-    from typing import Any, TypeAlias
+    from typing import TypeAlias
 
     from litegrip_client.line.connection import Connection
 
@@ -122,8 +122,8 @@ def hint_for(error: LiteGripError, options: Namespace) -> str:
         # A socket that is named alone may be of any channel's daemon.
         alone = options.socket is not None or is_socket_given()
         is_any = is_remote or (alone and not options.channel_chosen)
-        unit = "-t litegripd" if is_any else f"-u litegripd@{options.channel}"
-        return f"see the daemon's log{where}: journalctl {unit}"
+        log_of = "-t litegripd" if is_any else f"-u litegripd@{options.channel}"
+        return f"see the daemon's log{where}: journalctl {log_of}"
     if error.retryable:
         return "" if "try again" in error.message else "try again"
     return f"see: {options.help_of} --help"
@@ -134,22 +134,20 @@ def names_remedy(error: LiteGripError) -> bool:
     return error.names(frozenset(_REMEDIES.get(error.reason or "", error.remedy)))
 
 
-def start(run: Run, method: str, params: Mapping[str, Any]) -> int:
+def start(run: Run, method: str, params: Data) -> int:
     """Start a motion and show its job, without waiting for its end."""
     data = run.connection.command(method, {**params, "detach": True, "wait": False})
     return run.done(data, f"{run.options.command}: job {data['job']} started")
 
 
-def finish(
-    run: Run, method: str, params: Mapping[str, Any], tell: Callable[[dict[str, Any]], str]
-) -> int:
+def finish(run: Run, method: str, params: Data, tell: Callable[[Data], str]) -> int:
     """Run a motion to its end and show the result as `tell` puts it.
 
     It outlives this program's death, but Ctrl-C cancels it. The exit code is that of the
     result's `ok`, where it has one.
     """
 
-    def show(data: dict[str, Any]) -> None:
+    def show(data: Data) -> None:
         if run.output.live:
             run.output.line(progress(data))
 
@@ -164,7 +162,7 @@ def finish(
     return run.done(data, tell(data), ok=data.get("ok", True))
 
 
-def jaws(state: Mapping[str, Any]) -> str:
+def jaws(state: Data) -> str:
     """Return what the jaws do now that nothing of this program moves them."""
     mode = state.get("mode")
     if mode == "holding":

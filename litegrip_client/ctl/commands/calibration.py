@@ -37,10 +37,6 @@ from litegrip_client.values.terms import told
 from litegrip_client.values.text import json_of
 from litegrip_client.values.voices import in_shell
 
-TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: importing typing is slow
-    from typing import Any
-
 _AS_BEFORE = "the calibration is as it was"
 _SAVE = "use it and store it (y), use it without storing it (n), or cancel (c)?"
 _TEMPLATES = ("normal", "reverse")
@@ -82,7 +78,7 @@ def manual(run: Run) -> int:
     return run.done(data, _measured_text("manual", data), ok=data["ok"])
 
 
-def _lead(run: Run) -> dict[str, Any]:
+def _lead(run: Run) -> Data:
     """Record until what was recorded is taken."""
     say("The jaws are slack now. Ctrl-C cancels.")
     stroke_mm = run.options.stroke_mm
@@ -141,7 +137,7 @@ def _ask_stroke(run: Run) -> float | None:
     return None
 
 
-def _step(run: Run, step: str, **params: object) -> dict[str, Any]:
+def _step(run: Run, step: str, **params: object) -> Data:
     wanted = {"step": step, **params}
     return run.connection.command("calibration.manual", wanted, ACTION_TIMEOUT_S)
 
@@ -207,7 +203,7 @@ def zero(run: Run) -> int:
         except _NotWantedError:
             run.output.error(CommandError("nothing was done", reason="not_wanted"), "")
             return NOT_OK
-    params: dict[str, Any] = {"save": not options.no_save, **given_numbers(stroke_mm=stroke_mm)}
+    params: dict[str, object] = {"save": not options.no_save, **given_numbers(stroke_mm=stroke_mm)}
     if options.mount is not None:
         params["mount"] = options.mount
     return finish(run, "calibration.zero", params, lambda data: _measured_text("zero", data))
@@ -358,7 +354,7 @@ def templates(run: Run) -> int:
 def load(run: Run) -> int:
     """Have the daemon use a template, a file of this side, or what it finds itself."""
     source = run.options.source
-    params: dict[str, Any] = {}
+    params: dict[str, object] = {}
     if source in _TEMPLATES:
         params["template"] = source
     elif source is not None:
@@ -397,7 +393,7 @@ def _loaded_text(data: Data, *, source: str | None) -> str:
     return "\n".join(lines)
 
 
-def _read_file(path: str) -> dict[str, Any]:
+def _read_file(path: str) -> Data:
     """Read a calibration file; raises `CommandError` when it is no JSON object."""
     try:
         content = json_of(Path(path).read_bytes())
@@ -460,7 +456,7 @@ def save(run: Run) -> int:
     return run.done({"path": path, "content": content}, f"written to {plain(path)}")
 
 
-def _store(run: Run) -> dict[str, Any]:
+def _store(run: Run) -> Data:
     return run.connection.call("calibration.save", None, ACTION_TIMEOUT_S)
 
 

@@ -14,11 +14,6 @@ from litegrip_client.values.errors import CommandError, LiteGripError, Parameter
 from litegrip_client.values.terms import told_all
 from litegrip_client.values.voices import in_shell
 
-TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: importing typing is slow
-    from typing import Any
-
-
 _SETTING = re.compile(rf"([a-z][a-z0-9_]*)=({NUMBER}(?:e[+-]?[0-9]+)?)", re.IGNORECASE)
 
 _CONFIG = """\
@@ -101,7 +96,7 @@ def _set(run: Run) -> int:
     return run.done(data, text)
 
 
-def _only(data: Mapping[str, Any], names: Mapping[str, Any] | tuple[str, ...]) -> dict[str, Any]:
+def _only(data: Data, names: Data | tuple[str, ...]) -> Data:
     """Leave the named fields of a configuration."""
     return {
         **data,

@@ -5,7 +5,7 @@ Motions outlive this program: what was begun is carried out, and held.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from argparse import _ActionsContainer
 
 from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.ctl.figures import Data, figure, owner, plain
@@ -25,11 +25,6 @@ from litegrip_client.values.checks import given_numbers
 from litegrip_client.values.errors import CommandError, HardwareError, from_error_object
 from litegrip_client.values.voices import in_shell
 
-TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: importing typing is slow
-    from argparse import _ActionsContainer
-    from typing import Any
-
 
 def enable_options(parser: LateParser) -> None:
     """Add the arguments of `enable`."""
@@ -38,7 +33,7 @@ def enable_options(parser: LateParser) -> None:
 
 def enable(run: Run) -> int:
     """Enable the motor, for longer than this program runs."""
-    params: dict[str, Any] = {"detach": True}
+    params: dict[str, object] = {"detach": True}
     if run.options.retries is not None:
         params["retries"] = run.options.retries
     data = run.connection.command("motor.enable", params, ACTION_TIMEOUT_S)
@@ -145,7 +140,7 @@ def move(run: Run) -> int:
     return _move(run, "motion.move", {parameter: value, **paces})
 
 
-def _move(run: Run, method: str, params: Mapping[str, Any]) -> int:
+def _move(run: Run, method: str, params: Data) -> int:
     if run.options.no_wait:
         return start(run, method, params)
     return finish(run, method, params, lambda data: _moved_text(run.options.command, data))

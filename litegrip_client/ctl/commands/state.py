@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from argparse import Namespace
+from collections.abc import Iterator
 from contextlib import suppress
 from functools import partial
 from itertools import chain, islice
@@ -12,12 +13,13 @@ from litegrip_client.core.discovery import socket_paths
 from litegrip_client.core.sockets import STOP_LEVELS
 from litegrip_client.core.stop import is_taken_as_meant, stop_at, stop_params
 from litegrip_client.ctl import render
-from litegrip_client.ctl.figures import figure, owner, plain
+from litegrip_client.ctl.figures import Data, figure, owner, plain
 from litegrip_client.ctl.parser import LateParser, count, positive
 from litegrip_client.ctl.run import (
     NOT_OK,
     OK,
     Commands,
+    Output,
     Run,
     confirm,
     connected,
@@ -26,13 +28,6 @@ from litegrip_client.ctl.run import (
 )
 from litegrip_client.ctl.state_view import state_line, state_text, stopped
 from litegrip_client.values.errors import CommandError
-
-TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: importing typing is slow
-    from argparse import Namespace
-    from typing import Any
-
-    from litegrip_client.ctl.run import Output
 
 STOP_WITHIN_S = 2.5
 """A portal reports after 2 s that a stop is not confirmed, and says what to do then."""
@@ -116,7 +111,7 @@ def _take(run: Run) -> int:
     return run.done(data, plain(f"{text}; {_jaws(state)}; nobody has the lease now"))
 
 
-def _jaws(state: Mapping[str, Any]) -> str:
+def _jaws(state: Data) -> str:
     """Return what the jaws do after a take-over."""
     if state.get("mode") == "relaxed":
         return "the jaws are slack"

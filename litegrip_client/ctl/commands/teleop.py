@@ -8,10 +8,6 @@ from litegrip_client.ctl.figures import Data, figure, plain
 from litegrip_client.ctl.parser import LateParser, count, not_negative, positive
 from litegrip_client.ctl.run import Commands, Run
 
-TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: importing typing is slow
-    from typing import Any
-
 _LOOK_EVERY_S = 0.2
 _OPEN_WITHIN_S = 5.0
 
@@ -164,7 +160,7 @@ def teleop(run: Run) -> int:
 
 def _start(run: Run, mode: str) -> int:
     options = run.options
-    params: dict[str, Any] = {"mode": mode}
+    params: dict[str, object] = {"mode": mode}
     for option, name in _OPTIONS.items():
         value = getattr(options, option, None)
         if value is not None:
@@ -184,7 +180,7 @@ def _start(run: Run, mode: str) -> int:
         return _stop(run, holding=True)
 
 
-def _leave(run: Run, data: dict[str, Any]) -> int:
+def _leave(run: Run, data: Data) -> int:
     """Leave it running once its link is open; end it where that cannot be opened."""
     ends_s = time.monotonic() + _OPEN_WITHIN_S
     while data["active"] and _is_on_its_way(data) and time.monotonic() < ends_s:

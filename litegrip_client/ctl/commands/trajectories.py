@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 
 from litegrip_client.core.session import ACTION_TIMEOUT_S
@@ -26,10 +26,6 @@ from litegrip_client.values.trajectory import (
     read_grips,
     write_file,
 )
-
-TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: importing typing is slow
-    from typing import Any
 
 _REPLACE = "take another name, or replace it with: --overwrite"
 
@@ -114,8 +110,8 @@ def show(run: Run) -> int:
     """List what the daemon keeps, or this user."""
     if run.options.local:
         files = map(asdict, list_trajectories())
-        rows = [{**file, "created_s": file["created"]} for file in files]  # as the daemon has it
-        return run.done({"trajectories": rows, "directory": str(directory())}, listed_text(rows))
+        own = [{**file, "created_s": file["created"]} for file in files]  # as the daemon has it
+        return run.done({"trajectories": own, "directory": str(directory())}, listed_text(own))
     rows, usage = kept_and_usage(run)
     text = listed_text(rows, owners=usage is not None)
     if usage is not None:
@@ -213,7 +209,7 @@ def keep(run: Run) -> int:
     return run.done(data, recorded_text(data))
 
 
-def kept_and_usage(run: Run) -> tuple[list[dict[str, Any]], dict[str, Any] | None]:
+def kept_and_usage(run: Run) -> tuple[Sequence[Data], Data | None]:
     """Return the daemon's list of all that it keeps, and what this user has of it and may have.
 
     The latter is None from an older daemon.
@@ -248,19 +244,19 @@ def refuse_unkeepable(run: Run, name: str, *, overwrite: bool) -> None:
         raise CommandError(text, reason="trajectories_full", data={"hint": hint, "usage": usage})
 
 
-def _refuse_name(rows: list[dict[str, Any]], name: str) -> None:
+def _refuse_name(rows: Iterable[Data], name: str) -> None:
     if any(row["name"] == name for row in rows):
         text = f"the daemon keeps a trajectory {plain(name)} already"
         raise CommandError(text, reason="file_exists", data={"hint": _REPLACE})
 
 
-def fetched(run: Run, source: Mapping[str, Any]) -> bytes:
+def fetched(run: Run, source: Data) -> bytes:
     """Fetch one of the daemon's, with a bar where it can be seen."""
     with showing(run) as share:
         return complete(fetch(BlockingWire(run.connection), source, share))
 
 
-def fetched_whole(run: Run, source: Mapping[str, Any]) -> tuple[Trajectory, bytes]:
+def fetched_whole(run: Run, source: Data) -> tuple[Trajectory, bytes]:
     """Fetch one of the daemon's with its grips; return it, and the content of its `.lgt`."""
     content = fetched(run, source)
     trajectory = Trajectory.from_bytes(content)
@@ -344,7 +340,7 @@ def record(run: Run) -> int:
     samples = max(1, round(options.seconds * options.rate))
     is_said = options.no_zero_gravity
 
-    def show(status: dict[str, Any]) -> None:
+    def show(status: Data) -> None:
         nonlocal is_said
         if not is_said:  # not before: where recording is refused the jaws are not slack
             is_said = True
@@ -427,7 +423,7 @@ def _kept_options(parser: LateParser) -> None:
 def play(run: Run) -> int:
     """Replay a trajectory of the daemon, or of this side."""
     options = run.options
-    params: dict[str, Any] = {"repeat": options.repeat, "align": not options.no_align}
+    params: dict[str, object] = {"repeat": options.repeat, "align": not options.no_align}
     if options.speed is not None:
         params["speed"] = options.speed
     if options.force != "path":
