@@ -341,11 +341,21 @@ def _print_lines(stopped: Stopped) -> None:
 def _only_by_portal(config: FleetConfig) -> PortalConfig | None:
     """Return the portal, and say so, where this user cannot read the key; None where he can.
 
-    Raises `NetworkError` where he cannot, and there is no portal.
+    Zenoh does not say that: it tries to connect for ever. Raises `NetworkError` where he cannot,
+    and there is no portal.
     """
-    closed = _closed_file(config)
-    if closed is None:
+    tls = config.network.tls
+    try:
+        for path in () if tls is None else (tls.ca, tls.certificate, tls.key):
+            Path(path).open("rb").close()
         return None
+    except PermissionError as error:
+        closed = (
+            f"{error.filename} may not be read by this user, only with sudo or in the group of the"
+            " file (litegrip-fleet)"
+        )
+    except OSError as error:
+        closed = f"{error.filename} cannot be read: {error.strerror}; {_LOOK}"
     if config.portal is None:
         raise NetworkError(closed)
     text = f"litegripd-fleet: {closed}: by the portal's sockets, only its own grippers"
@@ -375,25 +385,6 @@ def _connected(config: FleetConfig, *, otherwise: str = "") -> Iterator[zenoh.Se
         yield session
     finally:
         close(session)
-
-
-def _closed_file(config: FleetConfig) -> str | None:
-    """Return which file of TLS this user cannot read, and what to do; None where there is none.
-
-    Zenoh does not say it: it tries to connect for ever.
-    """
-    tls = config.network.tls
-    try:
-        for path in () if tls is None else (tls.ca, tls.certificate, tls.key):
-            Path(path).open("rb").close()
-    except PermissionError as error:
-        return (
-            f"{error.filename} may not be read by this user, only with sudo or in the group of the"
-            " file (litegrip-fleet)"
-        )
-    except OSError as error:
-        return f"{error.filename} cannot be read: {error.strerror}; {_LOOK}"
-    return None
 
 
 def _fail(message: str, code: int) -> int:
