@@ -44,7 +44,12 @@ class Reader:
         """Return True if a file's mode lets them; one with its own access list is trusted."""
         found = path.stat()
         shift = 6 if found.st_uid == self.uid else 3 if found.st_gid in self.gids else 0
-        return (found.st_mode >> shift) & bits == bits or _has_access_list(path)
+        if (found.st_mode >> shift) & bits == bits:
+            return True
+        try:
+            return _ACCESS_LIST in os.listxattr(path)
+        except OSError:  # a file system that has none
+            return False
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,13 +123,6 @@ def _way(path: Path) -> list[Path]:
                 if step.is_symlink():
                     left.append(step.parent / step.readlink())
     return list(way)
-
-
-def _has_access_list(path: Path) -> bool:
-    try:
-        return _ACCESS_LIST in os.listxattr(path)
-    except OSError:  # a file system that has none
-        return False
 
 
 DATA = Path(__file__).resolve().parent.parent / "data"

@@ -230,23 +230,18 @@ def _by_name(root: Path, folder: str, pattern: str) -> list[Path]:
 def _matches(rows: Sequence[_Row], name: str, driver: str | None) -> bool:
     """Return True if a [Match] is for a CAN interface; what cannot be judged counts as if it was.
 
-    systemd lets an empty section match everything.
+    systemd lets an empty section match everything; a "!" in front turns its patterns round.
     """
     known = {"Name": name, "Type": "can", "Kind": "can", "Driver": driver}
     for row in rows:
         if row.key in _NEVER_OF_CAN:
             return False
         value = known.get(row.key)
-        if value is not None and not _is_one_of(value, row.value):
+        words = row.value.removeprefix("!").replace('"', "").split()
+        is_one = value is not None and any(fnmatchcase(value, word) for word in words)
+        if value is not None and is_one is row.value.startswith("!"):
             return False
     return True
-
-
-def _is_one_of(value: str, patterns: str) -> bool:
-    """Return True if one of systemd's patterns matches; a "!" in front turns them round."""
-    is_inverted = patterns.startswith("!")
-    words = patterns.removeprefix("!").replace('"', "").split()
-    return any(fnmatchcase(value, word) for word in words) is not is_inverted
 
 
 def _value(values: dict[tuple[str, str], _Row], section: str, key: str) -> str:

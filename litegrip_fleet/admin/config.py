@@ -107,24 +107,20 @@ def load(file: str = FILE) -> FleetConfig:
     except ValueError as error:
         raise FleetConfigError(f"{file}: {error}") from error
     try:
-        return _config(file, content)
+        top = _Table(file, "", content)
+        network, insecure = _network(top.part("network") or _Table(file, "network", {}))
+        gateway, portal, router = (top.part(name) for name in ("gateway", "portal", "router"))
+        top.finish()
+        return FleetConfig(
+            file,
+            network,
+            insecure,
+            None if gateway is None else _gateway(gateway),
+            None if portal is None else _portal(portal),
+            None if router is None else _router(router),
+        )
     except (BadNameError, ParameterError) as error:
         raise FleetConfigError(f"{file}: {error}") from error
-
-
-def _config(file: str, content: Mapping[str, Any]) -> FleetConfig:
-    top = _Table(file, "", content)
-    network, insecure = _network(top.part("network") or _Table(file, "network", {}))
-    gateway, portal, router = (top.part(name) for name in ("gateway", "portal", "router"))
-    top.finish()
-    return FleetConfig(
-        file,
-        network,
-        insecure,
-        None if gateway is None else _gateway(gateway),
-        None if portal is None else _portal(portal),
-        None if router is None else _router(router),
-    )
 
 
 def _network(table: "_Table") -> tuple[Network, bool]:

@@ -173,15 +173,14 @@ def labels(events: list[Happening], end_s: float, begin_s: float) -> list[Label]
             groups[-1].append(event)
         else:
             groups.append([event])
-    return [_label(group, end_s) for group in groups]
-
-
-def _label(group: list[Happening], end_s: float) -> Label:
-    first = max(group, key=_weight)
-    others = len({(event.kind, event.message) for event in group} - {(first.kind, first.message)})
-    text = _short(first) + (f"  +{others}" if others else "")
-    at_s, x_s = first.at_s - end_s, group[0].at_s - end_s
-    return Label(at_s, x_s, text, any(map(_is_alarm, group)))
+    found = []
+    for group in groups:
+        first = max(group, key=_weight)
+        others = {(one.kind, one.message) for one in group} - {(first.kind, first.message)}
+        text = _short(first) + (f"  +{len(others)}" if others else "")
+        at_s, x_s = first.at_s - end_s, group[0].at_s - end_s
+        found.append(Label(at_s, x_s, text, any(map(_is_alarm, group))))
+    return found
 
 
 def _weight(event: Happening) -> int:
