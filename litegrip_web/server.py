@@ -17,7 +17,7 @@ from importlib import resources
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
-from websockets.asyncio.server import Server, ServerConnection, serve
+from websockets.asyncio.server import ServerConnection, serve
 from websockets.datastructures import Headers, MultipleValuesError
 from websockets.http11 import Request, Response
 
@@ -149,7 +149,7 @@ async def listening(settings: Settings) -> AsyncIterator[str]:
         start_serving=False,
     )
     try:
-        port = _port_of(server)
+        port = int(server.sockets[0].getsockname()[1])
         guard = Guard(settings, port)
         await server.start_serving()
         scheme = "https" if settings.tls else "http"
@@ -157,10 +157,6 @@ async def listening(settings: Settings) -> AsyncIterator[str]:
     finally:
         server.close()
         await server.wait_closed()
-
-
-def _port_of(server: Server) -> int:
-    return int(server.sockets[0].getsockname()[1])
 
 
 def _add_headers(

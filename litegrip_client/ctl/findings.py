@@ -126,23 +126,16 @@ _NAME_WIDTH = 14
 def as_text(found: Sequence[Named]) -> str:
     """Return all findings, and how many are not all right."""
     width = max([_NAME_WIDTH, *(len(name) + 1 for name, _finding in found)])
-    lines = [line for name, finding in found for line in _lines(name, finding, width)]
-    counts = [
-        _counted(sum(finding.level == level for _, finding in found), level)
-        for level in ("error", "warning")
-    ]
-    return "\n".join([*lines, "", ", ".join(counts)])
-
-
-def _lines(name: str, finding: Finding, width: int) -> list[str]:
-    head = f"{finding.level.upper():<{_LEVEL_WIDTH}}"
-    lines = [f"{head}{name:<{width}}{plain(finding.text)}"]
-    if finding.command is not None:
-        lines.append(f"{'':<{_LEVEL_WIDTH}}{plain(finding.command)}")
-    if finding.advice is not None:
-        lines.append(f"{'':<{_LEVEL_WIDTH}}({plain(finding.advice)})")
-    return lines
-
-
-def _counted(count: int, level: str) -> str:
-    return f"{count} {level}" if count == 1 else f"{count or 'no'} {level}s"
+    lines, below = [], " " * _LEVEL_WIDTH
+    for name, finding in found:
+        head = f"{finding.level.upper():<{_LEVEL_WIDTH}}"
+        lines.append(f"{head}{name:<{width}}{plain(finding.text)}")
+        if finding.command is not None:
+            lines.append(f"{below}{plain(finding.command)}")
+        if finding.advice is not None:
+            lines.append(f"{below}({plain(finding.advice)})")
+    levels = [finding.level for _name, finding in found]
+    errors, warnings = levels.count("error"), levels.count("warning")
+    counts = f"{errors or 'no'} error{'' if errors == 1 else 's'}"
+    counts += f", {warnings or 'no'} warning{'' if warnings == 1 else 's'}"
+    return "\n".join([*lines, "", counts])

@@ -17,7 +17,7 @@ import re
 import stat
 import sys
 import sysconfig
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -44,7 +44,12 @@ class Reader:
         """Return True if a file's mode lets them; one with its own access list is trusted."""
         found = path.stat()
         shift = 6 if found.st_uid == self.uid else 3 if found.st_gid in self.gids else 0
-        return (found.st_mode >> shift) & bits == bits or _has_access_list(path)
+        if (found.st_mode >> shift) & bits == bits:
+            return True
+        try:
+            return _ACCESS_LIST in os.listxattr(path)
+        except OSError:  # a file system that has none
+            return False
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,13 +125,6 @@ def _way(path: Path) -> list[Path]:
     return list(way)
 
 
-def _has_access_list(path: Path) -> bool:
-    try:
-        return _ACCESS_LIST in os.listxattr(path)
-    except OSError:  # a file system that has none
-        return False
-
-
 DATA = Path(__file__).resolve().parent.parent / "data"
 PROGRAMS = "/opt/litegripd/bin/"
 MANUALS = "/opt/litegripd/share/man/"
@@ -170,10 +168,9 @@ class Planned:
 def units(programs: str) -> list[Planned]:
     """Return what every installation has."""
     return [
-        *(
-            Planned(f"{_UNITS}/{name}", _in_environment(_read(f"systemd/{name}"), programs))
-            for name in ("litegripd@.service", "litegripd.target", "litegripd-web.service")
-        ),
+        _unit("litegripd@.service", programs),
+        _unit("litegripd.target", programs),
+        _unit("litegripd-web.service", programs),
         Planned("usr/local/lib/sysusers.d/litegripd.conf", _read("systemd/litegripd.sysusers")),
         Planned("usr/local/lib/tmpfiles.d/litegripd.conf", _read("systemd/litegripd.tmpfiles")),
         Planned("etc/litegripd/litegripd.toml", _read("etc/litegripd.toml"), kept=True),
@@ -190,9 +187,8 @@ def serial() -> list[Planned]:
 
 def fleet(programs: str) -> list[Planned]:
     """Return what gateway, portal and router of a fleet have."""
-    unit = "litegripd-fleet@.service"
     return [
-        Planned(f"{_UNITS}/{unit}", _in_environment(_read(f"systemd/{unit}"), programs)),
+        _unit("litegripd-fleet@.service", programs),
         Planned(
             "usr/local/lib/sysusers.d/litegripd-fleet.conf",
             _read("systemd/litegripd-fleet.sysusers"),
@@ -203,18 +199,17 @@ def fleet(programs: str) -> list[Planned]:
 
 def udev(channels: Sequence[str]) -> list[Planned]:
     """Return what has udev bring these CAN interfaces up, whatever manages the network."""
-    return [Planned(RULES, _for(channels, "systemd/85-litegrip.rules", "|"))]
+    name = "systemd/85-litegrip.rules"
+    before = _read(name)
+    content = re.sub(rf"\b{EXAMPLE_CHANNEL}\b", lambda _: "|".join(channels), before)
+    if content == before and list(channels) != [EXAMPLE_CHANNEL]:
+        raise ValueError(f"{name} names no {EXAMPLE_CHANNEL} that could be replaced")
+    return [Planned(RULES, content)]
 
 
 def superseded() -> list[Planned]:
     """Return what of earlier versions is to be removed."""
     return [Planned(path, "") for path in SUPERSEDED]
-
-
-def channels_in(content: str) -> list[str]:
-    """Return the CAN interfaces that a file of `udev`, of any version, names."""
-    found = _NAMED.search(content)
-    return found[1].replace("|", " ").split() if found else []
 
 
 def program_directory() -> str:
@@ -264,17 +259,11 @@ def _unusable(why: str, hint: str = _ELSEWHERE) -> CommandError:
     return CommandError(why, reason="wrong_usage", data={"hint": hint})
 
 
-def _in_environment(content: str, programs: str) -> str:
+def _unit(name: str, programs: str) -> Planned:
+    """Return a unit, with the paths of the environment that has these programs."""
     manuals = f"{Path(programs).parent}/share/man/"
-    return content.replace(PROGRAMS, f"{programs}/").replace(MANUALS, manuals)
-
-
-def _for(channels: Sequence[str], name: str, separator: str) -> str:
-    before = _read(name)
-    after = re.sub(rf"\b{EXAMPLE_CHANNEL}\b", lambda _: separator.join(channels), before)
-    if after == before and list(channels) != [EXAMPLE_CHANNEL]:
-        raise ValueError(f"{name} names no {EXAMPLE_CHANNEL} that could be replaced")
-    return after
+    content = _read(f"systemd/{name}").replace(PROGRAMS, f"{programs}/").replace(MANUALS, manuals)
+    return Planned(f"{_UNITS}/{name}", content)
 
 
 def _read(name: str) -> str:
@@ -382,21 +371,14 @@ def foreign_users(root: Path) -> list[str]:
     """Return the drop-ins that run a daemon as another user, and why that does not work."""
     notes = []
     for path in sorted({*root.glob(f"etc/{_DROP_INS}"), *root.glob(f"run/{_DROP_INS}")}):
-        for value in _FOREIGN.findall(path.read_text(errors="replace")):
-            if value == USER:
-                continue
-            notes.append(f"{path} sets User={value}; {_NO_OTHER_USER}")
+        users = _FOREIGN.findall(path.read_text(errors="replace"))
+        notes += [f"{path} sets User={one}; {_NO_OTHER_USER}" for one in users if one != USER]
     return notes
 
 
 def hiding(root: Path) -> list[str]:
     """Return the files that systemd takes in place of those that are installed."""
-    names = (
-        "litegripd@.service",
-        "litegripd.target",
-        "litegripd-web.service",
-        "litegripd-fleet@.service",
-    )
+    names = [Path(file.path).name for file in units("") + fleet("") if _UNITS in file.path]
     paths = [root / "etc/systemd/system" / name for name in names]
     return [str(path) for path in paths if path.is_file()]
 
@@ -411,7 +393,8 @@ def channels(root: Path) -> list[str]:
     """Return the CAN interfaces that are brought up by what was installed before."""
     paths = [root / path for path in (RULES, *SUPERSEDED)]
     contents = [path.read_text(errors="replace") for path in paths if path.is_file()]
-    return list(dict.fromkeys(name for text in contents for name in channels_in(text)))
+    named = [found[1] for text in contents if (found := _NAMED.search(text))]
+    return list(dict.fromkeys(" ".join(named).replace("|", " ").split()))
 
 
 def install(root: Path, wanted: Wanted, programs: str) -> list[Done]:
@@ -454,19 +437,16 @@ def uninstall(root: Path) -> list[Done]:
 def _put(root: Path, file: Planned) -> Done:
     path = root / file.path
     content = file.content.encode()
-
-    def put() -> str:
+    with _attempt("written", path):
         before = path.read_bytes() if path.exists() else None
         if before == content:
-            return "unchanged"
+            return Done(str(path), "unchanged")
         if before is not None and file.kept:
-            return "kept"
+            return Done(str(path), "kept")
         _make_directories(path.parent)
         atomic_file.write(path, content)
         path.chmod(_MODE)
-        return "installed" if before is None else "replaced"
-
-    return Done(str(path), _attempt("written", path, put))
+    return Done(str(path), "installed" if before is None else "replaced")
 
 
 def _remove_all(root: Path, files: Sequence[Planned]) -> list[Done]:
@@ -475,19 +455,14 @@ def _remove_all(root: Path, files: Sequence[Planned]) -> list[Done]:
         path = root / file.path
         if not path.exists():
             continue
-        done.append(Done(str(path), "kept" if file.kept else _remove(path)))
+        if not file.kept:
+            with _attempt("removed", path):
+                path.unlink()
+        done.append(Done(str(path), "kept" if file.kept else "removed"))
     drop_ins = root / serial()[0].path
     if not drop_ins.exists() and drop_ins.parent.is_dir() and not any(drop_ins.parent.iterdir()):
         drop_ins.parent.rmdir()
     return done
-
-
-def _remove(path: Path) -> str:
-    def remove() -> str:
-        path.unlink()
-        return "removed"
-
-    return _attempt("removed", path, remove)
 
 
 def _make_directories(directory: Path) -> None:
@@ -506,9 +481,11 @@ _HINTS = {
 }
 
 
-def _attempt(doing: str, path: Path, action: Callable[[], str]) -> str:
+@contextlib.contextmanager
+def _attempt(doing: str, path: Path) -> Iterator[None]:
+    """Raise `CommandError` for what the system refuses in the block."""
     try:
-        return action()
+        yield
     except OSError as error:
         raise CommandError(
             f"{path} cannot be {doing}: {why_not_written(error, path)}",

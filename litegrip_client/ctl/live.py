@@ -102,18 +102,13 @@ def _connected(scene: Scene, connection: Connection, hz: float) -> Iterator[Scen
                     event = feed.take()
                     if event is not None:
                         scene.events.append(event)
-                if time.monotonic() >= look_s:
-                    _look(scene, connection)
+                if time.monotonic() >= look_s:  # for what is not sent by itself
+                    rows = connection.call("clients.list")["clients"]
+                    scene.others = sum(not row.get("is_me") for row in rows)
+                    scene.lease = connection.call("lease.get")
+                    scene.health = connection.call("health")
                     look_s = time.monotonic() + _LOOK_EVERY_S
                 yield scene
-
-
-def _look(scene: Scene, connection: Connection) -> None:
-    """Ask for what is not sent by itself."""
-    rows = connection.call("clients.list")["clients"]
-    scene.others = sum(not row.get("is_me") for row in rows)
-    scene.lease = connection.call("lease.get")
-    scene.health = connection.call("health")
 
 
 _BAR_WIDTH = 40
@@ -127,7 +122,12 @@ def picture(scene: Scene, name: str, for_gripper: Callable[[str], str] = str) ->
     if scene.state is not None:
         parts += [_bar(scene.state), _figures(scene.state, for_gripper)]
         parts += [Text(), Text("the last minute", "cyan"), _traces(scene)]
-    parts += [Text(), _company(scene)]
+    lease = "--" if scene.lease is None else render.lease(scene.lease)
+    others = "--" if scene.others is None else f"{scene.others} besides this one"
+    company = Table.grid(padding=(0, 2))
+    company.add_row(Text(f"{'lease':<11}", "cyan"), Text(lease))
+    company.add_row(Text("clients", "cyan"), Text(others))
+    parts += [Text(), company]
     if scene.health is not None:
         parts += [
             Text(f"- {plain(for_gripper(reason))}", "yellow")
@@ -202,15 +202,6 @@ def _trace(values: Sequence[float | None], least: float) -> tuple[str, float, fl
         for value in values
     )
     return "".join(drawn), low, high
-
-
-def _company(scene: Scene) -> RenderableType:
-    grid = Table.grid(padding=(0, 2))
-    lease = "--" if scene.lease is None else render.lease(scene.lease)
-    others = "--" if scene.others is None else f"{scene.others} besides this one"
-    grid.add_row(Text(f"{'lease':<11}", "cyan"), Text(lease))
-    grid.add_row(Text("clients", "cyan"), Text(others))
-    return grid
 
 
 def _events(scene: Scene) -> list[RenderableType]:

@@ -24,72 +24,60 @@ VERDICTS = ("ok", "degraded", "down")
 _PREFIX = "litegripd"
 _QUANTILES = {"p50_us": "0.5", "p99_us": "0.99", "p99_9_us": "0.999"}
 _MICRO = 1e-6
-_MEGA = 1e6
+_SCALES = {"us": _MICRO, "mb": 1e6}
+"""By the ending of a path: what makes its value one of the metric's base unit."""
+_UNITS = ("seconds", "hertz", "ratio", "bytes", "celsius", "newton_meters")
+"""Base units, with which the names of metrics end."""
 
 Kind: TypeAlias = Literal["counter", "gauge"]
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One figure: where `health` has it, and its name, kind and meaning as a metric.
-
-    `unit` is the ending of the name, a base unit; the value is multiplied by `scale`.
-    """
+    """One figure: where `health` has it, and its name, kind and meaning as a metric."""
 
     path: str
     name: str
     kind: Kind
     help: str
-    unit: str = ""
-    scale: float = 1.0
+
+    @property
+    def unit(self) -> str:
+        """The base unit with which the name ends, if any."""
+        return next((unit for unit in _UNITS if self.name.endswith(f"_{unit}")), "")
+
+    @property
+    def scale(self) -> float:
+        """What the value of `health` is multiplied by."""
+        return _SCALES.get(self.path.rpartition("_")[2], 1.0)
 
 
 def _counter(path: str, name: str, text: str) -> Row:
     return Row(path, name, "counter", text)
 
 
+def _gauge(path: str, name: str, text: str) -> Row:
+    return Row(path, name, "gauge", text)
+
+
 ROWS: tuple[Row, ...] = (
-    Row("uptime_s", "uptime_seconds", "gauge", "Since the daemon's start.", "seconds"),
-    Row("control.rate_hz", "control_rate_hertz", "gauge", "Ticks wanted a second.", "hertz"),
+    _gauge("uptime_s", "uptime_seconds", "Since the daemon's start."),
+    _gauge("control.rate_hz", "control_rate_hertz", "Ticks wanted a second."),
     _counter("control.ticks", "ticks", "Ticks of the control loop."),
     _counter("control.lost_ticks", "lost_ticks", "Ticks that were left out, being too late."),
     _counter("control.tick_errors", "tick_errors", "Ticks that failed by a defect."),
-    Row(
-        "control.lateness.worst_us",
-        "tick_lateness_max_seconds",
-        "gauge",
-        "The latest start of a tick.",
-        "seconds",
-        _MICRO,
-    ),
-    Row(
-        "control.tick_cost.worst_us",
-        "tick_duration_max_seconds",
-        "gauge",
-        "The longest tick.",
-        "seconds",
-        _MICRO,
-    ),
-    Row("control.cpu_share", "cpu_ratio", "gauge", "The control thread's share of a CPU.", "ratio"),
-    Row("control.fifo_priority", "fifo_priority", "gauge", "SCHED_FIFO priority, 0 for none."),
-    Row("control.memory_locked", "memory_locked", "gauge", "Whether its memory is locked."),
-    Row(
+    _gauge("control.lateness.worst_us", "tick_lateness_max_seconds", "The latest start of a tick."),
+    _gauge("control.tick_cost.worst_us", "tick_duration_max_seconds", "The longest tick."),
+    _gauge("control.cpu_share", "cpu_ratio", "The control thread's share of a CPU."),
+    _gauge("control.fifo_priority", "fifo_priority", "SCHED_FIFO priority, 0 for none."),
+    _gauge("control.memory_locked", "memory_locked", "Whether its memory is locked."),
+    _gauge(
         "control.longest_collection_us",
         "garbage_collection_max_seconds",
-        "gauge",
         "The longest run of Python's garbage collector.",
-        "seconds",
-        _MICRO,
     ),
-    Row(
-        "control.resident_mb",
-        "resident_memory_bytes",
-        "gauge",
-        "Resident memory.",
-        "bytes",
-        _MEGA,
-    ),
-    Row("bus.load", "bus_load_ratio", "gauge", "The bus's load, estimated from frames.", "ratio"),
+    _gauge("control.resident_mb", "resident_memory_bytes", "Resident memory."),
+    _gauge("bus.load", "bus_load_ratio", "The bus's load, estimated from frames."),
     _counter("bus.sent", "bus_frames_sent", "Frames sent."),
     _counter("bus.received", "bus_frames_received", "Frames received."),
     _counter("bus.send_failures", "bus_frames_lost", "Frames that could not be sent."),
@@ -99,92 +87,68 @@ ROWS: tuple[Row, ...] = (
     ),
     _counter("bus.errors", "bus_errors", "Errors of sending and receiving."),
     _counter("bus.reopened", "bus_reopened", "How often the bus was opened again."),
-    Row("bus.bitrate", "bus_bitrate", "gauge", "Bit rate of the network interface, bit/s."),
-    Row(
+    _gauge("bus.bitrate", "bus_bitrate", "Bit rate of the network interface, bit/s."),
+    _gauge(
         "bus.pump_late_us",
         "bus_pump_late_seconds",
-        "gauge",
         "The longest that a frame has lately waited for the process that drives the adapter.",
-        "seconds",
-        _MICRO,
     ),
     _counter("motor.commands", "motor_commands", "Commands to the motor."),
     _counter("motor.missed_replies", "motor_missed_replies", "Ticks without the reply due."),
     _counter("motor.withheld_commands", "motor_withheld_commands", "Commands that were not sent."),
     _counter("motor.ignored_frames", "motor_ignored_frames", "Frames that nobody had asked for."),
     _counter("motor.foreign_commands", "motor_foreign_commands", "Commands of a second master."),
-    Row("motor.foreign_active", "motor_foreign_active", "gauge", "Whether it commands just now."),
-    Row(
+    _gauge("motor.foreign_active", "motor_foreign_active", "Whether it commands just now."),
+    _gauge(
         "motor.in_use",
         "motor_in_use",
-        "gauge",
         "Whether anybody uses the motor, or has tried to; else its silence is no alarm.",
     ),
     _counter(
         "motor.implausible_frames", "motor_implausible_frames", "Positions that no jaw can have."
     ),
-    Row(
-        "heat.coil_c",
-        "coil_temperature_celsius",
-        "gauge",
-        "The coil's temperature by the model.",
-        "celsius",
-    ),
-    Row(
-        "heat.limit_c",
-        "coil_temperature_limit_celsius",
-        "gauge",
-        "Where holds are limited.",
-        "celsius",
-    ),
-    Row(
+    _gauge("heat.coil_c", "coil_temperature_celsius", "The coil's temperature by the model."),
+    _gauge("heat.limit_c", "coil_temperature_limit_celsius", "Where holds are limited."),
+    _gauge(
         "heat.time_to_limit_s",
         "coil_time_to_limit_seconds",
-        "gauge",
         "Until the limit, with the present load; absent if never.",
-        "seconds",
     ),
-    Row(
+    _gauge(
         "heat.allowed_nm",
         "hold_torque_allowed_newton_meters",
-        "gauge",
         "To what holds are limited; absent while they are not.",
-        "newton_meters",
     ),
-    Row("rpc.clients", "rpc_clients", "gauge", "Connected clients."),
+    _gauge("rpc.clients", "rpc_clients", "Connected clients."),
     _counter("rpc.requests", "rpc_requests", "Requests."),
     _counter("rpc.refused_requests", "rpc_requests_refused", "Requests that were refused."),
     _counter("rpc.refused_connections", "rpc_connections_refused", "Connections not let in."),
     _counter("rpc.budget_exhausted", "rpc_budget_exhausted", "Periods that left requests waiting."),
     _counter("rpc.late_shares", "rpc_late_shares", "Ticks that requests ran into."),
-    Row("spawner.is_running", "spawner_process", "gauge", "Whether it runs that starts others."),
+    _gauge("spawner.is_running", "spawner_process", "Whether it runs that starts others."),
     _counter("spawner.deaths", "spawner_deaths", "Deaths of the process that starts the others."),
     _counter("helper.deaths", "helper_deaths", "Deaths of the helper process."),
     _counter("helper.refused", "helper_requests_refused", "Requests that it did not take."),
-    Row("helper.waiting", "helper_requests_waiting", "gauge", "Requests that wait for it."),
-    Row("teleop.is_running", "teleop_link_process", "gauge", "Whether the link process runs."),
+    _gauge("helper.waiting", "helper_requests_waiting", "Requests that wait for it."),
+    _gauge("teleop.is_running", "teleop_link_process", "Whether the link process runs."),
     _counter("teleop.deaths", "teleop_link_deaths", "Deaths of the link process."),
-    Row(
+    _gauge(
         "teleop.open_to_network",
         "teleop_link_open_to_network",
-        "gauge",
         "Whether anybody on the network can take part in teleoperation; absent without a link.",
     ),
-    Row(
+    _gauge(
         "remote.insecure",
         "portal_insecure",
-        "gauge",
         "Whether the network to a gripper of another machine is unprotected; absent without one.",
     ),
-    Row(
+    _gauge(
         "remote.certificate_expires_s",
         "portal_certificate_expiry_timestamp_seconds",
-        "gauge",
         "When the portal's certificate is over, in Unix time; absent without one.",
-        "seconds",
     ),
     _counter("log.dropped", "log_lines_dropped", "Lines of the log that were lost."),
-    Row("log.is_stuck", "log_stuck", "gauge", "Whether nobody reads the standard error."),
+    _gauge("log.is_stuck", "log_stuck", "Whether nobody reads the standard error."),
 )
 
 SUMMARIES = {

@@ -43,7 +43,6 @@ class _Json:
     parse_float = float
     parse_int = int
     parse_constant = float
-    memo: dict[str, str] = {}  # noqa: RUF012 - the scanner's own
 
 
 def answer(given: list[str]) -> str | None:

@@ -7,19 +7,19 @@ must not know single commands' options.
 from __future__ import annotations
 
 from argparse import Namespace
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from time import localtime, strftime, time
 
 from litegrip_client.core.discovery import is_socket_given, running_channels
 from litegrip_client.core.motion import Motion
 from litegrip_client.ctl.figures import Data, figure, owner, plain
-from litegrip_client.ctl.run import ENDING, INTERRUPTED, NOT_OK, OK, Run
+from litegrip_client.ctl.run import ENDING, INTERRUPTED, Run
 from litegrip_client.threads.blocking import BlockingWire, complete
 from litegrip_client.values.errors import CancelledError, LiteGripError
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
-    from typing import Any, TypeAlias
+    from typing import TypeAlias
 
     from litegrip_client.line.connection import Connection
 
@@ -115,8 +115,15 @@ def hint_for(error: LiteGripError, options: Namespace) -> str:
     if own:
         return own
     if error.reason == "internal_error":
-        where = " on the gripper's machine" if _is_remote(options) else ""
-        return f"see the daemon's log{where}: journalctl {_log_of(options)}"
+        from litegrip_client.ctl.doctor.gather import is_remote_name  # noqa: PLC0415 - seldom needed
+
+        is_remote = options.channel_chosen and is_remote_name(options.channel)
+        where = " on the gripper's machine" if is_remote else ""
+        # A socket that is named alone may be of any channel's daemon.
+        alone = options.socket is not None or is_socket_given()
+        is_any = is_remote or (alone and not options.channel_chosen)
+        log_of = "-t litegripd" if is_any else f"-u litegripd@{options.channel}"
+        return f"see the daemon's log{where}: journalctl {log_of}"
     if error.retryable:
         return "" if "try again" in error.message else "try again"
     return f"see: {options.help_of} --help"
@@ -127,37 +134,20 @@ def names_remedy(error: LiteGripError) -> bool:
     return error.names(frozenset(_REMEDIES.get(error.reason or "", error.remedy)))
 
 
-def _log_of(options: Namespace) -> str:
-    """Name the daemon's unit; a socket that is named alone may be of any channel."""
-    alone = options.socket is not None or is_socket_given()
-    if _is_remote(options) or (alone and not options.channel_chosen):
-        return "-t litegripd"
-    return f"-u litegripd@{options.channel}"
-
-
-def _is_remote(options: Namespace) -> bool:
-    from litegrip_client.ctl.doctor.gather import is_remote_name  # noqa: PLC0415 - seldom needed
-
-    return options.channel_chosen and is_remote_name(options.channel)
-
-
-def start(run: Run, method: str, params: Mapping[str, Any]) -> int:
+def start(run: Run, method: str, params: Data) -> int:
     """Start a motion and show its job, without waiting for its end."""
     data = run.connection.command(method, {**params, "detach": True, "wait": False})
-    run.output.result(data, f"{run.options.command}: job {data['job']} started")
-    return OK
+    return run.done(data, f"{run.options.command}: job {data['job']} started")
 
 
-def finish(
-    run: Run, method: str, params: Mapping[str, Any], tell: Callable[[dict[str, Any]], str]
-) -> int:
+def finish(run: Run, method: str, params: Data, tell: Callable[[Data], str]) -> int:
     """Run a motion to its end and show the result as `tell` puts it.
 
     It outlives this program's death, but Ctrl-C cancels it. The exit code is that of the
     result's `ok`, where it has one.
     """
 
-    def show(data: dict[str, Any]) -> None:
+    def show(data: Data) -> None:
         if run.output.live:
             run.output.line(progress(data))
 
@@ -169,11 +159,10 @@ def finish(
         _report_cancelled(motion, run)
         return INTERRUPTED
     run.output.erase_line()
-    run.output.result(data, tell(data))
-    return OK if data.get("ok", True) else NOT_OK
+    return run.done(data, tell(data), ok=data.get("ok", True))
 
 
-def jaws(state: Mapping[str, Any]) -> str:
+def jaws(state: Data) -> str:
     """Return what the jaws do now that nothing of this program moves them."""
     mode = state.get("mode")
     if mode == "holding":

@@ -6,9 +6,7 @@ know single commands.
 
 from __future__ import annotations
 
-import contextlib
 import json
-import math
 import shlex
 import sys
 from argparse import Namespace
@@ -26,7 +24,6 @@ from litegrip_client.values.voices import in_shell
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
-    from collections.abc import Mapping
     from typing import Any, TypeAlias
 
     from litegrip_client.ctl.parser import Fill
@@ -117,26 +114,6 @@ def ask(question: str) -> str | None:
     return line.strip().lower()
 
 
-def ask_stroke(configured_mm: float) -> float | None:
-    """Return how far the jaws open, as a person measured it; None for what is configured.
-
-    Raises `EOFError` at the end of input.
-    """
-    question = f"how far do the jaws open, by a caliper, in mm? [{configured_mm:g}]"
-    again = ""
-    while True:
-        answer = ask(f"{again}{question}")
-        if answer is None:
-            raise EOFError
-        if not answer:
-            return None
-        with contextlib.suppress(ValueError):
-            stroke_mm = float(answer.removesuffix("mm"))
-            if 0.0 < stroke_mm < math.inf:
-                return stroke_mm
-        again = "please answer a number above 0, or press Enter: "
-
-
 def confirm(question: str) -> bool:
     """Return True if the answer is yes; everything else is no."""
     return ask(f"{question} [y/N]") in ("y", "yes")
@@ -148,30 +125,23 @@ def connected(options: Namespace) -> Connection:
     Raises `LiteGripError`.
     """
     if not options.channel_chosen and not is_socket_given(options.socket):
-        _take_the_only_one(options)
+        # A command that only reads takes the only running daemon, and says so.
+        running = running_channels() if options.only_reads else []
+        if len(running) == 1 and running[0] != DEFAULT_CHANNEL:
+            say(f"{running[0]}, the only daemon here:")
+            options.channel, options.channel_chosen = running[0], True
     connection = connect(options.channel, options.socket)
     connection.voice = in_shell
     try:
-        _check(options, connection.greet("litegripctl"), connection.path)
+        hello = connection.greet("litegripctl")
+        is_checked = options.channel_chosen and options.socket is None
+        if is_checked and hello["channel"] != options.channel:
+            hint = "see the variable LITEGRIPD_SOCKET"
+            raise different("channel", options.channel, hello["channel"], connection.path, hint)
     except BaseException:
         connection.close()
         raise
     return connection
-
-
-def _take_the_only_one(options: Namespace) -> None:
-    """Use the only running daemon for a command that only reads, and say so."""
-    running = running_channels() if options.only_reads else []
-    if len(running) == 1 and running[0] != DEFAULT_CHANNEL:
-        say(f"{running[0]}, the only daemon here:")
-        options.channel, options.channel_chosen = running[0], True
-
-
-def _check(options: Namespace, hello: Mapping[str, Any], path: str) -> None:
-    is_checked = options.channel_chosen and options.socket is None
-    if is_checked and hello["channel"] != options.channel:
-        hint = "see the variable LITEGRIPD_SOCKET"
-        raise different("channel", options.channel, hello["channel"], path, hint)
 
 
 OK = 0
@@ -199,6 +169,11 @@ class Run:
         if self._connection is None:
             raise RuntimeError(f"{self.options.command} is run without a daemon")
         return self._connection
+
+    def done(self, data: Mapping[str, Any], text: str, *, ok: bool = True) -> int:
+        """Print a result; return the exit code, by which it is `ok` or not."""
+        self.output.result(data, text)
+        return OK if ok else NOT_OK
 
     def refuse(self, text: str, hint: str) -> int:
         """Report wrong usage and what to do; return the exit code."""

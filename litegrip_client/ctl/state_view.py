@@ -36,28 +36,20 @@ def state_rows(data: Data) -> list[tuple[str, str]]:
 
     What is measured is left out while the motor has never answered.
     """
-    rows = _rows(data)
-    if is_unheard(data):
-        rows = [(label, text) for label, text in rows if label not in _MEASURED]
-    return rows
-
-
-def is_unheard(data: Data) -> bool:
-    """Return True if the motor has never answered: no figure is known, not even an old one."""
-    return "feedback_s" in data and data["feedback_s"] is None and data.get("age_s") is None
-
-
-def _rows(data: Data) -> list[tuple[str, str]]:
-    doubt = data.get("scale_doubt")
+    doubt, openness = data.get("scale_doubt"), data.get("openness")
+    share = f"{openness:.0%}" if isinstance(openness, int | float) else "--"
+    torque = figure(data.get("torque_nm"), "+.3f", "N·m")
+    driver = figure(data.get("driver_temperature_c"), ".0f", "°C")
+    coil = figure(data.get("coil_temperature_c"), ".0f", "°C")
     rows = [
         *([("SCALE", _DOUBTS.get(str(doubt), str(doubt)))] if doubt else ()),
         ("mode", f"{data.get('mode')} (motor {data.get('motor')}, bus {data.get('bus')})"),
-        ("opening", f"{figure(data.get('opening_mm'), '.2f', 'mm')}, {_openness(data)} open"),
+        ("opening", f"{figure(data.get('opening_mm'), '.2f', 'mm')}, {share} open"),
         ("position", figure(data.get("position_rad"), "+.4f", "rad")),
         ("command", _command(data, "command")),
         ("velocity", figure(data.get("velocity_rad_s"), "+.4f", "rad/s")),
-        ("torque", _torque(data)),
-        ("temperature", _temperature(data)),
+        ("torque", f"{torque}, force about {figure(data.get('force_n'), '+.1f', 'N')}"),
+        ("temperature", f"driver {driver}, coil {coil}"),
         ("status", _status(data)),
         ("calibrated", f"yes, mount {data.get('mount')}" if data.get("calibrated") else "no"),
         ("age", age(data)),
@@ -72,7 +64,8 @@ def _rows(data: Data) -> list[tuple[str, str]]:
         rows.append(("limited", ", ".join(map(str, data["limited"]))))
         rows.append(("requested", _command(data, "requested")))
     if data.get("job"):
-        rows.append(("job", _job(data["job"])))
+        job, by = data["job"], owner(data["job"].get("owner") or {})
+        rows.append(("job", f"{job.get('job')} {job.get('kind')}, {job.get('phase')}, by {by}"))
     if data.get("stop"):
         rows.append(("stop", _stop(data["stop"])))
     rows += [
@@ -80,7 +73,14 @@ def _rows(data: Data) -> list[tuple[str, str]]:
         for name, value in data.items()
         if name not in _TOLD and value is not None
     ]
+    if is_unheard(data):
+        return [(label, text) for label, text in rows if label not in _MEASURED]
     return rows
+
+
+def is_unheard(data: Data) -> bool:
+    """Return True if the motor has never answered: no figure is known, not even an old one."""
+    return "feedback_s" in data and data["feedback_s"] is None and data.get("age_s") is None
 
 
 _TOLD = {
@@ -132,16 +132,6 @@ def age(data: Data) -> str:
     return figure(seconds, ".3f", "s")
 
 
-def _openness(data: Data) -> str:
-    openness = data.get("openness")
-    return f"{openness:.0%}" if isinstance(openness, int | float) else "--"
-
-
-def _torque(data: Data) -> str:
-    torque = figure(data.get("torque_nm"), "+.3f", "N·m")
-    return f"{torque}, force about {figure(data.get('force_n'), '+.1f', 'N')}"
-
-
 def _command(data: Data, name: str) -> str:
     position = figure(data.get(f"{name}_rad"), "+.4f", "rad")
     torque = data.get(f"{name}_torque_nm")
@@ -169,16 +159,6 @@ def _squeezing(data: Data) -> str:
         from_n = figure(data.get("loss_detection_from_n"), ".1f", "N")
         unnoticed = f"; its loss would be noticed from {from_n} on"
     return f"with {figure(data['force_set_n'], '.1f', 'N')}{felt}, {held}{unnoticed}"
-
-
-def _temperature(data: Data) -> str:
-    driver = figure(data.get("driver_temperature_c"), ".0f", "°C")
-    return f"driver {driver}, coil {figure(data.get('coil_temperature_c'), '.0f', '°C')}"
-
-
-def _job(job: Data) -> str:
-    by = owner(job.get("owner") or {})
-    return f"{job.get('job')} {job.get('kind')}, {job.get('phase')}, by {by}"
 
 
 def _stop(stop: Data) -> str:

@@ -24,14 +24,7 @@ def write(text: str) -> None:
 
 def prepare() -> None:
     """Let the streams take any text, and open those that are closed."""
-    _open_closed()
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")  # a terminal without "°" is no reason to fail
-
-
-def _open_closed() -> None:
-    """Open /dev/null for each closed stream (`>&-`); else a socket would get its number."""
+    # Those that are closed (`>&-`) become /dev/null; else a socket would get their number.
     for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
         if getattr(sys, name) is None:
             nowhere = os.open(os.devnull, os.O_RDONLY if mode == "r" else os.O_WRONLY)
@@ -39,6 +32,9 @@ def _open_closed() -> None:
                 os.dup2(nowhere, number)
                 os.close(nowhere)
             setattr(sys, name, open(number, mode, encoding="utf-8", closefd=False))  # noqa: SIM115 - for good
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal without "°" is no reason to fail
 
 
 def abandon_output() -> None:

@@ -88,7 +88,11 @@ def from_ip(text: str) -> Link:
     info = _mapping(link, "linkinfo")
     data, counters = _mapping(info, "info_data"), _mapping(info, "info_xstats")
     timing, errors = _mapping(data, "bittiming"), _mapping(data, "berr_counter")
-    kind = info.get("info_kind")
+    point = timing.get("sample_point")  # printed as a text: "0.750"
+    kind, told = info.get("info_kind"), data.get("ctrlmode")
+    modes = [str(mode).upper() for mode in told] if isinstance(told, list) else []
+    if kind == "can" and _integer(link.get("mtu")) == _FD_MTU and "FD" not in modes:
+        modes.append("FD")
     return Link(
         name=str(link.get("ifname")),
         is_can=link.get("link_type") == "can",
@@ -96,7 +100,7 @@ def from_ip(text: str) -> Link:
         kind=kind,
         queue_frames=_integer(link.get("txqlen")),
         bitrate=_integer(timing.get("bitrate")) or None,
-        sample_point=_number(timing.get("sample_point")),
+        sample_point=float(point) if isinstance(point, str | int | float) else None,
         restart_ms=_integer(data.get("restart_ms")),
         state=data.get("state"),
         tx_errors=_integer(errors.get("tx")),
@@ -104,16 +108,8 @@ def from_ip(text: str) -> Link:
         termination_ohm=_integer(data.get("termination")),
         history={name: value for name, value in counters.items() if isinstance(value, int)},
         index=_integer(link.get("ifindex")),
-        modes=_modes(data.get("ctrlmode"), _integer(link.get("mtu")) if kind == "can" else None),
+        modes=tuple(modes),
     )
-
-
-def _modes(told: object, mtu: int | None) -> tuple[str, ...]:
-    """Return the modes that are on; an interface of the size of FD frames is in FD mode."""
-    modes = [str(mode).upper() for mode in told] if isinstance(told, list) else []
-    if mtu == _FD_MTU and "FD" not in modes:
-        modes.append("FD")
-    return tuple(modes)
 
 
 def from_files(name: str, files: Mapping[str, str]) -> Link:
@@ -143,11 +139,6 @@ def _mapping(data: Mapping[str, Any], name: str) -> Mapping[str, Any]:
 
 def _integer(value: object) -> int | None:
     return value if isinstance(value, int) else None
-
-
-def _number(value: object) -> float | None:
-    """Read a number that iproute2 prints as a text: "0.750"."""
-    return float(value) if isinstance(value, str | int | float) else None
 
 
 IP_WITHIN_S = 5.0

@@ -105,7 +105,16 @@ class Setting:
     def command(self) -> str | None:
         """What corrects a wrong one for the next plug and boot; None where a person has to."""
         if self.manager == NETWORKD:
-            return self._drop_in()
+            folder = Path(self.root, _NETWORK_DIRECTORIES[0], f"{Path(self.file).name}.d")
+            keys = {mode: key for key, mode in _NETWORKD_MODES.items()}
+            content = f"[CAN]\\nBitRate={BITRATE}\\n"
+            content += "".join(f"{keys[mode]}=no\\n" for mode in self.modes)
+            content += "" if self.takes is None else "[Link]\\nActivationPolicy=up\\n"
+            quoted = shlex.quote(str(folder))
+            return (
+                f"sudo mkdir -p {quoted} && printf '{content}' | sudo tee {quoted}/90-litegrip.conf"
+                " && sudo networkctl reload"
+            )
         if self.manager == NETWORK_MANAGER:
             path = Path(self.root, "etc/NetworkManager/conf.d", f"90-{self.name}.conf")
             line = f"[keyfile]\\nunmanaged-devices+=interface-name:{self.name}\\n"
@@ -116,18 +125,6 @@ class Setting:
             change = rf"{self.line}s/\(\bbitrate[[:space:]]*\){self.bitrate}\b/\1{BITRATE}/"
             return f"sudo sed -i '{change}' {shlex.quote(self.file)}"
         return None
-
-    def _drop_in(self) -> str:
-        folder = Path(self.root, _NETWORK_DIRECTORIES[0], f"{Path(self.file).name}.d")
-        keys = {mode: key for key, mode in _NETWORKD_MODES.items()}
-        content = f"[CAN]\\nBitRate={BITRATE}\\n"
-        content += "".join(f"{keys[mode]}=no\\n" for mode in self.modes)
-        content += "" if self.takes is None else "[Link]\\nActivationPolicy=up\\n"
-        quoted = shlex.quote(str(folder))
-        return (
-            f"sudo mkdir -p {quoted} && printf '{content}' | sudo tee {quoted}/90-litegrip.conf"
-            " && sudo networkctl reload"
-        )
 
 
 def settings_of(name: str, driver: str | None = None, root: Path = Path("/")) -> list[Setting]:
@@ -192,16 +189,12 @@ def _rows(path: Path) -> list[_Row]:
 
 def _of_networkd(name: str, driver: str | None, root: Path) -> list[Setting]:
     """Return what the .network file sets that counts: the first one, by its name, that matches."""
-    files: dict[str, Path] = {}
-    for directory in _NETWORK_DIRECTORIES:
-        for path in (root / directory).glob("*.network"):
-            files.setdefault(path.name, path)
-    for file in sorted(files):
-        rows = _rows(files[file])
+    for file in _by_name(root, "", "*.network"):
+        rows = _rows(file)
         if not rows or not _matches([row for row in rows if row.section == "Match"], name, driver):
             continue
         own = {(row.section, row.key): row for row in rows}
-        added = [row for path in _drop_ins(root, file) for row in _rows(path)]
+        added = [row for path in _by_name(root, f"{file.name}.d", "*.conf") for row in _rows(path)]
         values = {**own, **{(row.section, row.key): row for row in added}}
         if _is_yes(_value(values, "Link", "Unmanaged")):
             return []
@@ -214,7 +207,7 @@ def _of_networkd(name: str, driver: str | None, root: Path) -> list[Setting]:
             Setting(
                 name,
                 NETWORKD,
-                str(files[file]),
+                str(file),
                 line=rate.line if rate is not None and rate in rows else 0,
                 bitrate=None if rate is None else _size(rate.value),
                 modes=tuple(modes),
@@ -225,10 +218,11 @@ def _of_networkd(name: str, driver: str | None, root: Path) -> list[Setting]:
     return []
 
 
-def _drop_ins(root: Path, file: str) -> list[Path]:
+def _by_name(root: Path, folder: str, pattern: str) -> list[Path]:
+    """Return files of networkd's in the order of their names, without those that are hidden."""
     found: dict[str, Path] = {}
     for directory in _NETWORK_DIRECTORIES:
-        for path in (root / directory / f"{file}.d").glob("*.conf"):
+        for path in (root / directory / folder).glob(pattern):
             found.setdefault(path.name, path)
     return [found[name] for name in sorted(found)]
 
@@ -236,23 +230,18 @@ def _drop_ins(root: Path, file: str) -> list[Path]:
 def _matches(rows: Sequence[_Row], name: str, driver: str | None) -> bool:
     """Return True if a [Match] is for a CAN interface; what cannot be judged counts as if it was.
 
-    systemd lets an empty section match everything.
+    systemd lets an empty section match everything; a "!" in front turns its patterns round.
     """
     known = {"Name": name, "Type": "can", "Kind": "can", "Driver": driver}
     for row in rows:
         if row.key in _NEVER_OF_CAN:
             return False
         value = known.get(row.key)
-        if value is not None and not _is_one_of(value, row.value):
+        words = row.value.removeprefix("!").replace('"', "").split()
+        is_one = value is not None and any(fnmatchcase(value, word) for word in words)
+        if value is not None and is_one is row.value.startswith("!"):
             return False
     return True
-
-
-def _is_one_of(value: str, patterns: str) -> bool:
-    """Return True if one of systemd's patterns matches; a "!" in front turns them round."""
-    is_inverted = patterns.startswith("!")
-    words = patterns.removeprefix("!").replace('"', "").split()
-    return any(fnmatchcase(value, word) for word in words) is not is_inverted
 
 
 def _value(values: dict[tuple[str, str], _Row], section: str, key: str) -> str:

@@ -16,7 +16,7 @@ ROLES = tuple(CLASSES)
 
 def rules(users: Mapping[str, str], gateways: Mapping[str, Sequence[Place]]) -> dict[str, Any]:
     """Return zenoh's `access_control`: the roles of the users, and the grippers of the gateways."""
-    subjects = [_subject(name) for name in sorted({*users, *gateways})]
+    subjects = [{"id": name, "cert_common_names": [name]} for name in sorted({*users, *gateways})]
     user_rules = {name: _user_rules(name, role) for name, role in sorted(users.items())}
     gateway_rules = {name: _gateway_rules(name, own) for name, own in sorted(gateways.items())}
     both = [*user_rules.items(), *gateway_rules.items()]
@@ -31,28 +31,21 @@ def rules(users: Mapping[str, str], gateways: Mapping[str, Sequence[Place]]) -> 
     }
 
 
-def _subject(name: str) -> dict[str, Any]:
-    return {"id": name, "cert_common_names": [name]}
-
-
 def _user_rules(user: str, role: str) -> list[dict[str, Any]]:
     """Return what a user may: ask and stop in his own name, hear the answers, see who is there."""
     own = [
         f"{PREFIX}/*/*/rpc/{user}/*/{CLASSES[lower]}" for lower in ROLES[: ROLES.index(role) + 1]
     ]
     asks = [*own, f"{PREFIX}/*/*/stop/{user}", f"{PREFIX}/*/*/hello"]
+    told = [f"{PREFIX}/*/*/to/{user}/*"]
     return [
         _rule(f"user {user} asks", ["query"], "ingress", asks),
         _rule(f"user {user} is answered", ["reply"], "egress", asks),
-        _rule(f"user {user} listens", ["declare_subscriber"], "ingress", _to(user)),
-        _rule(f"user {user} hears", ["put"], "egress", _to(user)),
+        _rule(f"user {user} listens", ["declare_subscriber"], "ingress", told),
+        _rule(f"user {user} hears", ["put"], "egress", told),
         _rule(f"user {user} looks", ["liveliness_query"], "ingress", [f"{PREFIX}/**"]),
         _rule(f"user {user} sees", ["liveliness_token"], "egress", [f"{PREFIX}/*/*/alive"]),
     ]
-
-
-def _to(user: str) -> list[str]:
-    return [f"{PREFIX}/*/*/to/{user}/*"]
 
 
 def _gateway_rules(gateway: str, places: Sequence[Place]) -> list[dict[str, Any]]:
@@ -62,6 +55,7 @@ def _gateway_rules(gateway: str, places: Sequence[Place]) -> list[dict[str, Any]
     # What is asked of a whole site has a wildcard for the gripper.
     asked_of_all = [f"{PREFIX}/*/*/stop/*", f"{PREFIX}/*/*/hello"]
     alive = [place.alive for place in places]
+    told = [f"{place.key}/to/**" for place in places]
     return [
         _rule(f"gateway {gateway} offers", ["declare_queryable"], "ingress", asked),
         _rule(f"gateway {gateway} is asked", ["query"], "egress", [*asked, *asked_of_all]),
@@ -70,18 +64,8 @@ def _gateway_rules(gateway: str, places: Sequence[Place]) -> list[dict[str, Any]
         # So that `litegripd-fleet check` can see there whether its own grippers are.
         _rule(f"gateway {gateway} looks", ["liveliness_query"], "ingress", alive),
         _rule(f"gateway {gateway} sees", ["liveliness_token"], "egress", alive),
-        _rule(
-            f"gateway {gateway} sends",
-            ["put"],
-            "ingress",
-            [f"{place.key}/to/**" for place in places],
-        ),
-        _rule(
-            f"gateway {gateway} is listened to",
-            ["declare_subscriber"],
-            "egress",
-            [f"{place.key}/to/**" for place in places],
-        ),
+        _rule(f"gateway {gateway} sends", ["put"], "ingress", told),
+        _rule(f"gateway {gateway} is listened to", ["declare_subscriber"], "egress", told),
     ]
 
 

@@ -118,14 +118,11 @@ def _contexts(tls: Tls) -> tuple[ssl.SSLContext, ssl.SSLContext]:
     client = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     for context in (server, client):
         context.load_verify_locations(tls.ca)
-        context.load_cert_chain(tls.certificate, tls.key, password=_no_password)
+        # Without a password, OpenSSL asks for one at the terminal.
+        context.load_cert_chain(tls.certificate, tls.key, password=lambda: "")
         context.verify_mode = ssl.CERT_REQUIRED
         context.verify_flags |= _NO_CHECK_TIME
     return server, client
-
-
-def _no_password() -> str:
-    return ""  # else OpenSSL asks for one at the terminal
 
 
 def _shaken_hands(

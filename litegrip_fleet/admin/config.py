@@ -107,24 +107,20 @@ def load(file: str = FILE) -> FleetConfig:
     except ValueError as error:
         raise FleetConfigError(f"{file}: {error}") from error
     try:
-        return _config(file, content)
+        top = _Table(file, "", content)
+        network, insecure = _network(top.part("network") or _Table(file, "network", {}))
+        gateway, portal, router = (top.part(name) for name in ("gateway", "portal", "router"))
+        top.finish()
+        return FleetConfig(
+            file,
+            network,
+            insecure,
+            None if gateway is None else _gateway(gateway),
+            None if portal is None else _portal(portal),
+            None if router is None else _router(router),
+        )
     except (BadNameError, ParameterError) as error:
         raise FleetConfigError(f"{file}: {error}") from error
-
-
-def _config(file: str, content: Mapping[str, Any]) -> FleetConfig:
-    top = _Table(file, "", content)
-    network, insecure = _network(top.table("network"))
-    gateway, portal, router = (top.part(name) for name in ("gateway", "portal", "router"))
-    top.finish()
-    return FleetConfig(
-        file,
-        network,
-        insecure,
-        None if gateway is None else _gateway(gateway),
-        None if portal is None else _portal(portal),
-        None if router is None else _router(router),
-    )
 
 
 def _network(table: "_Table") -> tuple[Network, bool]:
@@ -229,11 +225,6 @@ class _Table:
         """Return the error of a key."""
         table = f"[{self._name}] " if self._name else ""
         return FleetConfigError(f"{self._file}: {table}{key} {problem}")
-
-    def table(self, name: str) -> "_Table":
-        """Take a table; it may be missing, and is empty then."""
-        found = self.part(name)
-        return _Table(self._file, name, {}) if found is None else found
 
     def part(self, name: str) -> "_Table | None":
         """Take a table, or None where there is none."""

@@ -278,7 +278,6 @@ class DaemonFacts:
     hint: str | None = None
     distrust: str | None = None
     asked_as: str | None = None
-    gateway_user: str = "litegrip-gateway"
 
 
 def of_daemon(facts: DaemonFacts) -> Finding:
@@ -290,7 +289,7 @@ def of_daemon(facts: DaemonFacts) -> Finding:
         return warning(f"{called} was not asked: this user may not", CHECK_AS_ROOT)
     if facts.asked_as is None:
         return warning(
-            f"{called} answers, {facts.version}; not known: does it trust {facts.gateway_user}?",
+            f"{called} answers, {facts.version}; not known: does it trust litegrip-gateway?",
             CHECK_AS_ROOT,
         )
     if facts.distrust is not None:
@@ -360,22 +359,20 @@ def of_socket(place: Place, facts: Measured | Unmeasured, version: str) -> Found
         yield "portal", ok(f"{place} answers at the portal's socket")
         yield "versions", _of_versions(place, facts.hello, version)
         yield "time", _of_time(place, facts)
-    else:
-        yield "portal", _of_no_answer(f"{place}: {facts.problem}", facts)
-
-
-def _of_no_answer(text: str, facts: Unmeasured) -> Finding:
+        return
+    text = f"{place}: {facts.problem}"
     if facts.is_closed:
         command = "sudo usermod --append --groups litegrip $USER"
-        return warning(text, command, "then log in again")
-    if facts.is_silent:
-        command = "sudo systemctl enable --now litegripd-fleet@portal"
-        return error(text, command, "if it runs, see why: journalctl -u litegripd-fleet@portal")
-    return error(
-        text,
-        advice="the portal runs; if nothing else that is found says what is in its way: sudo"
-        " litegripd-fleet check, here, then on the router's and on the gripper's machine",
-    )
+        yield "portal", warning(text, command, "then log in again")
+    elif facts.is_silent:
+        command, why = "sudo systemctl enable --now litegripd-fleet@portal", "if it runs, see why:"
+        yield "portal", error(text, command, f"{why} journalctl -u litegripd-fleet@portal")
+    else:
+        advice = (
+            "the portal runs; if nothing else that is found says what is in its way: sudo"
+            " litegripd-fleet check, here, then on the router's and on the gripper's machine"
+        )
+        yield "portal", error(text, advice=advice)
 
 
 def _of_versions(place: Place, hello: Mapping[str, Any], version: str) -> Finding:

@@ -58,14 +58,6 @@ _LOOK = "look with: litegripd-fleet check"
 _log = logging.getLogger("litegripd-fleet")
 
 
-class _FailureError(Exception):
-    """Why a command ends; with its exit code."""
-
-    def __init__(self, message: str, code: int) -> None:
-        super().__init__(message)
-        self.code = code
-
-
 def run() -> NoReturn:
     """Run the command, and end at once.
 
@@ -91,8 +83,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     except (FleetConfigError, BadNameError, UnreadableError) as error:
         not_sent = _NOT_SENT if arguments.command == "stop" else ""
         return _fail(f"{error}{not_sent}", EXIT_USAGE)
-    except _FailureError as failure:
-        return _fail(str(failure), failure.code)
     except NetworkError as error:
         return _fail(str(error), EXIT_NETWORK)
     except OSError as error:
@@ -207,7 +197,9 @@ async def _until_a_signal(
         signal.signal(number, lambda *_received: loop.call_soon_threadsafe(ending.set))
     serving = asyncio.create_task(serve())
     waiting = asyncio.create_task(ending.wait())
-    watching = asyncio.create_task(_watched(certificate))
+    # Where there is no certificate, there is nothing to watch.
+    watched = asyncio.Event().wait() if certificate is None else watch(certificate)
+    watching = asyncio.create_task(watched)
     polling = asyncio.create_task(poll_handlers())
     await asyncio.wait((serving, waiting, watching), return_when=asyncio.FIRST_COMPLETED)
     for task in (serving, waiting, watching, polling):
@@ -233,11 +225,6 @@ def _begun(config: FleetConfig, *, as_server: bool = False) -> Certificate | Non
     except (CertificateError, OSError) as error:
         _log.error("%s %s; %s", tls.certificate, error, _LOOK)
         return None
-
-
-async def _watched(certificate: Certificate | None) -> None:
-    """Watch a certificate, where there is one; until cancelled."""
-    await (asyncio.Event().wait() if certificate is None else watch(certificate))
 
 
 # Commands -----------------------------------------------------------------------------------------
@@ -325,21 +312,17 @@ def _stop(config: FleetConfig, arguments: argparse.Namespace) -> int:
 
 
 def _report(stopped: Stopped, arguments: argparse.Namespace) -> int:
-    (_print_json if arguments.json else _print_lines)(stopped)
+    if arguments.json:
+        data = {
+            "ok": stopped.ok,
+            "confirmed": {str(place): after_s for place, after_s in stopped.confirmed.items()},
+            "failed": {str(place): problem for place, problem in stopped.failed.items()},
+            "silent": [str(place) for place in sorted(set(stopped.silent))],
+        }
+        print(json.dumps(data))
+    else:
+        _print_lines(stopped)
     return EXIT_OK if stopped.ok else EXIT_FAILED
-
-
-def _print_json(stopped: Stopped) -> None:
-    print(
-        json.dumps(
-            {
-                "ok": stopped.ok,
-                "confirmed": {str(place): after_s for place, after_s in stopped.confirmed.items()},
-                "failed": {str(place): problem for place, problem in stopped.failed.items()},
-                "silent": [str(place) for place in sorted(set(stopped.silent))],
-            }
-        )
-    )
 
 
 def _print_lines(stopped: Stopped) -> None:
@@ -358,13 +341,23 @@ def _print_lines(stopped: Stopped) -> None:
 def _only_by_portal(config: FleetConfig) -> PortalConfig | None:
     """Return the portal, and say so, where this user cannot read the key; None where he can.
 
-    Raises `_FailureError` where he cannot, and there is no portal.
+    Zenoh does not say that: it tries to connect for ever. Raises `NetworkError` where he cannot,
+    and there is no portal.
     """
-    closed = _closed_file(config)
-    if closed is None:
+    tls = config.network.tls
+    try:
+        for path in () if tls is None else (tls.ca, tls.certificate, tls.key):
+            Path(path).open("rb").close()
         return None
+    except PermissionError as error:
+        closed = (
+            f"{error.filename} may not be read by this user, only with sudo or in the group of the"
+            " file (litegrip-fleet)"
+        )
+    except OSError as error:
+        closed = f"{error.filename} cannot be read: {error.strerror}; {_LOOK}"
     if config.portal is None:
-        raise _FailureError(closed, EXIT_NETWORK)
+        raise NetworkError(closed)
     text = f"litegripd-fleet: {closed}: by the portal's sockets, only its own grippers"
     print(text, file=sys.stderr)
     return config.portal
@@ -376,7 +369,7 @@ def _site(text: str) -> str:
 
 @contextlib.contextmanager
 def _connected(config: FleetConfig, *, otherwise: str = "") -> Iterator[zenoh.Session]:
-    """Yield a session; raises `_FailureError` where none is possible, or no router answers in time.
+    """Yield a session; raises `NetworkError` where none is possible, or no router answers in time.
 
     `otherwise` is said then, too.
     """
@@ -385,32 +378,13 @@ def _connected(config: FleetConfig, *, otherwise: str = "") -> Iterator[zenoh.Se
     except futures.TimeoutError:
         where = _where(config)
         text = f"no router answers at {where} within {CONNECT_WITHIN_S:g} s; {_LOOK}{otherwise}"
-        raise _FailureError(text, EXIT_NETWORK) from None
+        raise NetworkError(text) from None
     except NetworkError as error:
-        raise _FailureError(f"{error}{otherwise}", EXIT_NETWORK) from error
+        raise NetworkError(f"{error}{otherwise}") from error
     try:
         yield session
     finally:
         close(session)
-
-
-def _closed_file(config: FleetConfig) -> str | None:
-    """Return which file of TLS this user cannot read, and what to do; None where there is none.
-
-    Zenoh does not say it: it tries to connect for ever.
-    """
-    tls = config.network.tls
-    try:
-        for path in () if tls is None else (tls.ca, tls.certificate, tls.key):
-            Path(path).open("rb").close()
-    except PermissionError as error:
-        return (
-            f"{error.filename} may not be read by this user, only with sudo or in the group of the"
-            " file (litegrip-fleet)"
-        )
-    except OSError as error:
-        return f"{error.filename} cannot be read: {error.strerror}; {_LOOK}"
-    return None
 
 
 def _fail(message: str, code: int) -> int:

@@ -87,18 +87,17 @@ class Gateway:
     async def run(self) -> None:
         """Serve until cancelled: stops always, sessions while the daemon answers."""
         loop = asyncio.get_running_loop()
-
-        def asked(query: zenoh.Query) -> None:
-            loop.call_soon_threadsafe(self._queue, query)
-
-        def asked_about(query: zenoh.Query) -> None:
-            loop.call_soon_threadsafe(self._asked_about, query)
-
         key = self.place.key
         rpc = self._session.declare_queryable(f"{key}/rpc/**", all_in_order())
-        hand_over(rpc, asked, f"rpc {self.place}")
+        hand_over(
+            rpc, lambda query: loop.call_soon_threadsafe(self._queue, query), f"rpc {self.place}"
+        )
         hellos = self._session.declare_queryable(self.place.about, all_in_order())
-        hand_over(hellos, asked_about, f"hello {self.place}")
+        hand_over(
+            hellos,
+            lambda query: loop.call_soon_threadsafe(self._asked_about, query),
+            f"hello {self.place}",
+        )
         # A flood of them does not hold up other grippers' stops: one that gives way is asked again.
         stops = self._session.declare_queryable(f"{key}/stop/*", the_newest())
         # On a thread of its own: nothing else that the gateway does is before it.
@@ -456,21 +455,18 @@ class _Connection:
     async def pass_on(self, note: Any) -> None:
         """Pass the daemon's lines on until it closes the connection."""
         try:
-            await self._pass_lines(note)
+            while line := await self._reader.readline():
+                note(line)
+                if line.startswith(_ALIVE_ANSWER):
+                    self._awaits_life = False
+                    continue
+                self.far.said(line)
+                if not self.far.has_room:
+                    self._room.clear()
+                    await self._room.wait()
         except (OSError, ValueError) as error:  # reset, or a line beyond all bounds
             _log.warning("the connection of %s has broken: %s", self.caller.user, error)
         self.far.ended()
-
-    async def _pass_lines(self, note: Any) -> None:
-        while line := await self._reader.readline():
-            note(line)
-            if line.startswith(_ALIVE_ANSWER):
-                self._awaits_life = False
-                continue
-            self.far.said(line)
-            if not self.far.has_room:
-                self._room.clear()
-                await self._room.wait()
 
     def close(self) -> None:
         """Close the connection: the daemon then does what the session's end means."""
@@ -523,13 +519,9 @@ def in_the_name_of(user: str, line: bytes) -> bytes:
     if isinstance(why, str) and why.strip().isprintable():  # anything else is escaped, and long
         params["why"] = why.strip()[:WHY_CHARACTERS]
     request: dict[str, Any] = {"jsonrpc": "2.0", "method": "stop", "params": params}
-    if is_id(identity) and _is_short(str(identity)):
+    if is_id(identity) and len(str(identity)) <= _ID_CHARACTERS and str(identity).isprintable():
         request["id"] = identity
     return json.dumps(request, ensure_ascii=False).encode(errors="replace") + b"\n"
-
-
-def _is_short(identity: str) -> bool:
-    return identity.isprintable() and len(identity) <= _ID_CHARACTERS
 
 
 def _asked_stop(text: str) -> tuple[object, str, object]:

@@ -15,6 +15,7 @@ import socket
 import stat
 import time
 from collections.abc import Callable, Coroutine, Sequence
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -108,7 +109,11 @@ class Portal:
     async def run(self) -> None:
         """Serve until cancelled."""
         listener = _listener(str(self.path))
-        requests = await asyncio.start_unix_server(self._accepted, sock=listener, limit=_READ_BYTES)
+        requests = await asyncio.start_unix_server(
+            lambda reader, writer: self._begin(self._served(reader, writer)),
+            sock=listener,
+            limit=_READ_BYTES,
+        )
         stops = _listener(self.stop_path)
         self._begin(self._accept_stops(stops))
         try:
@@ -128,9 +133,6 @@ class Portal:
         task = asyncio.create_task(serving)
         self._serving.add(task)
         task.add_done_callback(self._serving.discard)
-
-    def _accepted(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        self._begin(self._served(reader, writer))
 
     async def _served(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         try:
@@ -176,7 +178,7 @@ class Portal:
             left = await self._left_by(client)
         finally:
             del self._clients[session]
-            client.send(Ask("close"), b"")
+            self.send(client, Ask("close"), b"")
         for line in left:
             await self._stopped(line)
 
@@ -236,11 +238,11 @@ class Portal:
         loop = asyncio.get_running_loop()
         key = self.place.to(self.user, f"{self._identity}-*").replace("-*", "-$*")
         self._subscriber = session.declare_subscriber(key, the_newest())
-
-        def pushed(sample: zenoh.Sample) -> None:
-            loop.call_soon_threadsafe(self._pushed, sample)
-
-        hand_over(self._subscriber, pushed, f"portal {self.place}")
+        hand_over(
+            self._subscriber,
+            lambda sample: loop.call_soon_threadsafe(self._pushed, sample),
+            f"portal {self.place}",
+        )
 
     def _pushed(self, sample: zenoh.Sample) -> None:
         client = self._clients.get(str(sample.key_expr).rpartition("/")[2])
@@ -330,7 +332,8 @@ class Portal:
         if answer is not None:
             # A client that reads that it is in force, and then clears it, knows of it.
             for client in self._clients.values():
-                client.note_stops(generation_in(answer))
+                if client.near is not None:
+                    client.near.note_stops(generation_in(answer))
             return answer
         text = (
             f"the stop of {self.place} is not confirmed within {STOP_WITHIN_S:g} s: it may come"
@@ -382,26 +385,17 @@ class _Client:
             now_s,
             channel=str(portal.place),
             stop_socket=portal.stop_path,
-            ask=self.send,
+            ask=partial(portal.send, self),
             to_client=self._to_client,
         )
         self.near.opened({**(reply.about or {}), **portal.way})
         self.near.replied(reply, sent_s, now_s)
-
-    def send(self, message: Ask, line: bytes) -> None:
-        """Send a message of this session."""
-        self._portal.send(self, message, line)
 
     def replied(self, reply: Reply | None, sent_s: float) -> None:
         """Take the answer to a message; None if there was none."""
         if reply is not None and self.near is not None:
             self.near.replied(reply, sent_s, time.monotonic())
             self.close_if_ended()
-
-    def note_stops(self, generation: int | None) -> None:
-        """Store a count of stops from another source."""
-        if self.near is not None:
-            self.near.note_stops(generation)
 
     def stops_left(self) -> list[bytes]:
         """Return the stops that the gateway is not known to have taken."""

@@ -27,16 +27,6 @@ class RemoteClock:
     def __init__(self) -> None:
         self._trips: deque[tuple[float, float]] = deque(maxlen=_BEST_OF)
 
-    @property
-    def is_known(self) -> bool:
-        """True after the first round trip."""
-        return bool(self._trips)
-
-    @property
-    def round_trip_s(self) -> float:
-        """The quickest of the last round trips; infinite before the first."""
-        return min(self._trips)[0] if self._trips else float("inf")
-
     def note(self, sent_s: float, received_s: float, remote_s: float) -> None:
         """Learn from an answer: sent and received by the own clock, answered by the other's."""
         trip_s, offset_s = received_s - sent_s, remote_s - (sent_s + received_s) / 2

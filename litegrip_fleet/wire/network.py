@@ -159,7 +159,7 @@ def close(session: zenoh.Session) -> None:
 
 
 def hand_over(
-    source: "zenoh.Queryable[Any] | zenoh.Subscriber[Any]", take: Callable[[Any], None], name: str
+    source: "zenoh.Queryable[Any] | zenoh.Subscriber[Any]", take: Callable[[Any], object], name: str
 ) -> None:
     """Take what comes from a queryable or a subscriber, on a thread of its own, until it ends."""
     queue = source.handler  # the source itself cannot be undeclared while a thread waits at it

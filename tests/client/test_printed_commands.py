@@ -59,7 +59,7 @@ GAPS = {
     "verb": "restart",
     "mount": "normal",
     "action": "get",
-    "_log_of(options)": "-u litegripd@can0",
+    "log_of": "-u litegripd@can0",
 }
 
 

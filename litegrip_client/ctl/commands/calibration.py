@@ -6,8 +6,10 @@ this program dies, and the calibration in use changes at the very end only.
 
 from __future__ import annotations
 
+import contextlib
 import json
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Mapping
 from pathlib import Path
 
 from litegrip_client.core.calibrations import warnings_in
@@ -19,12 +21,10 @@ from litegrip_client.ctl.render import CHOOSE_MOUNT, finish, verdict
 from litegrip_client.ctl.run import (
     INTERRUPTED,
     NOT_OK,
-    OK,
     Command,
     Commands,
     Run,
     ask,
-    ask_stroke,
     confirm,
     may_ask,
     one_line,
@@ -37,14 +37,11 @@ from litegrip_client.values.terms import told
 from litegrip_client.values.text import json_of
 from litegrip_client.values.voices import in_shell
 
-TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: importing typing is slow
-    from typing import Any
-
 _AS_BEFORE = "the calibration is as it was"
 _SAVE = "use it and store it (y), use it without storing it (n), or cancel (c)?"
 _TEMPLATES = ("normal", "reverse")
 _IN_USE = "in use until the daemon restarts"
+_UNSTORED = f"{_IN_USE}; store it with: litegripctl calibration save"
 _MEASURE = (
     "nominal: it was not measured on this gripper; measure and store it with:"
     " litegripctl enable && litegripctl zero"
@@ -67,16 +64,21 @@ def manual(run: Run) -> int:
         data = _lead(run)
     except (KeyboardInterrupt, _NotWantedError) as reason:
         interrupted = isinstance(reason, KeyboardInterrupt)
-        _report(run, "interrupted" if interrupted else "cancelled")
+        how = "interrupted" if interrupted else "cancelled"
+        text, hint = f"{how}: {_AS_BEFORE}, the jaws hold", ""
+        error = _cancel(run)
+        if error is not None:
+            text = f"{how}, but the daemon did not confirm that {_AS_BEFORE}: {error.message}"
+            hint = "see: litegripctl calibration"
+        run.output.error(CancelledError(text, reason=how), hint)
         return INTERRUPTED if interrupted else NOT_OK
     except BaseException:
         _cancel(run)  # if that fails, too, the end of the connection does it
         raise
-    run.output.result(data, _measured_text("manual", data))
-    return OK if data["ok"] else NOT_OK
+    return run.done(data, _measured_text("manual", data), ok=data["ok"])
 
 
-def _lead(run: Run) -> dict[str, Any]:
+def _lead(run: Run) -> Data:
     """Record until what was recorded is taken."""
     say("The jaws are slack now. Ctrl-C cancels.")
     stroke_mm = run.options.stroke_mm
@@ -122,25 +124,22 @@ def _ask(question: str) -> str:
 
 
 def _ask_stroke(run: Run) -> float | None:
-    """Return the stroke that was measured, None for what is configured."""
-    try:
-        return ask_stroke(run.connection.call("info.get")["gripper"]["stroke_mm"])
-    except EOFError:
-        raise _NotWantedError from None
+    """Return how far the jaws open, as a person measured it; None for what is configured."""
+    configured_mm = run.connection.call("info.get")["gripper"]["stroke_mm"]
+    question = f"how far do the jaws open, by a caliper, in mm? [{configured_mm:g}]"
+    again = ""
+    while answer := _ask(f"{again}{question}"):
+        with contextlib.suppress(ValueError):
+            stroke_mm = float(answer.removesuffix("mm"))
+            if 0.0 < stroke_mm < math.inf:
+                return stroke_mm
+        again = "please answer a number above 0, or press Enter: "
+    return None
 
 
-def _step(run: Run, step: str, **params: object) -> dict[str, Any]:
+def _step(run: Run, step: str, **params: object) -> Data:
     wanted = {"step": step, **params}
     return run.connection.command("calibration.manual", wanted, ACTION_TIMEOUT_S)
-
-
-def _report(run: Run, how: str) -> None:
-    error = _cancel(run)
-    if error is None:
-        run.output.error(CancelledError(f"{how}: {_AS_BEFORE}, the jaws hold", reason=how), "")
-        return
-    text = f"{how}, but the daemon did not confirm that {_AS_BEFORE}: {error.message}"
-    run.output.error(CancelledError(text, reason=how), "see: litegripctl calibration")
 
 
 def _cancel(run: Run) -> LiteGripError | None:
@@ -160,7 +159,6 @@ before: by the calibration in use, or by --mount. How far they open is not found
 by moving: it is asked for, or given by --stroke-mm, and all millimetres follow
 from it.
 """
-_STROKE_HELP = "how far the jaws open, as a caliper measures it (default: as configured)"
 
 
 def zero_options(parser: LateParser) -> None:
@@ -179,7 +177,12 @@ def zero_options(parser: LateParser) -> None:
 
 
 def _stroke_options(parser: LateParser) -> None:
-    parser.add_argument("--stroke-mm", type=positive, metavar="MM", help=_STROKE_HELP)
+    parser.add_argument(
+        "--stroke-mm",
+        type=positive,
+        metavar="MM",
+        help="how far the jaws open, as a caliper measures it (default: as configured)",
+    )
 
 
 def zero(run: Run) -> int:
@@ -200,7 +203,7 @@ def zero(run: Run) -> int:
         except _NotWantedError:
             run.output.error(CommandError("nothing was done", reason="not_wanted"), "")
             return NOT_OK
-    params: dict[str, Any] = {"save": not options.no_save, **given_numbers(stroke_mm=stroke_mm)}
+    params: dict[str, object] = {"save": not options.no_save, **given_numbers(stroke_mm=stroke_mm)}
     if options.mount is not None:
         params["mount"] = options.mount
     return finish(run, "calibration.zero", params, lambda data: _measured_text("zero", data))
@@ -217,7 +220,7 @@ def _measured_text(name: str, data: Data) -> str:
         text += f"\n{_stroke_text(data)}"
     if data.get("path") is not None:
         return f"{text}\nstored in {plain(data['path'])}"
-    return f"{text}\n{_unstored()}" if data.get("ok") else text
+    return f"{text}\n{_UNSTORED}" if data.get("ok") else text
 
 
 def _stroke_text(data: Data) -> str:
@@ -310,36 +313,25 @@ def calibration(run: Run) -> int:
 
 
 def show(run: Run) -> int:
-    """Show the calibration in use."""
+    """Show the calibration in use, in aligned lines."""
     data = run.connection.call("calibration.get")
-    run.output.result(data, _calibration_text(data))
-    return OK
-
-
-def _calibration_text(data: Data) -> str:
-    """Return the calibration in use in aligned lines."""
     if not data.get("calibrated"):
-        if data.get("problem"):
-            return f"not calibrated: {plain(told(data, 'problem', in_shell))}\n{CHOOSE_MOUNT}"
-        return f"not calibrated; {CHOOSE_MOUNT}"
+        why = f": {plain(told(data, 'problem', in_shell))}\n" if data.get("problem") else "; "
+        return run.done(data, f"not calibrated{why}{CHOOSE_MOUNT}")
+    work_mm = data.get("work_stroke_mm")
+    work = "none: open goes to the stop" if work_mm is None else figure(work_mm, ".2f", "mm")
     rows = [
         ("mount", data.get("mount")),
         ("closed", figure(data.get("closed_rad"), "+.4f", "rad")),
         ("open", figure(data.get("open_rad"), "+.4f", "rad")),
         ("travel", _travel(data)),
         ("scale", figure(data.get("rad_to_mm"), ".2f", "mm/rad")),
-        ("work stroke", _work_stroke(data)),
+        ("work stroke", work),
         ("gains", f"kp {figure(data.get('kp'), 'g', '')}, kd {figure(data.get('kd'), 'g', '')}"),
         ("file", data.get("file") or "none"),
     ]
     lines = [f"{label:<11} {plain(text)}" for label, text in rows]
-    return "\n".join(_doubt(data) + lines)
-
-
-def _work_stroke(data: Data) -> str:
-    """Return the opening to which `open` goes."""
-    work_mm = data.get("work_stroke_mm")
-    return "none: open goes to the stop" if work_mm is None else figure(work_mm, ".2f", "mm")
+    return run.done(data, "\n".join(_doubt(data) + lines))
 
 
 def _doubt(data: Data) -> list[str]:
@@ -348,26 +340,21 @@ def _doubt(data: Data) -> list[str]:
 
 
 def templates(run: Run) -> int:
-    """Show which templates there are."""
+    """Show which templates there are, one in a line."""
     data = run.connection.call("calibration.templates")
-    run.output.result(data, _templates_text(data["templates"]))
-    return OK
-
-
-def _templates_text(rows: Iterable[Data]) -> str:
-    """Return the templates, one in a line."""
-    return "\n".join(
+    lines = (
         f"{plain(row.get('name')):<8} closed "
         f"{figure(row['content'].get('zero_position_rad'), '+.4f', 'rad')}, "
         f"open {figure(row['content'].get('max_position_rad'), '+.4f', 'rad')}"
-        for row in rows
+        for row in data["templates"]
     )
+    return run.done(data, "\n".join(lines))
 
 
 def load(run: Run) -> int:
     """Have the daemon use a template, a file of this side, or what it finds itself."""
     source = run.options.source
-    params: dict[str, Any] = {}
+    params: dict[str, object] = {}
     if source in _TEMPLATES:
         params["template"] = source
     elif source is not None:
@@ -379,8 +366,7 @@ def load(run: Run) -> int:
         raise
     if data["loaded"] and run.options.keep:
         data = {**data, "saved": _store(run)}
-    run.output.result(data, _loaded_text(data, source=source))
-    return OK if data["loaded"] else NOT_OK
+    return run.done(data, _loaded_text(data, source=source), ok=data["loaded"])
 
 
 def _loaded_text(data: Data, *, source: str | None) -> str:
@@ -400,34 +386,33 @@ def _loaded_text(data: Data, *, source: str | None) -> str:
         elif source is None:
             lines.append(f"found in {plain(data.get('file'))}")
         else:
-            lines.append(_IN_USE if source in _TEMPLATES else _unstored())
+            lines.append(_IN_USE if source in _TEMPLATES else _UNSTORED)
         lines += _doubt(data)
         if source in _TEMPLATES:
             lines.append(_MEASURE)
     return "\n".join(lines)
 
 
-def _read_file(path: str) -> dict[str, Any]:
+def _read_file(path: str) -> Data:
     """Read a calibration file; raises `CommandError` when it is no JSON object."""
     try:
         content = json_of(Path(path).read_bytes())
+        if not isinstance(content, dict):
+            raise ValueError("not a JSON object")
     except (OSError, ValueError) as error:
-        raise _unreadable(path, getattr(error, "strerror", None) or str(error)) from error
-    if not isinstance(content, dict):
-        raise _unreadable(path, "not a JSON object")
+        raise CommandError(
+            f"cannot load {path}: {getattr(error, 'strerror', None) or error}",
+            reason="calibration_unreadable",
+            data={"hint": "give a calibration file, or a template: normal, reverse"},
+        ) from error
     return content
 
 
-def _unreadable(path: str, why: str) -> CommandError:
-    return CommandError(
-        f"cannot load {path}: {why}",
-        reason="calibration_unreadable",
-        data={"hint": "give a calibration file, or a template: normal, reverse"},
-    )
-
-
 def rescale(run: Run) -> int:
-    """Have the daemon correct the millimetres of the calibration in use, and store it."""
+    """Have the daemon correct the millimetres of the calibration in use, and store it.
+
+    Shows scale and travel before and after, and where that is stored.
+    """
     before = run.connection.call("calibration.get")
     data = run.connection.command(
         "calibration.rescale", given_numbers(stroke_mm=run.options.stroke_mm)
@@ -437,14 +422,6 @@ def rescale(run: Run) -> int:
     except LiteGripError as error:
         error.message = f"the calibration in use is rescaled, but not stored: {error.message}"
         raise
-    data = {**data, "before": before, "saved": saved}
-    run.output.result(data, _rescaled_text(data))
-    return OK
-
-
-def _rescaled_text(data: Data) -> str:
-    """Return scale and travel before and after, and where that is stored."""
-    before, saved = data["before"], data["saved"]
     changes = (
         f"{label} {figure(before.get(name), '.2f', '')} -> {figure(data.get(name), '.2f', unit)}"
         for label, name, unit in (
@@ -459,7 +436,8 @@ def _rescaled_text(data: Data) -> str:
             f"it came from {plain(former)}, which is as it was: if the configuration or"
             " LITEGRIP_CALIB names that file, correct its rad_to_mm as well"
         )
-    return "\n".join(lines + _doubt(data))
+    data = {**data, "before": before, "saved": saved}
+    return run.done(data, "\n".join(lines + _doubt(data)))
 
 
 def save(run: Run) -> int:
@@ -467,8 +445,7 @@ def save(run: Run) -> int:
     path = run.options.file
     if path is None:
         data = _store(run)
-        run.output.result(data, _stored_text(data))
-        return OK
+        return run.done(data, _stored_text(data))
     data = run.connection.call("calibration.get")
     content = data["content"]
     if not data["calibrated"] or not content:
@@ -476,11 +453,10 @@ def save(run: Run) -> int:
     if not run.options.overwrite:
         refuse_existing(path, "take another name, or replace it with: --overwrite")
     put_file(path, (json.dumps(content, indent=2) + "\n").encode())
-    run.output.result({"path": path, "content": content}, f"written to {plain(path)}")
-    return OK
+    return run.done({"path": path, "content": content}, f"written to {plain(path)}")
 
 
-def _store(run: Run) -> dict[str, Any]:
+def _store(run: Run) -> Data:
     return run.connection.call("calibration.save", None, ACTION_TIMEOUT_S)
 
 
@@ -494,10 +470,6 @@ def _stored_text(data: Data) -> str:
 def _travel(data: Data) -> str:
     size = figure(data.get("travel_rad"), ".4f", "rad")
     return f"{size} or {figure(data.get('travel_mm'), '.2f', 'mm')}"
-
-
-def _unstored() -> str:
-    return f"{_IN_USE}; store it with: litegripctl calibration save"
 
 
 _ACTIONS: Mapping[str, Command] = {

@@ -9,15 +9,10 @@ from collections.abc import Iterator, Mapping
 from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.ctl.figures import Data, figure, plain
 from litegrip_client.ctl.parser import NUMBER, LateParser
-from litegrip_client.ctl.run import OK, Commands, Run, connected, installing
+from litegrip_client.ctl.run import Commands, Run, connected, installing
 from litegrip_client.values.errors import CommandError, LiteGripError, ParameterError
 from litegrip_client.values.terms import told_all
 from litegrip_client.values.voices import in_shell
-
-TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: importing typing is slow
-    from typing import Any
-
 
 _SETTING = re.compile(rf"([a-z][a-z0-9_]*)=({NUMBER}(?:e[+-]?[0-9]+)?)", re.IGNORECASE)
 
@@ -64,8 +59,7 @@ def config(run: Run) -> int:
     data = run.connection.call("config.get")
     field = run.options.field
     if field is None:
-        run.output.result(data, _config_text(data))
-        return OK
+        return run.done(data, _config_text(data))
     if field not in data["config"]:
         raise ParameterError(
             f"there is no field {field!r}",
@@ -73,8 +67,7 @@ def config(run: Run) -> int:
             data={"hint": "all fields: litegripctl config"},
         )
     only = _only(data, (field,))
-    run.output.result(only, plain(only["config"][field]))
-    return OK
+    return run.done(only, plain(only["config"][field]))
 
 
 def _config_text(data: Data) -> str:
@@ -100,11 +93,10 @@ def _set(run: Run) -> int:
     text = _config_text(_only(data, fields))
     if not run.options.keep:
         text += "\nuntil the daemon restarts; for longer: --keep"
-    run.output.result(data, text)
-    return OK
+    return run.done(data, text)
 
 
-def _only(data: Mapping[str, Any], names: Mapping[str, Any] | tuple[str, ...]) -> dict[str, Any]:
+def _only(data: Data, names: Data | tuple[str, ...]) -> Data:
     """Leave the named fields of a configuration."""
     return {
         **data,
@@ -114,22 +106,16 @@ def _only(data: Mapping[str, Any], names: Mapping[str, Any] | tuple[str, ...]) -
 
 
 def health(run: Run) -> int:
-    """Show the daemon's verdict and figures; the exit code gives the verdict."""
+    """Show the daemon's verdict, why, and its figures; the exit code gives the verdict."""
     data = run.connection.call("health")
-    run.output.result(data, _health_text(data))
-    return {"ok": 0, "degraded": 1}.get(data["verdict"], 2)
-
-
-_WORDS = ("verdict", "reasons", "notes", "terms")
-
-
-def _health_text(data: Data) -> str:
-    """Return the daemon's verdict, its reasons and notes, and then the figures."""
-    figures = {name: value for name, value in data.items() if name not in _WORDS}
+    words = ("verdict", "reasons", "notes", "terms")
+    figures = {name: value for name, value in data.items() if name not in words}
     lines = [f"verdict: {plain(data.get('verdict'))}"]
     lines += [f"- {plain(reason)}" for reason in told_all(data, "reasons", in_shell)]
     lines += [f"note: {plain(note)}" for note in told_all(data, "notes", in_shell)]
-    return "\n".join([*lines, "", _tree_text(figures)] if figures else lines)
+    lines += ["", _tree_text(figures)] if figures else []
+    run.output.result(data, "\n".join(lines))
+    return {"ok": 0, "degraded": 1}.get(data["verdict"], 2)
 
 
 def metrics(run: Run) -> int:
@@ -144,15 +130,13 @@ def metrics(run: Run) -> int:
         ) from error
     health, hello = run.connection.call("health"), run.connection.call("hello")
     text = exposition.text(health, channel=hello["channel"], version=hello["version"])
-    run.output.result({"format": exposition.CONTENT_TYPE, "text": text}, text.rstrip("\n"))
-    return OK
+    return run.done({"format": exposition.CONTENT_TYPE, "text": text}, text.rstrip("\n"))
 
 
 def info(run: Run) -> int:
     """Show what does not change."""
     data = run.connection.call("info.get")
-    run.output.result(data, _tree_text(data))
-    return OK
+    return run.done(data, _tree_text(data))
 
 
 def _tree_text(data: Data) -> str:
@@ -198,8 +182,7 @@ def restart(run: Run) -> int:
         )
     data = run.connection.call("daemon.restart", {"hold_through_restart": True}, ACTION_TIMEOUT_S)
     text = f"restarted: pid {data['pid']} has taken over, {_kept(run, data['gap_s'])}"
-    run.output.result(data, plain(text))
-    return OK
+    return run.done(data, plain(text))
 
 
 def _kept(run: Run, gap_s: float) -> str:
@@ -219,14 +202,8 @@ def _kept(run: Run, gap_s: float) -> str:
 def discover(run: Run) -> int:
     """Show which methods the daemon has."""
     data = run.connection.call("rpc.discover")
-    run.output.result(data, _methods_text(data))
-    return OK
-
-
-def _methods_text(document: Data) -> str:
-    """Return the methods of an OpenRPC document."""
-    rows = {row.get("name", ""): row.get("summary", "") for row in document.get("methods", [])}
-    return _tree_text(dict(sorted(rows.items())))
+    rows = {row.get("name", ""): row.get("summary", "") for row in data.get("methods", [])}
+    return run.done(data, _tree_text(dict(sorted(rows.items()))))
 
 
 COMMANDS: Commands = {

@@ -60,7 +60,12 @@ def fleet(run: Run) -> int:
             data={"hint": installing("litegrip-fleet")},
         )
     command = [program, *([] if options.config is None else ["--config", options.config])]
-    command += _stopping(run) if is_stop else ["list", *([options.what] if options.what else [])]
+    if is_stop:
+        command += [STOP, options.site]
+        command += [] if options.level is None else ["--level", options.level]
+        command += [] if options.why is None else ["--why", options.why]
+    else:
+        command += ["list", *([options.what] if options.what else [])]
     if options.json:
         return _as_json(run, [*command, "--json"])
     sys.stdout.flush()
@@ -75,12 +80,6 @@ def _unstartable(program: str, error: OSError) -> CommandError:
     return CommandError(text, reason="library_missing")
 
 
-def _stopping(run: Run) -> list[str]:
-    options = run.options
-    level = [] if options.level is None else ["--level", options.level]
-    return [STOP, options.site, *level, *([] if options.why is None else ["--why", options.why])]
-
-
 def _as_json(run: Run, command: list[str]) -> int:
     """Print what it prints; raises its complaint, so that it is printed as every error is."""
     try:
@@ -91,19 +90,15 @@ def _as_json(run: Run, command: list[str]) -> int:
         data = json.loads(done.stdout)
     except ValueError:
         told = done.stderr.decode(errors="replace").strip().rpartition("\n")[2]
-        return _complain(run, done.returncode, told.removeprefix(f"{FLEET_PROGRAM}: "))
+        text, hint = told.removeprefix(f"{FLEET_PROGRAM}: "), "see: litegripd-fleet check"
+        if done.returncode == WRONG_USAGE:
+            return run.refuse(text, hint)
+        if done.returncode == _NO_NETWORK:
+            raise ConnectError(text, reason="unreachable", data={"hint": hint}) from None
+        text = f"{FLEET_PROGRAM} has ended with {done.returncode}: {text}"
+        raise ProtocolError(text, data={"hint": hint}) from None
     run.output.result(data, "")
     return done.returncode
-
-
-def _complain(run: Run, code: int, text: str) -> int:
-    """Say what the program has ended with."""
-    hint = "see: litegripd-fleet check"
-    if code == WRONG_USAGE:
-        return run.refuse(text, hint)
-    if code == _NO_NETWORK:
-        raise ConnectError(text, reason="unreachable", data={"hint": hint})
-    raise ProtocolError(f"{FLEET_PROGRAM} has ended with {code}: {text}", data={"hint": hint})
 
 
 COMMANDS: Commands = {"fleet": (fleet, fleet_options)}

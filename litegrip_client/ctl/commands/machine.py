@@ -16,7 +16,7 @@ from litegrip_client.ctl.doctor.gather import gather, scan
 from litegrip_client.ctl.findings import Check, as_data, as_text, findings_of, is_well
 from litegrip_client.ctl.install import Done, Wanted
 from litegrip_client.ctl.parser import LateParser
-from litegrip_client.ctl.run import NOT_OK, OK, Commands, Run, installing
+from litegrip_client.ctl.run import Commands, Run, installing
 from litegrip_client.socketcan.managers import uses_networkd
 from litegrip_client.threads.blocking import connect
 from litegrip_client.values.errors import CommandError, LiteGripError
@@ -79,11 +79,9 @@ def doctor(run: Run) -> int:
         facts = replace(facts, scan=scan(facts))
     found = [*findings_of(CHECKS, facts), *facts.fleet]
     channel = facts.channel if facts.is_channel_known else None
-    run.output.result(as_data(found, channel=channel), as_text(found))
-    return OK if is_well(found) else NOT_OK
+    return run.done(as_data(found, channel=channel), as_text(found), ok=is_well(found))
 
 
-_DATA = Path(__file__).resolve().parents[2] / "data"
 _INTERFACE = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,14}")  # IFNAMSIZ less the final zero
 
 _FLEET_NEXT = (
@@ -143,7 +141,8 @@ def install_units(run: Run) -> int:
                 "leave --can, --serial and --fleet out, or --uninstall",
             )
         done = install.uninstall(root)
-        following = _after_removal(root, done)
+        is_any_removed = any(one.what == "removed" for one in done)
+        following = ["systemctl daemon-reload", *_reloads(root, done)] if is_any_removed else []
         notes.append("configuration, calibrations, user and group are left: see the documentation")
     else:
         wanted = Wanted(options.can, options.serial, options.fleet)
@@ -170,8 +169,7 @@ def install_units(run: Run) -> int:
     if install.is_packaged(root):
         notes.append("the units are those of the Debian package: no copy is installed")
     data = {"files": [asdict(one) for one in done], "next": following, "notes": notes}
-    run.output.result(data, _text(done, following, notes))
-    return OK
+    return run.done(data, _text(done, following, notes))
 
 
 def _after_installation(
@@ -189,7 +187,12 @@ def _after_installation(
     stopped = [name for name in install.enabled(root) if "@" in name and name not in running]
     daemons = [name for name in running if name.startswith("litegripd@")]
     others = [name for name in running if name not in daemons]  # they hold nothing, nor reload
-    if daemons and _has_new_settings(done):
+    new_settings = [  # of the daemons' unit, its drop-in included
+        one.path
+        for one in done
+        if one.what in ("installed", "replaced") and "/litegripd@.service" in one.path
+    ]
+    if daemons and new_settings:
         following.append(f"systemctl restart {' '.join(daemons)}")
     elif daemons:
         silent = [name for name in daemons if root == Path("/") and _is_silent(name)]
@@ -238,13 +241,6 @@ def _channel(daemon: str) -> str:
     return daemon.partition("@")[2]
 
 
-def _has_new_settings(done: Sequence[Done]) -> bool:
-    """Return True if the daemons' unit is not what it was, its drop-in included."""
-    return any(
-        one.what in ("installed", "replaced") and "/litegripd@.service" in one.path for one in done
-    )
-
-
 def _reloads(root: Path, done: Sequence[Done], *, is_rule_wanted: bool = False) -> list[str]:
     """Return the commands for networkd and udev to reload their files, if any has changed."""
     changed = [one.path for one in done if one.what not in ("unchanged", "kept")]
@@ -254,11 +250,6 @@ def _reloads(root: Path, done: Sequence[Done], *, is_rule_wanted: bool = False) 
     if is_rule_wanted or is_rule or is_network:  # a .link is udev's
         following.append("udevadm control --reload")
     return following
-
-
-def _after_removal(root: Path, done: Sequence[Done]) -> list[str]:
-    is_any_removed = any(one.what == "removed" for one in done)
-    return ["systemctl daemon-reload", *_reloads(root, done)] if is_any_removed else []
 
 
 def _text(done: Sequence[Done], following: Sequence[str], notes: Sequence[str]) -> str:
@@ -290,29 +281,24 @@ def completion_options(parser: LateParser) -> None:
     parser.add_argument("shell", choices=("bash", "zsh", "fish"), help="the shell")
 
 
-def _script(shell: str) -> str:
-    """Return a shell's script that was built with the package; a source tree makes it itself."""
-    built = _DATA / f"litegripctl.{shell}"
-    if built.exists():
-        return built.read_text(encoding="utf-8")
-    maker = Path(__file__).parents[3] / "docs/completion.py"
-    try:
-        return str(run_path(str(maker))["completion_script"](shell))
-    except ModuleNotFoundError as missing:
-        raise CommandError(
-            f"a source tree has no script for {shell}, and {missing.name}, which makes it,"
-            " is not installed",
-            reason="library_missing",
-            data={"hint": installing(missing.name or "shtab")},
-        ) from None
-
-
 def completion(run: Run) -> int:
-    """Print the script of a shell."""
+    """Print a shell's script that was built with the package; a source tree makes it itself."""
     shell = run.options.shell
-    script = _script(shell)
-    run.output.result({"shell": shell, "script": script}, script.rstrip("\n"))
-    return OK
+    built = install.DATA / f"litegripctl.{shell}"
+    if built.exists():
+        script = built.read_text(encoding="utf-8")
+    else:
+        maker = Path(__file__).parents[3] / "docs/completion.py"
+        try:
+            script = str(run_path(str(maker))["completion_script"](shell))
+        except ModuleNotFoundError as missing:
+            raise CommandError(
+                f"a source tree has no script for {shell}, and {missing.name}, which makes it,"
+                " is not installed",
+                reason="library_missing",
+                data={"hint": installing(missing.name or "shtab")},
+            ) from None
+    return run.done({"shell": shell, "script": script}, script.rstrip("\n"))
 
 
 COMMANDS: Commands = {

@@ -5,13 +5,12 @@ Motions outlive this program: what was begun is carried out, and held.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from argparse import _ActionsContainer
 
 from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.ctl.figures import Data, figure, owner, plain
 from litegrip_client.ctl.parser import LateParser, count, not_negative, positive, target
 from litegrip_client.ctl.render import (
-    Clock,
     aligned,
     clock_of,
     finish,
@@ -21,15 +20,10 @@ from litegrip_client.ctl.render import (
     verdict,
     words,
 )
-from litegrip_client.ctl.run import ENDING, NOT_OK, OK, Commands, Run
+from litegrip_client.ctl.run import ENDING, Commands, Run
 from litegrip_client.values.checks import given_numbers
 from litegrip_client.values.errors import CommandError, HardwareError, from_error_object
 from litegrip_client.values.voices import in_shell
-
-TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: importing typing is slow
-    from argparse import _ActionsContainer
-    from typing import Any
 
 
 def enable_options(parser: LateParser) -> None:
@@ -39,22 +33,22 @@ def enable_options(parser: LateParser) -> None:
 
 def enable(run: Run) -> int:
     """Enable the motor, for longer than this program runs."""
-    params: dict[str, Any] = {"detach": True}
+    params: dict[str, object] = {"detach": True}
     if run.options.retries is not None:
         params["retries"] = run.options.retries
     data = run.connection.command("motor.enable", params, ACTION_TIMEOUT_S)
     failure = f"NOT enabled: {data.get('message') or data.get('reason')} (tries: {data['tries']})"
-    run.output.result(data, "enabled" if data["ok"] else plain(failure))
-    return OK if data["ok"] else NOT_OK
+    return run.done(data, "enabled" if data["ok"] else plain(failure), ok=data["ok"])
 
 
 def disable(run: Run) -> int:
     """Disable the motor."""
     data = run.connection.call("motor.disable", {"detach": True}, ACTION_TIMEOUT_S)
-    run.output.result(
-        data, "disabled" if data["ok"] else "NOT disabled: the motor does not confirm it"
+    return run.done(
+        data,
+        "disabled" if data["ok"] else "NOT disabled: the motor does not confirm it",
+        ok=data["ok"],
     )
-    return OK if data["ok"] else NOT_OK
 
 
 def clear_fault(run: Run) -> int:
@@ -62,8 +56,7 @@ def clear_fault(run: Run) -> int:
     data = run.connection.call("motor.clear_fault", {"detach": True}, ACTION_TIMEOUT_S)
     cleared = data.get("cleared")
     text = "the motor had no fault" if cleared is None else f"cleared: {cleared}"
-    run.output.result(data, plain(f"{text}; it is disabled"))
-    return OK
+    return run.done(data, plain(f"{text}; it is disabled"))
 
 
 _REGISTERS = """\
@@ -82,21 +75,16 @@ def register_options(parser: LateParser) -> None:
 
 
 def register(run: Run) -> int:
-    """Read registers."""
+    """Read registers, and show one in a line."""
     rows = [
         run.connection.call("motor.read_register", {"register": name})
         for name in run.options.registers
     ]
-    run.output.result({"registers": rows}, _registers_text(rows))
-    return OK
-
-
-def _registers_text(rows: Iterable[Data]) -> str:
-    """Return registers, one in a line."""
-    return "\n".join(
+    lines = (
         f"{plain(row.get('number')):>3}  {plain(row.get('name')):<9}  {plain(row.get('value'))}"
         for row in rows
     )
+    return run.done({"registers": rows}, "\n".join(lines))
 
 
 def to_stop_options(parser: LateParser) -> None:
@@ -152,7 +140,7 @@ def move(run: Run) -> int:
     return _move(run, "motion.move", {parameter: value, **paces})
 
 
-def _move(run: Run, method: str, params: Mapping[str, Any]) -> int:
+def _move(run: Run, method: str, params: Data) -> int:
     if run.options.no_wait:
         return start(run, method, params)
     return finish(run, method, params, lambda data: _moved_text(run.options.command, data))
@@ -291,43 +279,28 @@ def force(run: Run) -> int:
     """Set the squeezing force."""
     _note_force(run, run.options.newtons)
     data = run.connection.command("motion.set_force", {"force_n": run.options.newtons})
-    run.output.result(data, _force_text(data))
-    return OK
-
-
-def _force_text(data: Data) -> str:
-    """Return the force with which the jaws squeeze from now on."""
-    newtons = figure(data.get("force_n"), ".1f", "N")
-    return (
-        f"force: squeezing with {newtons}, at {opening_of(data)}; let go with: litegripctl release"
-    )
+    text = f"force: squeezing with {figure(data.get('force_n'), '.1f', 'N')}"
+    text += f", at {opening_of(data)}; let go with: litegripctl release"
+    return run.done(data, text)
 
 
 def slack(run: Run) -> int:
     """Let the jaws move freely."""
     data = run.connection.command("motion.zero_gravity", {})
-    run.output.result(data, "jaws move freely; hold again with: litegripctl hold")
-    return OK
+    return run.done(data, "jaws move freely; hold again with: litegripctl hold")
 
 
 def hold(run: Run) -> int:
     """Hold the measured position."""
     data = run.connection.command("motion.hold", {})
     opening = figure(data["state"].get("opening_mm"), ".2f", "mm")
-    run.output.result(data, f"holding at {opening}")
-    return OK
+    return run.done(data, f"holding at {opening}")
 
 
 def jobs(run: Run) -> int:
     """List the jobs."""
     clock = clock_of(run.connection)
     data = run.connection.call("job.list")
-    run.output.result(data, _jobs_text(data["jobs"], clock) if data["jobs"] else "no jobs")
-    return OK
-
-
-def _jobs_text(rows: list[Data], clock: Clock) -> str:
-    """Return jobs as a table."""
     table = [("JOB", "KIND", "BEGAN", "TOOK", "OUTCOME", "OWNER")]
     table += [
         (
@@ -338,9 +311,9 @@ def _jobs_text(rows: list[Data], clock: Clock) -> str:
             _outcome(row),
             plain(owner(row.get("owner") or {})),
         )
-        for row in rows
+        for row in data["jobs"]
     ]
-    return aligned(table)
+    return run.done(data, aligned(table) if data["jobs"] else "no jobs")
 
 
 def _took(row: Data) -> str:
@@ -362,7 +335,7 @@ def _outcome(row: Data) -> str:
 
 
 def job_options(parser: LateParser) -> None:
-    """Add the arguments of `job`."""
+    """Add the arguments of `job` and `cancel`."""
     parser.add_argument("job", type=count, metavar="JOB", help="the number that 'jobs' shows")
 
 
@@ -386,13 +359,7 @@ def job(run: Run) -> int:
         for name, value in (data["result"] or {}).items()
         if name not in ("job", "state", "ok", "outcome") and value is not None
     ]
-    run.output.result(data, aligned(rows))
-    return OK
-
-
-def cancel_options(parser: LateParser) -> None:
-    """Add the arguments of `cancel`."""
-    parser.add_argument("job", type=count, metavar="JOB", help="the number that 'jobs' shows")
+    return run.done(data, aligned(rows))
 
 
 def cancel(run: Run) -> int:
@@ -400,8 +367,7 @@ def cancel(run: Run) -> int:
     data = run.connection.call("job.cancel", {"job": run.options.job})
     done = data["state"] in ENDING
     text = f"cancelled, {jaws_now(run)}" if done else f"had ended already: {data['state']}"
-    run.output.result(data, plain(f"job {data['job']} {text}"))
-    return OK if done else NOT_OK
+    return run.done(data, plain(f"job {data['job']} {text}"), ok=done)
 
 
 COMMANDS: Commands = {
@@ -419,5 +385,5 @@ COMMANDS: Commands = {
     "hold": (hold, None),
     "jobs": (jobs, None),
     "job": (job, job_options),
-    "cancel": (cancel, cancel_options),
+    "cancel": (cancel, job_options),
 }

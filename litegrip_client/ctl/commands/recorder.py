@@ -14,15 +14,10 @@ from litegrip_client.ctl.commands.trajectories import fetched_whole
 from litegrip_client.ctl.figures import figure, plain
 from litegrip_client.ctl.files import put_file, refuse_existing
 from litegrip_client.ctl.parser import LateParser, positive
-from litegrip_client.ctl.run import OK, Commands, Run, installing
+from litegrip_client.ctl.run import Commands, Run, installing
 from litegrip_client.values.errors import CommandError
 from litegrip_client.values.trajectory import Trajectory
 from litegrip_client.values.trajectory_format import MAGIC
-
-TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: importing typing is slow
-    from types import ModuleType
-
 
 _DUMP = """\
 Have the daemon write its flight recorder: the last minute, tick by tick, with
@@ -49,27 +44,20 @@ def dump(run: Run) -> int:
     data = run.connection.call("recorder.dump", params, ACTION_TIMEOUT_S)
     path = data["path"]
     if target is not None:
-        put_file(target, _content(path))
+        try:
+            content = Path(path).read_bytes()
+        except OSError as error:
+            raise CommandError(
+                f"the dump is {path} on the daemon's machine, but cannot be read from here: "
+                f"{error.strerror}",
+                reason="file_not_read",
+                data={"hint": "copy it there, as a user who may read it", "path": path},
+            ) from error
+        put_file(target, content)
         path, data = target, {**data, "file": target}
     size = figure(data["bytes"] / 1e6, ".1f", "MB")
     length = figure(data["seconds"], ".0f", "s")
-    run.output.result(data, f"{length} ({data['ticks']} ticks, {size}) in {plain(path)}")
-    return OK
-
-
-def _content(path: str) -> bytes:
-    try:
-        return Path(path).read_bytes()
-    except OSError as error:
-        raise CommandError(
-            f"the dump is {path} on the daemon's machine, but cannot be read from here: "
-            f"{error.strerror}",
-            reason="file_not_read",
-            data={"hint": "copy it there, as a user who may read it", "path": path},
-        ) from error
-
-
-_LIBRARIES = ("matplotlib", "mcap")
+    return run.done(data, f"{length} ({data['ticks']} ticks, {size}) in {plain(path)}")
 
 
 _PLOT = """\
@@ -94,15 +82,25 @@ def plot_options(parser: LateParser) -> None:
 def plot(run: Run) -> int:
     """Draw a dump or a trajectory."""
     options = run.options
-    trajectory = _trajectory(run)
-    picture = _picture(run, trajectory)
-    here = Path(options.file) if trajectory is None or not options.local else None
-    target = options.output or f"{Path(options.file).stem}.png"
-    if here is not None and not options.output:
-        target = str(here.with_suffix(".png"))
+    trajectory, file = _trajectory(run), Path(options.file)
+    try:
+        from litegrip_client.ctl.plot import drawing  # noqa: PLC0415 - needs the extra
+    except ModuleNotFoundError as error:
+        raise CommandError(
+            f"plot needs the library {error.name}, which is not installed",
+            reason="library_missing",
+            data={"hint": installing("matplotlib", "mcap")},
+        ) from error
+    if trajectory is not None:
+        drawn = drawing.draw_trajectory(trajectory, file.stem)
+    else:
+        drawn = drawing.draw(drawing.read(options.file), options.last)
+    picture = drawing.png(drawn)
+    target = options.output
+    if not target:  # beside it, but the directory of this user's trajectories is no place for that
+        target = f"{file.stem}.png" if options.local else str(file.with_suffix(".png"))
     put_file(target, picture)
-    run.output.result({"path": target}, f"drawn in {plain(target)}")
-    return OK
+    return run.done({"path": target}, f"drawn in {plain(target)}")
 
 
 def _trajectory(run: Run) -> Trajectory | None:
@@ -120,12 +118,8 @@ def _trajectory(run: Run) -> Trajectory | None:
         raise CommandError(f"{name} has no samples to draw", reason="trajectory_unreadable")
     if last_s is None:
         return trajectory
+    # Of a grip that is under way where the picture begins, what is left of it is drawn.
     begin_s = trajectory.samples[-1].t - last_s
-    return _since(trajectory, begin_s)
-
-
-def _since(trajectory: Trajectory, begin_s: float) -> Trajectory:
-    """Return the later part; of a grip under way then what is left of it."""
     samples = [one for one in trajectory.samples if one.t >= begin_s]
     first_s = samples[0].t
     grips = [
@@ -142,29 +136,6 @@ def _begins_as_one(path: str) -> bool:
             return file.read(len(MAGIC)) == MAGIC
     except OSError:
         return False  # its reader says why
-
-
-def _picture(run: Run, trajectory: Trajectory | None) -> bytes:
-    options, drawing = run.options, _drawing()
-    if trajectory is not None:
-        figure = drawing.draw_trajectory(trajectory, Path(options.file).stem)
-    else:
-        figure = drawing.draw(drawing.read(options.file), options.last)
-    picture: bytes = drawing.png(figure)
-    return picture
-
-
-def _drawing() -> ModuleType:
-    """Return what reads dumps and draws; raises `CommandError` without its libraries."""
-    try:
-        from litegrip_client.ctl.plot import drawing  # noqa: PLC0415 - needs the extra
-    except ModuleNotFoundError as error:
-        raise CommandError(
-            f"plot needs the library {error.name}, which is not installed",
-            reason="library_missing",
-            data={"hint": installing(*_LIBRARIES)},
-        ) from error
-    return drawing
 
 
 COMMANDS: Commands = {

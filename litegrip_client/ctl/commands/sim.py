@@ -6,12 +6,8 @@ from argparse import ArgumentTypeError
 
 from litegrip_client.ctl.figures import Data, figure
 from litegrip_client.ctl.parser import LateParser, not_negative, number, positive
-from litegrip_client.ctl.run import OK, Commands, Run
+from litegrip_client.ctl.run import Commands, Run
 from litegrip_client.values.errors import CommandError
-
-TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: importing typing is slow
-    from typing import Any
 
 _SIM = """\
 Change the world of a simulated gripper: what is between its jaws, a hand that
@@ -79,6 +75,15 @@ def _width(text: str) -> float | None:
     return width_mm
 
 
+_PARAMETERS = {
+    "object": {"width": "width_mm", "stiffness": "stiffness_nm_rad", "slip": "slip_mm_s"},
+    "push": {"torque": "torque_nm"},
+    "fault": {"name": "name"},
+    "heat": {"coil": "coil_c"},
+}
+"""By action: the parameter that each option is."""
+
+
 def sim(run: Run) -> int:
     """Change the world, and show it."""
     if not run.connection.call("hello")["simulated"]:
@@ -88,32 +93,25 @@ def sim(run: Run) -> int:
             data={"hint": "start one that is: litegripd sim0 --simulate"},
         )
     action = run.options.action or "show"
-    method = "sim.get" if action == "show" else f"sim.{action}"
-    data = run.connection.call(method, _params(run, action))
-    run.output.result(data, _world_text(data))
-    return OK
-
-
-def _params(run: Run, action: str) -> dict[str, Any] | None:
-    options = run.options
-    if action == "object":
-        named = (
-            ("width_mm", options.width),
-            ("stiffness_nm_rad", options.stiffness),
-            ("slip_mm_s", options.slip),
-        )
-        return {name: value for name, value in named if value is not None}
-    return {
-        "push": lambda: {"torque_nm": options.torque},
-        "fault": lambda: {"name": options.name},
-        "heat": lambda: {"coil_c": options.coil},
-    }.get(action, dict)()
+    params = {
+        parameter: value
+        for option, parameter in _PARAMETERS.get(action, {}).items()
+        if (value := getattr(run.options, option)) is not None
+    }
+    data = run.connection.call("sim.get" if action == "show" else f"sim.{action}", params)
+    return run.done(data, _world_text(data))
 
 
 def _world_text(data: Data) -> str:
-    item = data["object"]
-    what = "none" if item is None else _object_text(item)
-    hand = "holds the jaws fast" if data["held"] else _hand_text(data["push_nm"])
+    what, item = "none", data["object"]
+    if item is not None:
+        slips = f", slips at {item['slip_mm_s']:g} mm/s" if item["slip_mm_s"] else ""
+        what = f"{item['width_mm']:g} mm, {item['stiffness_nm_rad']:g} N·m/rad{slips}"
+    hand, push_nm = "none", data["push_nm"]
+    if data["held"]:
+        hand = "holds the jaws fast"
+    elif push_nm:
+        hand = f"pushes {'closed' if push_nm > 0 else 'open'} with {abs(push_nm):g} N·m"
     power = "on" if data["powered"] else "off"
     share = data.get("made_share", 1.0)
     torque = f", makes {share:.0%} of its torque" if share < 1.0 else ""
@@ -125,17 +123,6 @@ def _world_text(data: Data) -> str:
             f"motor    power {power}{torque}, coil {figure(data['coil_c'], '.0f', '°C')}",
         )
     )
-
-
-def _object_text(item: Data) -> str:
-    slips = f", slips at {item['slip_mm_s']:g} mm/s" if item["slip_mm_s"] else ""
-    return f"{item['width_mm']:g} mm, {item['stiffness_nm_rad']:g} N·m/rad{slips}"
-
-
-def _hand_text(push_nm: float) -> str:
-    if not push_nm:
-        return "none"
-    return f"pushes {'closed' if push_nm > 0 else 'open'} with {abs(push_nm):g} N·m"
 
 
 COMMANDS: Commands = {

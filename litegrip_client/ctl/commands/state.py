@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from argparse import Namespace
+from collections.abc import Iterator
 from contextlib import suppress
 from functools import partial
 from itertools import chain, islice
@@ -18,6 +19,7 @@ from litegrip_client.ctl.run import (
     NOT_OK,
     OK,
     Commands,
+    Output,
     Run,
     confirm,
     connected,
@@ -27,27 +29,13 @@ from litegrip_client.ctl.run import (
 from litegrip_client.ctl.state_view import state_line, state_text, stopped
 from litegrip_client.values.errors import CommandError
 
-TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: importing typing is slow
-    from argparse import Namespace
-    from typing import Any, TypeAlias
-
-    from litegrip_client.ctl.live import Scene
-    from litegrip_client.ctl.run import Output
-
 STOP_WITHIN_S = 2.5
 """A portal reports after 2 s that a stop is not confirmed, and says what to do then."""
 
 
 def clients(run: Run) -> int:
-    """List who is connected, and what each has cost."""
+    """List who is connected, and what each has cost; this program is marked."""
     data = run.connection.call("clients.list")
-    run.output.result(data, _clients_text(data["clients"]))
-    return OK
-
-
-def _clients_text(rows: list[Data]) -> str:
-    """Return a table of the connected clients; this program is marked."""
     table = [("CLIENT", "ROLE", "REQUESTS", "REFUSED", "DROPPED", "WORST", "CONNECTED")]
     table += [
         (
@@ -59,9 +47,9 @@ def _clients_text(rows: list[Data]) -> str:
             figure(row.get("worst_latency_ms"), ".1f", "ms"),
             figure(row.get("connected_s"), ".0f", "s"),
         )
-        for row in rows
+        for row in data["clients"]
     ]
-    return render.aligned(table)
+    return run.done(data, render.aligned(table))
 
 
 _TAKE = """\
@@ -95,8 +83,7 @@ def lease(run: Run) -> int:
     if run.options.action == "take":
         return _take(run)
     data = run.connection.call("lease.get")
-    run.output.result(data, render.lease(data))
-    return OK
+    return run.done(data, render.lease(data))
 
 
 def _take(run: Run) -> int:
@@ -105,9 +92,15 @@ def _take(run: Run) -> int:
     holder = before["owner"]
     if not options.yes and may_ask():
         whose = connection.call("state.get").get("job") if holder is None else holder
-        if whose is not None and not confirm(_question(before, whose, options)):
-            run.output.error(CommandError("nothing was done", reason="not_wanted"), "")
-            return NOT_OK
+        if whose is not None:
+            what = render.lease(before)
+            if holder is None:
+                by = owner(whose.get("owner") or {})
+                what = f"job {whose.get('job')}, {whose.get('kind')} by {by}, is running"
+            then = "go slack" if options.release else "hold on"
+            if not confirm(plain(f"{what}; end that? The jaws {then} then.")):
+                run.output.error(CommandError("nothing was done", reason="not_wanted"), "")
+                return NOT_OK
     params = {"why": options.why, "purpose": "litegripctl"}
     taken = connection.call("lease.take", params | ({"jaws": "relax"} if options.release else {}))
     connection.call("lease.release")
@@ -115,21 +108,10 @@ def _take(run: Run) -> int:
     text = "nobody had the lease" if holder is None else f"taken from {owner(holder)}"
     text += "" if ended is None else f", job {ended} was ended"
     data = {"taken_from": holder, "ended_job": ended, "state": state}
-    run.output.result(data, plain(f"{text}; {_jaws(state)}; nobody has the lease now"))
-    return OK
+    return run.done(data, plain(f"{text}; {_jaws(state)}; nobody has the lease now"))
 
 
-def _question(before: Mapping[str, Any], whose: Mapping[str, Any], options: Namespace) -> str:
-    if before["owner"] is None:
-        by = owner(whose.get("owner") or {})
-        what = f"job {whose.get('job')}, {whose.get('kind')} by {by}, is running"
-    else:
-        what = render.lease(before)
-    then = "go slack" if options.release else "hold on"
-    return plain(f"{what}; end that? The jaws {then} then.")
-
-
-def _jaws(state: Mapping[str, Any]) -> str:
+def _jaws(state: Data) -> str:
     """Return what the jaws do after a take-over."""
     if state.get("mode") == "relaxed":
         return "the jaws are slack"
@@ -174,8 +156,7 @@ def stop_options(parser: LateParser) -> None:
 def stop(run: Run) -> int:
     """Latch a stop by the socket of all requests."""
     data = run.connection.call("stop", stop_params(run.options.level, run.options.why))
-    run.output.result(data, stopped(data))
-    return OK
+    return run.done(data, stopped(data))
 
 
 def clear(run: Run) -> int:
@@ -185,18 +166,13 @@ def clear(run: Run) -> int:
     text = "cleared: motions are allowed"
     if state.get("enabled") is not True:
         text += f", once the motor is enabled (it is {plain(state.get('motor'))})"
-    run.output.result(data, text)
-    return OK
-
-
-Show: TypeAlias = "Callable[[Iterable[Scene], str, Callable[[str], str]], None]"
+    return run.done(data, text)
 
 
 def state(run: Run) -> int:
     """Show the state."""
     data = run.connection.call("state.get")
-    run.output.result(data, state_text(data))
-    return OK
+    return run.done(data, state_text(data))
 
 
 _WATCH = """\
@@ -219,42 +195,31 @@ def watch_options(parser: LateParser) -> None:
 
 def watch(run: Run) -> int:
     """Show states until the count is reached or Ctrl-C is pressed."""
-    show = _live_view(run)
-    if show is None:
+    options = run.options
+    if options.plain or not run.output.live or os.environ.get("TERM", "dumb") == "dumb":
         return _lines(run)
-    last: list[Scene] = []
+    try:
+        from litegrip_client.ctl import live  # noqa: PLC0415 - needs the extra
+    except ModuleNotFoundError as error:
+        text = f"lines only: the live view needs the library {error.name}: {installing('rich')}"
+        run.output.note(text)
+        return _lines(run)
+    last: list[live.Scene] = []
+
+    def counted() -> Iterator[live.Scene]:
+        scenes = live.scenes(partial(connected, options), run.connection, options.hz)
+        for scene in islice(scenes, options.count):
+            last[:] = [scene]
+            yield scene
+
     name = str(run.connection.call("hello")["channel"])
     try:
-        show(_counted(run, last), name, run.output.for_gripper)
+        live.show(counted(), name, run.output.for_gripper)
     finally:
         for scene in last:
             if scene.state is not None:  # the view itself leaves nothing in the terminal
                 run.output.result(scene.state, state_line(scene.state))
     return OK
-
-
-def _live_view(run: Run) -> Show | None:
-    """Return what shows scenes; None where lines are wanted, or nothing else can be done."""
-    if run.options.plain or not run.output.live or os.environ.get("TERM", "dumb") == "dumb":
-        return None
-    try:
-        from litegrip_client.ctl.live import show  # noqa: PLC0415 - needs the extra
-    except ModuleNotFoundError as error:
-        text = f"lines only: the live view needs the library {error.name}: {installing('rich')}"
-        run.output.note(text)
-        return None
-    return show
-
-
-def _counted(run: Run, last: list[Scene]) -> Iterator[Scene]:
-    """Yield at most `--count` scenes; `last` holds the newest."""
-    from litegrip_client.ctl.live import scenes  # noqa: PLC0415 - only the view needs it
-
-    for scene in islice(
-        scenes(partial(connected, run.options), run.connection, run.options.hz), run.options.count
-    ):
-        last[:] = [scene]
-        yield scene
 
 
 def _lines(run: Run) -> int:

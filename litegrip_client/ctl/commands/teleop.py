@@ -6,11 +6,7 @@ import time
 
 from litegrip_client.ctl.figures import Data, figure, plain
 from litegrip_client.ctl.parser import LateParser, count, not_negative, positive
-from litegrip_client.ctl.run import NOT_OK, OK, Commands, Run
-
-TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: importing typing is slow
-    from typing import Any
+from litegrip_client.ctl.run import Commands, Run
 
 _LOOK_EVERY_S = 0.2
 _OPEN_WITHIN_S = 5.0
@@ -156,8 +152,7 @@ def teleop(run: Run) -> int:
     action = run.options.action
     if action == "status":
         data = run.connection.call("teleop.status")
-        run.output.result(data, status_text(data))
-        return OK
+        return run.done(data, status_text(data))
     if action == "stop":
         return _stop(run)
     return _start(run, action)
@@ -165,7 +160,7 @@ def teleop(run: Run) -> int:
 
 def _start(run: Run, mode: str) -> int:
     options = run.options
-    params: dict[str, Any] = {"mode": mode}
+    params: dict[str, object] = {"mode": mode}
     for option, name in _OPTIONS.items():
         value = getattr(options, option, None)
         if value is not None:
@@ -185,7 +180,7 @@ def _start(run: Run, mode: str) -> int:
         return _stop(run, holding=True)
 
 
-def _leave(run: Run, data: dict[str, Any]) -> int:
+def _leave(run: Run, data: Data) -> int:
     """Leave it running once its link is open; end it where that cannot be opened."""
     ends_s = time.monotonic() + _OPEN_WITHIN_S
     while data["active"] and _is_on_its_way(data) and time.monotonic() < ends_s:
@@ -196,18 +191,15 @@ def _leave(run: Run, data: dict[str, Any]) -> int:
         data = run.connection.call("teleop.stop")
         text = f"{data['mode']}: ended, the link has failed: {why}"
         run.output.note(f"the link has failed, and nothing runs: {why}")
-        run.output.result({**data, "link_error": why}, text)
-        return NOT_OK
+        return run.done({**data, "link_error": why}, text, ok=False)
     if not data["active"]:
-        run.output.result(data, status_text(data))
-        return NOT_OK
+        return run.done(data, status_text(data), ok=False)
     opening = ", its link is still opening" if data.get("link_state") == "opening" else ""
     if data.get("link_unreached"):
         whom = "a follower" if data.get("mode") == "master" else "its leader"
         opening = f", but {whom} is not reached: {plain(data['link_unreached'])}"
     text = f"{data['mode']}: it runs{opening}; end it with: litegripctl teleop stop"
-    run.output.result(data, text)
-    return OK
+    return run.done(data, text)
 
 
 def _is_on_its_way(data: Data) -> bool:
@@ -221,8 +213,7 @@ def _watch(run: Run) -> int:
     while True:
         data = run.connection.call("teleop.status")
         if not data["active"]:
-            run.output.result(data, ended_text(data))
-            return NOT_OK
+            return run.done(data, ended_text(data), ok=False)
         if run.output.live:
             run.output.line(status_line(data))
         time.sleep(_LOOK_EVERY_S)
@@ -230,8 +221,7 @@ def _watch(run: Run) -> int:
 
 def _stop(run: Run, *, holding: bool = False) -> int:
     data = run.connection.call("teleop.stop")
-    run.output.result(data, ended_text(data, holding=holding))
-    return OK
+    return run.done(data, ended_text(data, holding=holding))
 
 
 def status_line(data: Data) -> str:

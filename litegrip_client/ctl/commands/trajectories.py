@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 
 from litegrip_client.core.session import ACTION_TIMEOUT_S
@@ -13,7 +13,7 @@ from litegrip_client.ctl.figures import Data, figure, plain
 from litegrip_client.ctl.files import put_file, refuse_existing
 from litegrip_client.ctl.parser import LateParser, count, positive
 from litegrip_client.ctl.render import aligned, bar, date, finish, jaws_now, opening_of, verdict
-from litegrip_client.ctl.run import INTERRUPTED, OK, Command, Commands, Run, say
+from litegrip_client.ctl.run import INTERRUPTED, Command, Commands, Run, say
 from litegrip_client.threads.blocking import BlockingWire, complete, pause
 from litegrip_client.values.errors import CancelledError, CommandError
 from litegrip_client.values.trajectory import (
@@ -26,10 +26,6 @@ from litegrip_client.values.trajectory import (
     read_grips,
     write_file,
 )
-
-TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: importing typing is slow
-    from typing import Any
 
 _REPLACE = "take another name, or replace it with: --overwrite"
 
@@ -113,13 +109,16 @@ def trajectories(run: Run) -> int:
 def show(run: Run) -> int:
     """List what the daemon keeps, or this user."""
     if run.options.local:
-        rows = [_row(asdict(file)) for file in list_trajectories()]
-        run.output.result({"trajectories": rows, "directory": str(directory())}, listed_text(rows))
-        return OK
+        files = map(asdict, list_trajectories())
+        own = [{**file, "created_s": file["created"]} for file in files]  # as the daemon has it
+        return run.done({"trajectories": own, "directory": str(directory())}, listed_text(own))
     rows, usage = kept_and_usage(run)
-    text = "\n".join([listed_text(rows, owners=usage is not None), *_room_lines(usage)])
-    run.output.result({"trajectories": rows, **({"usage": usage} if usage else {})}, text)
-    return OK
+    text = listed_text(rows, owners=usage is not None)
+    if usage is not None:
+        most, most_mb = usage["most_named"], usage["most_bytes"] / 1e6
+        has = f"{usage['named']} of {most}, {usage['bytes'] / 1e6:.1f} of {most_mb:g} MB"
+        text += f"\nof uid {usage['uid']}, who asks: {has}"
+    return run.done({"trajectories": rows, **({"usage": usage} if usage else {})}, text)
 
 
 def listed_text(rows: Iterable[Data], *, owners: bool = False) -> str:
@@ -138,15 +137,6 @@ def listed_text(rows: Iterable[Data], *, owners: bool = False) -> str:
             if row.get("grip_problem") is not None:
                 broken.append(f"{name}: its grips are NOT usable: {plain(row['grip_problem'])}")
     return "\n".join([aligned(table), *broken])
-
-
-def _room_lines(usage: Data | None) -> list[str]:
-    """Return how much of the room a user has taken; nothing if the daemon does not say."""
-    if usage is None:
-        return []
-    most, most_mb = usage["most_named"], usage["most_bytes"] / 1e6
-    has = f"{usage['named']} of {most}, {usage['bytes'] / 1e6:.1f} of {most_mb:g} MB"
-    return [f"of uid {usage['uid']}, who asks: {has}"]
 
 
 def _figures(row: Data) -> tuple[str, ...]:
@@ -170,8 +160,7 @@ def get(run: Run) -> int:
         refuse_existing(str(path), _REPLACE)
     trajectory, content = fetched_whole(run, {"name": options.name})
     write_file(target, content, trajectory.grip_bytes())
-    run.output.result({"name": options.name, "path": str(path)}, f"written to {plain(path)}")
-    return OK
+    return run.done({"name": options.name, "path": str(path)}, f"written to {plain(path)}")
 
 
 def put(run: Run) -> int:
@@ -184,16 +173,14 @@ def put(run: Run) -> int:
     grips = grips_beside(options.file, content)
     with showing(run) as share:
         data = complete(send(BlockingWire(run.connection), content, {"name": name}, share, grips))
-    run.output.result(data, f"kept as {plain(data['name'])}, {data['samples']} samples")
-    return OK
+    return run.done(data, f"kept as {plain(data['name'])}, {data['samples']} samples")
 
 
 def delete(run: Run) -> int:
     """Remove one of the daemon's."""
     params = {"name": run.options.name}
     data = run.connection.call("trajectory.delete", params, ACTION_TIMEOUT_S)
-    run.output.result(data, f"deleted: {plain(run.options.name)}")
-    return OK
+    return run.done(data, f"deleted: {plain(run.options.name)}")
 
 
 def export(run: Run) -> int:
@@ -204,11 +191,9 @@ def export(run: Run) -> int:
     content = fetched(run, {"name": name, "format": "csv"})
     if target is not None:
         put_file(target, content)
-        run.output.result({"name": name, "path": target}, f"written to {plain(target)}")
-        return OK
+        return run.done({"name": name, "path": target}, f"written to {plain(target)}")
     text = content.decode()
-    run.output.result({"name": name, "csv": text}, text.removesuffix("\n"))
-    return OK
+    return run.done({"name": name, "csv": text}, text.removesuffix("\n"))
 
 
 def keep(run: Run) -> int:
@@ -221,28 +206,29 @@ def keep(run: Run) -> int:
         text = "a recording is under way: it is kept by the program that records"
         raise CommandError(text, reason="trajectory_busy", data={"hint": "wait for its end"})
     data = run.connection.call("trajectory.record_stop", {"name": name}, ACTION_TIMEOUT_S)
-    run.output.result(data, recorded_text(data))
-    return OK
+    return run.done(data, recorded_text(data))
 
 
-def kept(run: Run) -> list[dict[str, Any]]:
-    """Return the daemon's list of all that it keeps."""
-    return kept_and_usage(run)[0]
+def kept_and_usage(run: Run) -> tuple[Sequence[Data], Data | None]:
+    """Return the daemon's list of all that it keeps, and what this user has of it and may have.
 
-
-def kept_and_usage(run: Run) -> tuple[list[dict[str, Any]], dict[str, Any] | None]:
-    """Return that, and what this user has of it and may have; None from an older daemon."""
+    The latter is None from an older daemon.
+    """
     return complete(listed(BlockingWire(run.connection)))
 
 
 def refuse_kept(run: Run, name: str) -> None:
     """Raise `CommandError` for a name that the daemon has already, usable or not."""
-    _refuse_name(kept(run), name)
+    _refuse_name(kept_and_usage(run)[0], name)
 
 
 def refuse_unkeepable(run: Run, name: str, *, overwrite: bool) -> None:
     """Raise `CommandError`, before anything is recorded, where it could not be kept as `name`."""
-    _refuse_no_name(run, name)
+    try:  # whether a trajectory can have this name is the daemon's to say
+        run.connection.call("trajectory.get", {"name": name, "offset": 0, "length": 1})
+    except CommandError as error:
+        if error.reason == "invalid_params" or "/" in name:
+            raise
     rows, usage = kept_and_usage(run)
     if not overwrite:
         _refuse_name(rows, name)
@@ -258,28 +244,19 @@ def refuse_unkeepable(run: Run, name: str, *, overwrite: bool) -> None:
         raise CommandError(text, reason="trajectories_full", data={"hint": hint, "usage": usage})
 
 
-def _refuse_no_name(run: Run, name: str) -> None:
-    """Raise `CommandError` where no trajectory can have this name: the daemon's is the rule."""
-    try:
-        run.connection.call("trajectory.get", {"name": name, "offset": 0, "length": 1})
-    except CommandError as error:
-        if error.reason == "invalid_params" or "/" in name:
-            raise
-
-
-def _refuse_name(rows: list[dict[str, Any]], name: str) -> None:
+def _refuse_name(rows: Iterable[Data], name: str) -> None:
     if any(row["name"] == name for row in rows):
         text = f"the daemon keeps a trajectory {plain(name)} already"
         raise CommandError(text, reason="file_exists", data={"hint": _REPLACE})
 
 
-def fetched(run: Run, source: Mapping[str, Any]) -> bytes:
+def fetched(run: Run, source: Data) -> bytes:
     """Fetch one of the daemon's, with a bar where it can be seen."""
     with showing(run) as share:
         return complete(fetch(BlockingWire(run.connection), source, share))
 
 
-def fetched_whole(run: Run, source: Mapping[str, Any]) -> tuple[Trajectory, bytes]:
+def fetched_whole(run: Run, source: Data) -> tuple[Trajectory, bytes]:
     """Fetch one of the daemon's with its grips; return it, and the content of its `.lgt`."""
     content = fetched(run, source)
     trajectory = Trajectory.from_bytes(content)
@@ -315,11 +292,6 @@ def showing(run: Run) -> Iterator[Callable[[float], None]]:
         yield share
     finally:
         run.output.erase_line()
-
-
-def _row(file: dict[str, Any]) -> dict[str, Any]:
-    """Return a file's fields under the daemon's names."""
-    return {**file, "created_s": file.pop("created")}
 
 
 _ACTIONS: Mapping[str, Command] = {
@@ -368,13 +340,15 @@ def record(run: Run) -> int:
     samples = max(1, round(options.seconds * options.rate))
     is_said = options.no_zero_gravity
 
-    def show(status: dict[str, Any]) -> None:
+    def show(status: Data) -> None:
         nonlocal is_said
         if not is_said:  # not before: where recording is refused the jaws are not slack
             is_said = True
             say(f"The jaws are slack for {options.seconds:g} s: push them. {_CTRL_C}")
         if run.output.live:
-            run.output.line(_recording_line(status, samples))
+            share = bar((status["samples"] + status["missed"]) / samples)
+            seconds = figure(status.get("duration_s"), ".1f", "s")
+            run.output.line(f"{share} {seconds}, {status['samples']} samples")
 
     recording = Recording(
         BlockingWire(run.connection),
@@ -399,15 +373,7 @@ def record(run: Run) -> int:
         data = {**error.data, "hint": hint}
         raise CommandError(error.message, reason=error.reason, data=data) from error
     run.output.erase_line()
-    run.output.result(data, recorded_text(data))
-    return OK
-
-
-def _recording_line(data: Data, samples: int) -> str:
-    """Return how far a recording is, in one line."""
-    done = data["samples"] + data["missed"]
-    seconds = figure(data.get("duration_s"), ".1f", "s")
-    return f"{bar(done / samples)} {seconds}, {data['samples']} samples"
+    return run.done(data, recorded_text(data))
 
 
 def recorded_text(data: Data) -> str:
@@ -425,7 +391,6 @@ Replay a recorded motion: go to its start, then along its path, then hold. It
 repeats positions; with --force replay also what was gripped, with its force.
 Ctrl-C cancels it.
 """
-_NAME = "the daemon's name of it"
 
 
 def play_options(parser: LateParser) -> None:
@@ -452,19 +417,22 @@ def play_options(parser: LateParser) -> None:
 
 def _kept_options(parser: LateParser) -> None:
     """Add the name of a trajectory that the daemon keeps."""
-    parser.add_argument("name", metavar="NAME", help=_NAME)
+    parser.add_argument("name", metavar="NAME", help="the daemon's name of it")
 
 
 def play(run: Run) -> int:
     """Replay a trajectory of the daemon, or of this side."""
     options = run.options
-    params: dict[str, Any] = {"repeat": options.repeat, "align": not options.no_align}
+    params: dict[str, object] = {"repeat": options.repeat, "align": not options.no_align}
     if options.speed is not None:
         params["speed"] = options.speed
     if options.force != "path":
         params["force"] = options.force
     if options.local:
-        params.update(_uploaded(run))
+        wire, content = BlockingWire(run.connection), read_file(options.name)
+        grips = b"" if options.force == "path" else read_grips(options.name)
+        with showing(run) as share:
+            params.update(named(complete(send(wire, content, None, share, grips))))
     else:
         params["name"] = options.name
     return finish(run, "trajectory.play", params, played_text)
@@ -482,13 +450,6 @@ def played_text(data: Data) -> str:
         grips = grips_counted(data["grips"])
         text += f"; {grips}, the last one {width} wide, at most {differs} to taught"
     return text
-
-
-def _uploaded(run: Run) -> Mapping[str, Any]:
-    wire, content = BlockingWire(run.connection), read_file(run.options.name)
-    grips = b"" if run.options.force == "path" else read_grips(run.options.name)
-    with showing(run) as share:
-        return named(complete(send(wire, content, None, share, grips)))
 
 
 COMMANDS: Commands = {

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from litegrip_client.ctl.doctor.facts import SIMULATED, Daemon, Facts
+from litegrip_client.ctl.doctor.facts import SIMULATED, Facts
 from litegrip_client.ctl.findings import Finding, error, ok, warning
 from litegrip_client.values.terms import told_all
 from litegrip_client.values.voices import in_shell
@@ -81,8 +81,10 @@ def _unread(facts: Facts) -> Finding | None:
 def daemon(facts: Facts) -> Finding | None:
     """Check that a daemon answers, and that it is the right one."""
     answering = facts.daemon
+    if answering is None and facts.blocked is not None:
+        return error(str(facts.failure), advice=f"{facts.blocked}; then start the daemon again")
     if answering is None:
-        return _not_answering(facts)
+        return _no_daemon(facts)
     channel = answering.hello.get("channel")
     if facts.asked_channel not in (None, channel):
         return error(
@@ -91,15 +93,11 @@ def daemon(facts: Facts) -> Finding | None:
         )
     uptime_s = answering.health.get("uptime_s")
     since = f" for {uptime_s:.0f} s" if isinstance(uptime_s, int | float) else ""
-    where = _elsewhere(answering) if facts.is_remote else ""
+    where = ""
+    if facts.is_remote:
+        own = f"litegripctl -c {(answering.hello.get('remote') or {}).get('channel')} doctor"
+        where = f", on another machine (there, '{own}' examines its link and its rights)"
     return ok(f"runs{since}, pid {answering.hello.get('pid')}{where}, {answering.path}")
-
-
-def _elsewhere(answering: Daemon) -> str:
-    """Say where another machine's daemon runs, and what is examined there."""
-    remote = answering.hello.get("remote") or {}
-    own = f"litegripctl -c {remote.get('channel')} doctor"
-    return f", on another machine (there, '{own}' examines its link and its rights)"
 
 
 def version(facts: Facts) -> Finding | None:
@@ -272,12 +270,6 @@ _RENEW = (
     "where the authority's ca.key is: etc/zenoh-certificates DIRECTORY user:NAME; copy it here,"
     " then restart the portal"
 )
-
-
-def _not_answering(facts: Facts) -> Finding:
-    if facts.blocked is not None:
-        return error(str(facts.failure), advice=f"{facts.blocked}; then start the daemon again")
-    return _no_daemon(facts)
 
 
 def _no_daemon(facts: Facts) -> Finding:

@@ -33,9 +33,9 @@ class System:
     """What a USB adapter calls itself."""
     device: Device | None = None
     settings: tuple[Setting, ...] = ()
+    """What files of this system do to the link at every plug and boot."""
     renamed_from: str | None = None
     """The name under which the daemon opened the interface, where it has another one by now."""
-    """What files of this system do to the link at every plug and boot."""
 
 
 @dataclass(frozen=True, slots=True)

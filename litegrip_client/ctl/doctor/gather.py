@@ -189,21 +189,20 @@ def _last_line(done: subprocess.CompletedProcess[bytes]) -> str:
 def other_channels(usual: str) -> tuple[str, ...]:
     """Return the channels that this machine has in place of the usual one, as `state` names them.
 
-    None where the usual one has a configuration, an interface or a unit that is enabled: then it
-    may be meant.
+    None where the usual one is of this machine, or has a unit that is enabled: it may be meant.
     """
-    has_own = os.path.isfile(DIRECTORY / f"{usual}.toml") or is_can(usual)  # noqa: PTH113
-    found = list(dict.fromkeys([*running_channels(), *enabled_channels()]))
-    return () if has_own or usual in found else tuple(found)
+    found = tuple(dict.fromkeys([*running_channels(), *enabled_channels()]))
+    return () if _is_own(usual) or usual in found else found
 
 
 def is_remote_name(channel: str) -> bool:
-    """Return True if a channel that does not answer is called like a gripper of another machine.
+    """Return True if a channel that does not answer is called like a gripper of another machine."""
+    return _PLACE.fullmatch(channel) is not None and not _is_own(channel)
 
-    One with a configuration or a CAN interface of its own is one of this machine.
-    """
-    is_own = os.path.isfile(DIRECTORY / f"{channel}.toml") or is_can(channel)  # noqa: PTH113
-    return _PLACE.fullmatch(channel) is not None and not is_own
+
+def _is_own(channel: str) -> bool:
+    """Return True if a channel has a configuration or a CAN interface on this machine."""
+    return os.path.isfile(DIRECTORY / f"{channel}.toml") or is_can(channel)  # noqa: PTH113
 
 
 NET = Path("/sys/class/net")
@@ -229,33 +228,21 @@ def system(
     link, problem = _link(bus_channel, net)
     renamed_from = None
     if held_index is not None and (link is None or link.index not in (None, held_index)):
-        now_called = _name_of(held_index, net)
-        if now_called is not None:
-            renamed_from, bus_channel = bus_channel, now_called
+        now_called = _interfaces(net, "ifindex", held_index)
+        if now_called:
+            renamed_from, bus_channel = bus_channel, now_called[0]
             link, problem = _link(bus_channel, net)
     driver, adapter = _hardware(net / bus_channel / "device")
     settings = tuple(settings_of(bus_channel, driver, root))
-    links = _can_links(net)
+    links = _interfaces(net, "type", ARPHRD_CAN)
     return System(
         link, problem, links, driver, adapter, settings=settings, renamed_from=renamed_from
     )
 
 
-def _name_of(index: int, net: Path) -> str | None:
-    """Return the present name of the network interface with a number, None if it is gone."""
-    for file in net.glob("*/ifindex"):
-        try:
-            is_it = file.read_text(encoding="ascii").strip() == str(index)
-        except OSError:  # unplugged meanwhile
-            continue
-        if is_it:
-            return file.parent.name
-    return None
-
-
 def is_can(name: str) -> bool:
     """Return True if there is a CAN interface of a name."""
-    return name in _can_links(NET)
+    return name in _interfaces(NET, "type", ARPHRD_CAN)
 
 
 def user(group: str) -> User:
@@ -309,15 +296,13 @@ def _link(name: str, net: Path) -> tuple[Link | None, str | None]:
     return from_files(name, files), problem
 
 
-def _can_links(net: Path) -> tuple[str, ...]:
+def _interfaces(net: Path, file: str, content: int) -> tuple[str, ...]:
+    """Return the network interfaces of which a file of the kernel has this content."""
     found = []
-    for kind in sorted(net.glob("*/type")):
-        try:
-            is_can = kind.read_text(encoding="ascii").strip() == str(ARPHRD_CAN)
-        except OSError:  # unplugged meanwhile
-            continue
-        if is_can:
-            found.append(kind.parent.name)
+    for path in sorted(net.glob(f"*/{file}")):
+        with contextlib.suppress(OSError):  # unplugged meanwhile
+            if path.read_text(encoding="ascii").strip() == str(content):
+                found.append(path.parent.name)
     return tuple(found)
 
 
@@ -359,7 +344,11 @@ def _device(bus_channel: str, root: Path) -> Device | None:
         accessible,
         group,
         is_left_alone=is_device and _IGNORED in _udev_properties(root, number),
-        probers=tuple(name for name, files in _PROBERS.items() if _is_any(root, files)),
+        probers=tuple(
+            name
+            for name, files in _PROBERS.items()
+            if any((root / file).exists() for file in files)
+        ),
         lasting_path=None if path in map(str, named) else lasting,
         other_ports=len(set(named.values()) - {own}),
     )
@@ -371,10 +360,6 @@ _PROBERS = {
     "ModemManager": ("usr/sbin/ModemManager", "sbin/ModemManager"),
     "brltty": ("usr/bin/brltty", "bin/brltty", "usr/sbin/brltty"),
 }
-
-
-def _is_any(root: Path, files: tuple[str, ...]) -> bool:
-    return any((root / file).exists() for file in files)
 
 
 def _udev_properties(root: Path, number: str) -> list[str]:

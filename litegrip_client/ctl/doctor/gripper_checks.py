@@ -288,10 +288,9 @@ def calibration(facts: Facts) -> Finding | None:
     gripper, source = daemon.hello.get("gripper", {}), _calibration(daemon)
     if not gripper.get("calibrated"):
         return _uncalibrated(facts, source)
-    text = (
-        f"mount {gripper.get('mount')}, travel {gripper.get('travel_mm', 0.0):.1f} mm"
-        f"{_work_stroke(gripper)}"
-    )
+    text = f"mount {gripper.get('mount')}, travel {gripper.get('travel_mm', 0.0):.1f} mm"
+    if gripper.get("work_stroke_mm") is not None:
+        text += f", open goes to {gripper['work_stroke_mm']:g} mm"
     file = source.get("file")
     doubt, where = daemon.state.get("scale_doubt"), "" if file is None else f", {file}"
     if doubt == "superseded":
@@ -347,11 +346,6 @@ def _uncalibrated(facts: Facts, source: Mapping[str, Any]) -> Finding:
         advice=f"load the mount's template: {facts.ctl} calibration load normal (or reverse);"
         f" then measure: {facts.ctl} enable && {facts.ctl} zero",
     )
-
-
-def _work_stroke(gripper: Mapping[str, Any]) -> str:
-    work_mm = gripper.get("work_stroke_mm")
-    return "" if work_mm is None else f", open goes to {work_mm:g} mm"
 
 
 def stroke(facts: Facts) -> Finding | None:

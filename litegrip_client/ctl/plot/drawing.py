@@ -173,15 +173,14 @@ def labels(events: list[Happening], end_s: float, begin_s: float) -> list[Label]
             groups[-1].append(event)
         else:
             groups.append([event])
-    return [_label(group, end_s) for group in groups]
-
-
-def _label(group: list[Happening], end_s: float) -> Label:
-    first = max(group, key=_weight)
-    others = len({(event.kind, event.message) for event in group} - {(first.kind, first.message)})
-    text = _short(first) + (f"  +{others}" if others else "")
-    at_s, x_s = first.at_s - end_s, group[0].at_s - end_s
-    return Label(at_s, x_s, text, any(map(_is_alarm, group)))
+    found = []
+    for group in groups:
+        first = max(group, key=_weight)
+        others = {(one.kind, one.message) for one in group} - {(first.kind, first.message)}
+        text = _short(first) + (f"  +{len(others)}" if others else "")
+        at_s, x_s = first.at_s - end_s, group[0].at_s - end_s
+        found.append(Label(at_s, x_s, text, any(map(_is_alarm, group))))
+    return found
 
 
 def _weight(event: Happening) -> int:
@@ -254,22 +253,15 @@ def draw(dump: Dump, last_s: float | None) -> Figure:
     _draw_events(head, (position, torque, temperature, lateness), shown, end_s, begin_s)
     lateness.set_xlabel("time before the end of the recording [s]")
     _name_modes(figure, dump, end_s + begin_s)
-    figure.suptitle(_title(dump), x=0.075, ha="left", fontsize=11, y=0.985)
+    ended = strftime("%Y-%m-%d %H:%M:%S", localtime(dump.ended_ns // 1_000_000_000))
+    cause, note = dump.about.get("cause", "").replace("_", " "), dump.about.get("note", "")
+    words = [f"channel {dump.about.get('channel', '?')}, until {ended}", cause]
+    words += [note] if note.replace("_", " ") != cause else []
+    title = "   ·   ".join(word[:90] for word in words if word)
+    figure.suptitle(title, x=0.075, ha="left", fontsize=11, y=0.985)
     figure.subplots_adjust(left=0.075, right=0.9, top=0.955, bottom=0.085, hspace=0.14)
     figure.align_ylabels(list(rows))
     return figure
-
-
-def _title(dump: Dump) -> str:
-    about = dump.about
-    ended = strftime("%Y-%m-%d %H:%M:%S", localtime(dump.ended_ns // 1_000_000_000))
-    note = about.get("note", "")
-    words = [
-        f"channel {about.get('channel', '?')}, until {ended}",
-        about.get("cause", "").replace("_", " "),
-        note if note.replace("_", " ") != about.get("cause", "").replace("_", " ") else "",
-    ]
-    return "   ·   ".join(word[:90] for word in words if word)
 
 
 def _name_modes(figure: Figure, dump: Dump, from_s: float) -> None:
@@ -343,7 +335,7 @@ def _draw_temperature(axes: Axes, dump: Dump, times: list[float]) -> None:
 def _draw_lateness(axes: Axes, dump: Dump, times: list[float]) -> None:
     """Show how late each tick began; lost and failed ones are marked."""
     late_us = [max(value, 1.0) for value in dump.column("late_us")]
-    axes.plot(*_broken(times, late_us), color=_MEASURED, lw=0.7, label="each tick")
+    axes.plot(*_broken(times, late_us, _GAP_S), color=_MEASURED, lw=0.7, label="each tick")
     axes.set_yscale("log")
     axes.set_ylim(min(5.0, *late_us), max(2000.0, *late_us) * 1.5)
     lost = dump.column("lost_ticks")
@@ -370,14 +362,16 @@ def _mark(
 
 def _line(axes: Axes, times: list[float], values: list[float], label: str, color: str) -> None:
     if not all(map(math.isnan, values)):
-        axes.plot(*_broken(times, values), label=label, color=color, lw=1.2)
+        axes.plot(*_broken(times, values, _GAP_S), label=label, color=color, lw=1.2)
 
 
-def _broken(times: list[float], values: list[float]) -> tuple[list[float], list[float]]:
-    """Break a line where there were no ticks: nothing is known of the time between."""
+def _broken(
+    times: list[float], values: list[float], gap_s: float
+) -> tuple[list[float], list[float]]:
+    """Break a line where there was nothing for so long: nothing is known of the time between."""
     broken_times, broken_values = [times[0]], [values[0]]
     for before, time, value in zip(times[:-1], times[1:], values[1:], strict=True):
-        if time - before > _GAP_S:
+        if time - before > gap_s:
             broken_times.append(before)
             broken_values.append(math.nan)
         broken_times.append(time)
@@ -394,15 +388,11 @@ def _draw_events(
     for event in events:
         for axes in rows:
             axes.axvline(event.at_s - end_s, color=_QUIET, lw=0.6, ls=(0, (2, 2)), zorder=0.5)
-    for label in labels(events, end_s, begin_s):
-        _write(head, label)
-
-
-def _write(head: Axes, label: Label) -> None:
     style: dict[str, Any] = {"fontsize": 7, "rotation": 30, "rotation_mode": "anchor"}
-    color = _ALARM if label.is_alarm else "#37474f"
-    head.plot([label.at_s, label.x_s], [-0.05, 0.06], color=_QUIET, lw=0.6, clip_on=False)
-    head.text(label.x_s, 0.08, label.text, color=color, ha="left", va="bottom", **style)
+    for label in labels(events, end_s, begin_s):
+        color = _ALARM if label.is_alarm else "#37474f"
+        head.plot([label.at_s, label.x_s], [-0.05, 0.06], color=_QUIET, lw=0.6, clip_on=False)
+        head.text(label.x_s, 0.08, label.text, color=color, ha="left", va="bottom", **style)
 
 
 _LINE, _GRIP, _FORCE = "#1f4e79", "#fdebd0", "#a04000"
@@ -417,47 +407,26 @@ def draw_trajectory(trajectory: Trajectory, name: str) -> Figure:
         3, 1, sharex=True, height_ratios=(3.0, 1.6, 1.6), squeeze=True
     )
     samples, travel_mm = trajectory.samples, trajectory.travel_mm
-    _row(opening, trajectory, [one.openness * travel_mm for one in samples], "opening [mm]")
-    _row(
-        velocity,
-        trajectory,
-        [one.velocity_rad_s for one in samples],
-        "velocity [rad/s]",
-        _LEAST_RAD_S,
-    )
-    _row(torque, trajectory, [one.torque_nm for one in samples], "torque [N·m]", _LEAST_NM)
+    times = [one.t for one in samples]
+    for axes, values, label, least in (
+        (opening, [one.openness * travel_mm for one in samples], "opening [mm]", 0.0),
+        (velocity, [one.velocity_rad_s for one in samples], "velocity [rad/s]", _LEAST_RAD_S),
+        (torque, [one.torque_nm for one in samples], "torque [N·m]", _LEAST_NM),
+    ):
+        broken = _broken(times, values, _LONG_GAP / trajectory.sample_hz)
+        axes.plot(*broken, color=_LINE, lw=1.2, marker="." if len(times) == 1 else None)
+        finish(axes, label, least)
     for grip in trajectory.grips:
         _grip((opening, velocity, torque), grip)
     opening.set_ylim(-0.04 * travel_mm, 1.04 * travel_mm)
     torque.set_xlabel("time [s]")
-    figure.suptitle(_trajectory_title(trajectory, name), x=0.075, ha="left", fontsize=11, y=0.975)
+    words = [name, f"{len(trajectory)} samples at {trajectory.sample_hz:g} Hz"]
+    words += [] if trajectory.mount is None else [f"mount {trajectory.mount}"]
+    title = "   ·   ".join([*words, date(trajectory.created)])
+    figure.suptitle(title, x=0.075, ha="left", fontsize=11, y=0.975)
     figure.subplots_adjust(left=0.075, right=0.97, top=0.93, bottom=0.08, hspace=0.12)
     figure.align_ylabels([opening, velocity, torque])
     return figure
-
-
-def _trajectory_title(trajectory: Trajectory, name: str) -> str:
-    words = [name, f"{len(trajectory)} samples at {trajectory.sample_hz:g} Hz"]
-    if trajectory.mount is not None:
-        words.append(f"mount {trajectory.mount}")
-    words.append(date(trajectory.created))
-    return "   ·   ".join(words)
-
-
-def _row(
-    axes: Axes, trajectory: Trajectory, values: list[float], label: str, least: float = 0.0
-) -> None:
-    longest_s = _LONG_GAP / trajectory.sample_hz
-    times: list[float] = []
-    drawn: list[float] = []
-    for sample, value in zip(trajectory.samples, values, strict=True):
-        if times and sample.t - times[-1] > longest_s:
-            times.append(times[-1])
-            drawn.append(math.nan)
-        times.append(sample.t)
-        drawn.append(value)
-    axes.plot(times, drawn, color=_LINE, lw=1.2, marker="." if len(times) == 1 else None)
-    finish(axes, label, least)
 
 
 def _grip(rows: tuple[Axes, ...], grip: TaughtGrip) -> None:
