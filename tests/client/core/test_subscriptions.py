@@ -135,17 +135,19 @@ def test_an_iteration_can_be_interrupted_and_go_on(
         assert second.monotonic_s - first.monotonic_s == pytest.approx(1.0, abs=0.02)
 
 
-@pytest.mark.parametrize("what", BOTH)
+@pytest.mark.parametrize(
+    ("what", "subscribe"), [*BOTH.items(), ("state", lambda g: g.states(50, ["seq"], batch=4))]
+)
 def test_a_subscription_that_nobody_has_any_more_is_ended(
-    daemon: Heard, gripper: LiteGrip, kind: Kind, what: str
+    daemon: Heard, gripper: LiteGrip, kind: Kind, what: str, subscribe: Subscribe
 ) -> None:
     daemon.client().result("stop")
-    BOTH[what](gripper).__enter__()
+    subscribe(gripper).__enter__()
     gc.collect(1)
     other = daemon.client()
     for level in ("relax", "disable", "relax"):
         other.result("stop", level=level)
-        kind.pause(0.05)
+        kind.pause(0.1)
         gripper.get_state()
     assert daemon.methods().count(f"{what}.unsubscribe") == 1
 
