@@ -13,6 +13,7 @@ from litegrip_client import (
     GripperState,
     HardwareError,
     LiteGrip,
+    MotionConfig,
     MoveProgress,
     MoveResult,
 )
@@ -104,6 +105,29 @@ def test_a_verdict_and_a_time_are_both_asked_and_the_daemon_decides(
         enabled.grasp(until="verdict", hold_s=2.0)
     asked = {"until": "verdict", "hold_s": 2.0, "progress": True}
     assert daemon.asked("motion.grasp") == [asked]
+
+
+def test_tunables_that_were_set_travel_with_each_call_of_their_gripper(
+    daemon: Heard, kind: Kind
+) -> None:
+    config = MotionConfig(enable_retries=5, enable_retry_interval=0.1)
+    daemon.gripper.put_object(width_mm=58.0)
+    with kind.gripper(motion_config=config) as gripper, kind.gripper() as other:
+        assert gripper.motion_config is config
+        assert gripper.enable()
+        gripper.motion_config = MotionConfig(speed_mm_s=25.0, force_n=10.0)
+        gripper.close()
+        gripper.motion_config.force_n = 5.0
+        gripper.actions.close(10.0)
+        with pytest.raises(BusyError):
+            other.open()
+    wished = {"enable_retries": 5, "enable_retry_interval": 0.1}
+    assert daemon.asked("motor.enable") == [{"config": wished}]
+    first, second = daemon.asked("motion.close")
+    assert first == {"config": {"speed_mm_s": 25.0, "force_n": 10.0}, "progress": True}
+    assert second["config"] == {"speed_mm_s": 25.0, "force_n": 5.0}
+    assert second["speed_mm_s"] == 10.0
+    assert daemon.asked("motion.open") == [{"progress": True}]
 
 
 def test_a_grasp_and_a_force_have_tunables(daemon: Heard, enabled: LiteGrip) -> None:
