@@ -6,10 +6,10 @@ import pytest
 
 from litegrip_client import LiteGrip, Trajectory
 from litegrip_client.ctl.main import main
-from litegrip_client.line.connection import Connection
 from tests.client.fake_daemon import FakeDaemon
 from tests.client.fake_trajectories import FakeTrajectories
 from tests.client.helpers import Ctl
+from tests.client.rig import Asyncio, Kind, Threads
 
 
 @pytest.fixture(autouse=True)
@@ -35,10 +35,20 @@ def daemon(tmp_path: Path) -> Iterator[FakeDaemon]:
         yield daemon
 
 
+@pytest.fixture(params=[Threads, Asyncio], ids=["threads", "asyncio"])
+def kind(request: pytest.FixtureRequest) -> Iterator[Kind]:
+    """Return a program of each kind, in real time."""
+    kind: Kind = request.param()
+    yield kind
+    kind.close()
+
+
 @pytest.fixture
-def connection(daemon: FakeDaemon) -> Iterator[Connection]:
-    with Connection(daemon.path, timeout_s=20.0) as connection:
-        yield connection
+def tasks() -> Iterator[Asyncio]:
+    """Return a program whose tasks go on beside each other, in real time."""
+    kind = Asyncio()
+    yield kind
+    kind.close()
 
 
 @pytest.fixture
