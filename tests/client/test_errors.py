@@ -74,7 +74,8 @@ def test_the_clients_own_errors_have_the_exit_code_of_their_class() -> None:
 
 def test_the_classes_are_related_as_the_documents_say() -> None:
     assert issubclass(litegrip_client.ConnectError, ConnectionError)
-    for name in ("BusyError", "StoppedError", "CancelledError"):
+    assert issubclass(litegrip_client.ParameterError, ValueError)
+    for name in ("BusyError", "StoppedError", "CancelledError", "ParameterError"):
         assert issubclass(getattr(litegrip_client, name), litegrip_client.CommandError)
     for name in ("ProtocolError", "CommandError", "HardwareError", "ConnectError"):
         assert issubclass(getattr(litegrip_client, name), LiteGripError)

@@ -116,6 +116,7 @@ def test_what_cannot_be_loaded_is_named_with_the_reason(folder: Path) -> None:
     folder.mkdir()
     with pytest.raises(CommandError, match=r"there is no trajectory .*/pick\.lgt") as caught:
         Trajectory.load("pick")
+    assert isinstance(caught.value, FileNotFoundError)
     assert caught.value.reason == "unknown_trajectory"
     (folder / "bad.lgt").write_bytes(lgt([(0.0, 2.0)]))
     with pytest.raises(CommandError, match=r"bad\.lgt: sample 0: openness is 2\.0"):

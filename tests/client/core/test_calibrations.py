@@ -14,6 +14,7 @@ from litegrip_client import (
     HardwareError,
     LiteGrip,
     MoveProgress,
+    ParameterError,
     StoppedError,
 )
 from litegripd.model.motion_config import MotionConfig
@@ -55,11 +56,6 @@ def test_a_mount_is_loaded_on_every_connecting(daemon: Heard, kind: Kind) -> Non
             gripper.connect()
     assert daemon.methods() == ["hello", "calibration.load"] * 2
     assert loads(daemon) == [{"template": "normal"}] * 2
-
-
-def test_another_mount_needs_no_daemon_to_be_refused(kind: Kind) -> None:
-    with pytest.raises(CommandError, match="one of: normal, reverse"):
-        kind.gripper("can1", mount="sideways")
 
 
 def test_a_mount_that_cannot_be_loaded_leaves_no_connection(daemon: Heard, kind: Kind) -> None:
@@ -105,9 +101,13 @@ def test_the_four_ways_to_a_mount_are_one(daemon: Heard, gripper: LiteGrip, kind
     assert gripper.mount == "reverse"
 
 
-def test_an_unknown_template_asks_for_nothing(daemon: Heard, gripper: LiteGrip) -> None:
-    for load in (gripper.load_template, lambda name: gripper.load_calibration(template=name)):
-        with pytest.raises(CommandError, match="one of: normal, reverse"):
+def test_an_unknown_template_asks_for_nothing(daemon: Heard, gripper: LiteGrip, kind: Kind) -> None:
+    for load in (
+        gripper.load_template,
+        lambda name: gripper.load_calibration(template=name),
+        lambda name: kind.gripper("can1", mount=name),
+    ):
+        with pytest.raises(ParameterError, match="one of: normal, reverse"):
             load("sideways")
     with pytest.raises(CommandError, match="not both"):
         gripper.load_calibration("c.json", "normal")
@@ -134,9 +134,6 @@ def test_a_file_that_cannot_be_read_raises(
     with pytest.raises(CommandError, match="No such file") as caught:
         gripper.load_calibration(tmp_path / "none.json")
     assert caught.value.reason == "calibration_unreadable"
-    (tmp_path / "nan.json").write_text('{"rad_to_mm": NaN}')
-    with pytest.raises(CommandError, match="rad_to_mm is NaN, it must be a finite number"):
-        gripper.load_calibration(tmp_path / "nan.json")
     assert loads(daemon) == []
 
 
@@ -358,16 +355,11 @@ def test_who_takes_the_progress_is_not_printed_to_and_an_interrupt_cancels(
     assert daemon.methods()[-1] == "job.cancel"
 
 
-@pytest.mark.parametrize(
-    ("outcome", "kind_of_error"), [("not_found", HardwareError), ("not_saved", CommandError)]
-)
-def test_a_probe_that_fails_raises_what_the_daemon_says(
-    daemon: Heard, gripper: LiteGrip, outcome: str, kind_of_error: type[Exception]
-) -> None:
-    failed = {**MEASURED, "ok": False, "outcome": outcome, "message": "no stop within 200 steps"}
+def test_a_probe_that_fails_raises_what_the_daemon_says(daemon: Heard, gripper: LiteGrip) -> None:
+    failed = {**MEASURED, "ok": False, "outcome": "not_found", "message": "no stop at all"}
     daemon.instead["calibration.zero"] = {**failed, "state": daemon.wire_state}
     for measure in (gripper.zero, gripper.calibrate):
-        with pytest.raises(kind_of_error, match="no stop within 200 steps"):
+        with pytest.raises(HardwareError, match="no stop at all"):
             measure()
 
 

@@ -44,7 +44,7 @@ def test_the_constructor_connects_to_nothing(daemon: Heard, kind: Kind) -> None:
     assert "connect()" in str(caught.value)
     assert gripper.connect() is True
     connected = gripper.is_connected
-    gripper.connect()
+    assert gripper.connect() is True
     gripper.disconnect()
     assert (connected, gripper.is_connected) == (True, False)
     gripper.disconnect()

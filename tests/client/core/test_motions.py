@@ -16,6 +16,7 @@ from litegrip_client import (
     MotionConfig,
     MoveProgress,
     MoveResult,
+    ParameterError,
 )
 from tests.client.rig import GUARDS, Bench, Heard, Kind
 from tests.geometry import TRAVEL_MM
@@ -186,18 +187,22 @@ def test_a_force_that_is_no_number_is_refused_here(
     daemon: Heard, gripper: LiteGrip, force_n: Any
 ) -> None:
     for call in (gripper.grasp, gripper.set_force):
-        with pytest.raises(CommandError, match="force_n is"):
+        with pytest.raises(ParameterError, match="force_n is"):
             call(force_n)
     assert daemon.methods() == ["hello"]
 
 
-@pytest.mark.parametrize("feedforward", [{"dq_target": 0.5}, {"tau_feedforward": -1.0}])
-def test_a_move_with_a_feedforward_of_the_callers_own_is_rejected(
-    daemon: Heard, gripper: LiteGrip, feedforward: dict[str, Any]
+@pytest.mark.parametrize(
+    ("name", "instead"), [("dq_target", "move_at_speed"), ("tau_feedforward", "set_force")]
+)
+def test_a_move_with_a_feedforward_of_the_callers_own_is_rejected_with_what_to_use(
+    daemon: Heard, gripper: LiteGrip, name: str, instead: str
 ) -> None:
+    feedforward: dict[str, Any] = {name: -0.5}
     with pytest.raises(CommandError, match="the daemon computes velocity and torque") as caught:
         gripper.goto_rad(-0.5, **feedforward)
     assert caught.value.reason == "unsupported"
+    assert instead in str(caught.value.hint)
     assert daemon.methods() == ["hello"]
 
 
@@ -210,10 +215,15 @@ def test_a_force_for_an_impossible_time_is_rejected(
     assert daemon.methods() == ["hello"]
 
 
-def test_a_target_outside_the_travel_tells_the_travel(enabled: LiteGrip) -> None:
-    with pytest.raises(CommandError) as caught:
+def test_what_the_daemon_refuses_is_a_bad_parameter_and_tells_the_travel(
+    enabled: LiteGrip,
+) -> None:
+    with pytest.raises(ParameterError) as caught:
         enabled.goto(500.0)
     assert caught.value.data["limit"] == pytest.approx([0.0, TRAVEL_MM], abs=0.1)
+    for wrong in (lambda: enabled.goto(50.0, 10_000.0), lambda: enabled.open(speed_mm_s=-1.0)):
+        with pytest.raises(ParameterError):
+            wrong()
 
 
 # Force, loose jaws, and holding

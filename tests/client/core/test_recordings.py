@@ -41,7 +41,7 @@ def test_record_asks_for_its_samples_and_fetches_them_in_pieces(
 def test_a_time_without_a_sample_is_refused_before_anything_is_slack(
     daemon: Heard, gripper: LiteGrip, duration_s: float, rate_hz: float
 ) -> None:
-    with pytest.raises(CommandError, match="make no sample"):
+    with pytest.raises(ParameterError, match="make no sample"):
         gripper.record(duration_s, rate_hz)
     with pytest.raises(CommandError, match="must be a number"):
         gripper.record("long")  # type: ignore[arg-type]

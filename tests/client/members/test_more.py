@@ -1,41 +1,24 @@
-"""Calibrating and teleoperation as the SDK's scripts call them: by position and by keyword."""
+"""Calibrating and teleoperation on both mounts, as the SDK's scripts call them."""
 
 import math
-from collections.abc import Callable
 from itertools import pairwise
 
 import pytest
 
 from litegrip_client import (
     CalibrationData,
-    CommandError,
     LiteGrip,
     TeleopBusyError,
     TrajectoryBusyError,
 )
 from tests.drop_in import Daemon, Site
 
-PROBES: dict[str, Callable[[LiteGrip], CalibrationData]] = {
-    "by position": lambda g: g.calibrate(15.0, 1.5, 0.04, 0.002, 6, 150, 1.5),
-    "by keyword": lambda g: g.calibrate(
-        kp=15.0,
-        kd=1.5,
-        step_rad=0.04,
-        stall_delta=0.002,
-        stall_cycles=6,
-        max_iter=150,
-        tau_limit=1.5,
-    ),
-    "guided": lambda g: g.calibrate_guided(15.0, 1.5, 0.04, 0.002, 6, 150, 1.5),
-}
 
-
-@pytest.mark.parametrize("probe", PROBES)
 def test_the_travel_is_probed_with_the_gains_and_the_torque_that_are_given(
-    site: Site, daemon: Daemon, gripper: LiteGrip, probe: str
+    site: Site, daemon: Daemon, gripper: LiteGrip
 ) -> None:
     with site.recorded(daemon) as moments:
-        data = PROBES[probe](gripper)
+        data = gripper.calibrate(15.0, 1.5, 0.04, 0.002, 6, 150, 1.5)
     assert (data.mount, data.calibrated) == (daemon.mount, True)
     assert data.travel_range == pytest.approx(1.605, abs=0.06)
     probing = [moment.command for moment in moments[20:200] if moment.command is not None]
@@ -83,22 +66,6 @@ def test_without_aligning_a_follower_goes_there_at_once_and_does_not_jump(
     assert openings[-1] - openings[0] > 10.0  # and not 4, at 5 mm/s
     steps = [abs(later - earlier) for earlier, later in pairwise(openings)]
     assert max(steps) < 1.0
-
-
-@pytest.mark.parametrize(
-    "refused",
-    [
-        lambda g: g.teleop_start("slave", "10.0.0.1", lead_cap_mm=-1.0),
-        lambda g: g.teleop_start("slave", "10.0.0.1", transport=object()),
-        lambda g: g.teleop_start("slave", "10.0.0.1", only_from="10.0.0.1"),
-    ],
-)
-def test_what_a_follower_cannot_do_is_refused(
-    gripper: LiteGrip, refused: Callable[[LiteGrip], object]
-) -> None:
-    with pytest.raises(CommandError):
-        refused(gripper)
-    assert gripper.teleop_status()["active"] is False
 
 
 def test_a_calibration_that_a_script_has_made_is_used(daemon: Daemon, gripper: LiteGrip) -> None:

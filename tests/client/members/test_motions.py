@@ -1,11 +1,10 @@
-"""The SDK's motions, by position and by keyword: what the frames then say, and what the jaws do."""
+"""The SDK's motions on both mounts: what the frames then say, and what the jaws do."""
 
 from collections.abc import Callable
 
 import pytest
 
 from litegrip_client import (
-    CommandError,
     ErrorCode,
     HardwareError,
     LiteGrip,
@@ -17,14 +16,9 @@ from tests.geometry import MM_RAD
 
 WAYS: dict[str, Callable[[LiteGrip, float], object]] = {
     "goto": lambda g, _rad: g.goto(30.0, 150.0, 2.0),
-    "goto by keyword": lambda g, _rad: g.goto(position_mm=30.0, kp=150.0, kd=2.0, duration=0.5),
     "goto_rad": lambda g, rad: g.goto_rad(rad, 150.0, 2.0, 0.0, 0.0, 0.5),
-    "goto_rad by keyword": lambda g, rad: g.goto_rad(position_rad=rad, kp=150.0, kd=2.0),
     "move_to": lambda g, rad: g.move_to(rad, 150.0, 2.0, 0.0, 0.5),
     "move_at_speed": lambda g, _rad: g.move_at_speed(30.0, 60.0, 150.0, 2.0),
-    "move_at_speed by keyword": lambda g, _rad: g.move_at_speed(
-        target_mm=30.0, speed_mm_s=60.0, kp=150.0, kd=2.0
-    ),
     "move_at_speed_rad": lambda g, rad: g.move_at_speed_rad(rad, 60.0 / MM_RAD, 150.0, 2.0),
 }
 
@@ -167,8 +161,6 @@ def test_a_frame_is_a_set_point_with_its_gains(
     assert max(m.command.kp_nm_rad for m in moments if m.command) <= 100.0
     moving = [m.command for m in moments if m.command and abs(m.command.velocity_rad_s) > 0.3]
     assert max(command.kp_nm_rad for command in moving) <= 40.1
-    with pytest.raises(CommandError, match="tau asks for a torque"):
-        gripper.send_mit_frame(q=goal_rad, kp=40.0, kd=1.0, dq=0.0, tau=1.0)
 
 
 def test_zero_gravity_for_a_while(site: Site, daemon: Daemon, gripper: LiteGrip) -> None:
