@@ -432,6 +432,16 @@ class Asyncio:
         """Run a coroutine to its end."""
         return self.loop.run_until_complete(coroutine)
 
+    def use(self, scene: Callable[[aio.LiteGrip], Coroutine[Any, Any, None]]) -> None:
+        """Play a scene with a connected gripper, which is enabled."""
+
+        async def main() -> None:
+            async with aio.LiteGrip() as gripper:
+                assert await gripper.enable()
+                await scene(gripper)
+
+        self.run(main())
+
     def close(self) -> None:
         """End the event loop; fail for tasks that are left, and for errors of callbacks."""
         left = asyncio.all_tasks(self.loop)

@@ -477,18 +477,16 @@ def test_hold_stop_and_clear(daemon: Heard, enabled: LiteGrip) -> None:
 
 
 def test_a_stop_overtakes_a_motion(daemon: Heard, tasks: Asyncio) -> None:
-    async def main() -> None:
-        async with aio.LiteGrip() as gripper:
-            await gripper.enable()
-            moving = asyncio.create_task(gripper.close())
-            await asyncio.sleep(0.2)
-            await gripper.software_stop("relax", why="smoke")
-            with pytest.raises(StoppedError):
-                await moving
-            await gripper.clear_stop()
-            assert (await gripper.hold()).mode == "holding"
+    async def scene(gripper: aio.LiteGrip) -> None:
+        moving = asyncio.create_task(gripper.close())
+        await asyncio.sleep(0.2)
+        await gripper.software_stop("relax", why="smoke")
+        with pytest.raises(StoppedError):
+            await moving
+        await gripper.clear_stop()
+        assert (await gripper.hold()).mode == "holding"
 
-    tasks.run(main())
+    tasks.use(scene)
 
 
 def test_reading(daemon: Heard, enabled: LiteGrip) -> None:
