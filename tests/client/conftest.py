@@ -9,7 +9,7 @@ from litegrip_client.ctl.main import main
 from tests.client.fake_daemon import FakeDaemon
 from tests.client.fake_trajectories import FakeTrajectories
 from tests.client.helpers import Ctl
-from tests.client.rig import Asyncio, Kind, Threads
+from tests.client.rig import Asyncio, Bench, Kind, Threads
 
 
 @pytest.fixture(autouse=True)
@@ -35,18 +35,23 @@ def daemon(tmp_path: Path) -> Iterator[FakeDaemon]:
         yield daemon
 
 
+@pytest.fixture
+def site() -> Bench | None:
+    """Return nothing: time is the real one, and so are sockets."""
+    return None
+
+
 @pytest.fixture(params=[Threads, Asyncio], ids=["threads", "asyncio"])
-def kind(request: pytest.FixtureRequest) -> Iterator[Kind]:
-    """Return a program of each kind, in real time."""
-    kind: Kind = request.param()
+def kind(request: pytest.FixtureRequest, site: Bench | None) -> Iterator[Kind]:
+    kind: Kind = request.param(site)
     yield kind
     kind.close()
 
 
 @pytest.fixture
-def tasks() -> Iterator[Asyncio]:
-    """Return a program whose tasks go on beside each other, in real time."""
-    kind = Asyncio()
+def tasks(site: Bench | None) -> Iterator[Asyncio]:
+    """Return a program whose tasks go on beside each other."""
+    kind = Asyncio(site)
     yield kind
     kind.close()
 

@@ -327,17 +327,13 @@ class Threads:
     def gripper(self, channel: str | None = "can0", *arguments: Any, **settings: Any) -> LiteGrip:
         return LiteGrip(channel, *arguments, **settings)
 
-    def interrupt(self) -> None:
-        """Interrupt the call that waits, in the next period."""
-        self.interrupt_within(0.0)
-
-    def interrupt_within(self, seconds: float) -> None:
-        """Interrupt the call that waits by then."""
+    def interrupt(self, within_s: float = 0.0) -> None:
+        """Interrupt the call that waits by then: the next period at the soonest."""
 
         def interrupt() -> None:
             raise KeyboardInterrupt
 
-        self.site.after(seconds, interrupt)
+        self.site.after(within_s, interrupt)
 
     def pause(self, seconds: float) -> None:
         """Let the program do nothing for a while."""
@@ -392,19 +388,15 @@ class Asyncio:
         self._task = task = self.loop.create_task(coroutine)
         return self.loop.run_until_complete(task)
 
-    def interrupt(self) -> None:
-        """Cancel the task that waits, in the next period."""
-        self.interrupt_within(0.0)
-
-    def interrupt_within(self, seconds: float) -> None:
-        """Cancel the task that waits by then."""
+    def interrupt(self, within_s: float = 0.0) -> None:
+        """Cancel the task that waits by then: the next period at the soonest."""
 
         def cancel() -> None:
             assert self._task is not None
             self._task.cancel()
 
         assert self._site is not None
-        self._site.after(seconds, cancel)
+        self._site.after(within_s, cancel)
 
     def pause(self, seconds: float) -> None:
         """Let the program do nothing for a while."""

@@ -448,7 +448,7 @@ def test_an_interrupted_beginning_is_cancelled(
     daemon.instead["calibration.manual"] = lambda request: (
         SILENT if request.params["step"] == "begin" else {}
     )
-    kind.interrupt_within(0.05)
+    kind.interrupt(0.05)
     with pytest.raises(kind.interrupted), enabled.manual_calibration():
         pass
     assert steps(daemon) == ["begin", "cancel"]

@@ -124,7 +124,7 @@ def test_a_daemon_that_went_is_noticed_and_connecting_again_works(
 def test_an_interrupted_connecting_leaves_nothing(daemon: Heard, kind: Kind) -> None:
     daemon.instead["hello"] = SILENT
     gripper = kind.gripper()
-    kind.interrupt_within(0.1)
+    kind.interrupt(0.1)
     with pytest.raises(kind.interrupted):
         gripper.connect()
     assert not gripper.is_connected
@@ -293,7 +293,7 @@ def test_a_lease_that_was_had_before_is_kept_when_enabling_fails(
 
 def test_an_interrupted_enable_may_have_enabled(daemon: Heard, kind: Kind) -> None:
     daemon.instead["motor.enable"] = SILENT
-    kind.interrupt_within(0.1)
+    kind.interrupt(0.1)
     with pytest.raises(kind.interrupted), kind.gripper() as gripper:
         gripper.enable()
     assert daemon.methods() == [*ENABLED, *DISABLED]

@@ -24,7 +24,7 @@ def test_an_interrupt_cancels_the_job_of_the_motion(
     with kind.gripper() as gripper:
         gripper.enable()
         gripper.goto(55.0, duration=None)
-        kind.interrupt_within(0.0)
+        kind.interrupt()
         with pytest.raises(kind.interrupted):
             gripper.open()
         assert daemon.methods()[-2:] == ["job.list", "job.cancel"]
@@ -85,7 +85,7 @@ def test_a_motion_refused_while_interrupted_cancels_nobody_elses(
     """By then another thread or task of this program moves, over the same connection."""
     daemon.late = {"motion.open": 0.05, "job.list": 0.1}
     kind.ask(enabled, "motion.close", wait=False)
-    kind.interrupt_within(0.02)
+    kind.interrupt(0.02)
     with pytest.raises(kind.interrupted):
         enabled.open()
     assert daemon.methods()[-1] == "job.list"
@@ -112,7 +112,7 @@ def test_a_job_that_cannot_be_found_is_told(
             assert running.result("motor.enable", detach=True)
             running.send("motion.close")
         daemon.instead["motion.open"] = SILENT
-        kind.interrupt_within(0.02)
+        kind.interrupt(0.02)
         with pytest.raises(kind.interrupted):
             gripper.open()
         assert daemon.state.mode == "moving"

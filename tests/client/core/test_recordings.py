@@ -98,7 +98,7 @@ def test_a_recording_that_was_broken_off_raises_as_the_daemon_says(
 
 
 def test_an_interrupt_ends_the_recording(daemon: Heard, enabled: LiteGrip, kind: Kind) -> None:
-    kind.interrupt_within(0.5)
+    kind.interrupt(0.5)
     with pytest.raises(kind.interrupted):
         enabled.record(60.0)
     assert daemon.asked("trajectory.record_stop") == [END]
@@ -109,7 +109,7 @@ def test_an_interrupt_before_the_answer_takes_back_what_comes_of_it(
     daemon: Heard, enabled: LiteGrip, kind: Kind
 ) -> None:
     daemon.late["trajectory.record_start"] = 0.1
-    kind.interrupt_within(0.05)
+    kind.interrupt(0.05)
     with pytest.raises(kind.interrupted):
         enabled.record_start()
     kind.pause(0.1)

@@ -114,7 +114,7 @@ def test_an_interrupted_subscription_is_ended_when_its_number_comes(
     daemon: Heard, gripper: LiteGrip, kind: Kind, what: str
 ) -> None:
     daemon.late[f"{what}.subscribe"] = 0.1
-    kind.interrupt_within(0.05)
+    kind.interrupt(0.05)
     with pytest.raises(kind.interrupted):
         BOTH[what](gripper).__enter__()
     kind.pause(0.1)
@@ -128,7 +128,7 @@ def test_an_iteration_can_be_interrupted_and_go_on(
 ) -> None:
     with gripper.states(1) as states:
         first = next(states)
-        kind.interrupt_within(0.5)
+        kind.interrupt(0.5)
         with pytest.raises(kind.interrupted):
             next(states)
         second = next(states)
