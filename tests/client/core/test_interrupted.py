@@ -60,7 +60,9 @@ def test_a_grasp_for_ever_waits_until_an_interrupt_which_cancels_it(
     assert list(dict.fromkeys(phases))[-1] == ("hold", False)
     assert phases[0] == ("move", True)
     assert daemon.requests[-1].method == "job.cancel"
+    kind.pause(1.0)
     assert daemon.state.is_grasped  # it is held on all the same
+    assert daemon.closing_torque_nm == pytest.approx(2.0, abs=0.1)
 
 
 def test_an_error_of_the_callback_cancels_the_motion_too(daemon: Heard, enabled: LiteGrip) -> None:

@@ -221,7 +221,11 @@ def test_what_the_daemon_refuses_is_a_bad_parameter_and_tells_the_travel(
     with pytest.raises(ParameterError) as caught:
         enabled.goto(500.0)
     assert caught.value.data["limit"] == pytest.approx([0.0, TRAVEL_MM], abs=0.1)
-    for wrong in (lambda: enabled.goto(50.0, 10_000.0), lambda: enabled.open(speed_mm_s=-1.0)):
+    for wrong in (
+        lambda: enabled.goto_openness(1.2),
+        lambda: enabled.goto(50.0, 10_000.0),
+        lambda: enabled.open(speed_mm_s=-1.0),
+    ):
         with pytest.raises(ParameterError):
             wrong()
 
@@ -283,15 +287,24 @@ def test_what_is_no_register_is_refused(gripper: LiteGrip) -> None:
         gripper.read_param(2.5)  # type: ignore[arg-type]
 
 
-def test_a_new_zero_leaves_the_motor_disabled(daemon: Heard, enabled: LiteGrip) -> None:
+def test_a_new_zero_leaves_the_motor_disabled_and_uncalibrated(
+    daemon: Heard, enabled: LiteGrip
+) -> None:
     before_rad = daemon.state.position_rad
     result = enabled.set_zero()
     assert result
     assert result.shift_rad == pytest.approx(before_rad, abs=0.01)
     assert result.position_rad == pytest.approx(0.0, abs=0.01)
     assert daemon.requests[-1].params.keys() == set(GUARDS)
+    assert not daemon.is_energised
+    assert (enabled.mount, enabled.config.pos_closed_rad) == (None, None)
     enabled.disconnect()
     assert "motor.disable" not in daemon.methods()
+    enabled.connect()
+    enabled.enable()
+    with pytest.raises(CommandError) as caught:
+        enabled.open()
+    assert caught.value.reason == "not_calibrated"
 
 
 def test_a_zero_that_fails_raises_and_one_that_is_not_sure_leaves_it_to_be_disabled(

@@ -105,6 +105,9 @@ def test_only_a_trajectory_is_played(daemon: Heard, gripper: LiteGrip, what: Any
 
 
 def test_a_trajectory_that_the_daemon_refuses_raises(daemon: Heard, enabled: LiteGrip) -> None:
+    for wrong, speed in ((Trajectory(), 1.0), (SWING, 5.0), (SWING, 0.05)):
+        with pytest.raises(CommandError):
+            enabled.play(wrong, speed)
     enabled.record_start()
     with pytest.raises(TrajectoryBusyError):
         enabled.play(POSES[0])
