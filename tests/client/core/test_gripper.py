@@ -275,7 +275,7 @@ def test_an_enable_that_failed_makes_nothing_to_disable(
         else:
             daemon.lose_to_motor = lambda frame: frame.data[7:] == b"\xfc"  # to be enabled
             result = gripper.enable()
-            assert (bool(result), result.tries > 1) == (False, True)
+            assert (bool(result), result.tries > 1, result.reason) == (False, True, "not_confirmed")
             assert result.message
     assert daemon.methods() == [*ENABLED, "lease.release"]
 

@@ -54,25 +54,17 @@ def test_a_move_takes_half_a_second_with_the_gains_that_it_is_given(
     assert daemon.gripper.opening_mm == pytest.approx(30.0, abs=0.6)
 
 
-def test_a_move_that_is_too_fast_takes_as_long_as_it_must(
-    site: Site, daemon: Daemon, gripper: LiteGrip
-) -> None:
-    assert gripper.goto(0.0, duration=0.1)
-    assert daemon.gripper.opening_mm == pytest.approx(0.0, abs=1.0)
-
-
 def test_stop_takes_the_torque_off_at_once_and_latches_nothing(
     site: Site, daemon: Daemon, gripper: LiteGrip
 ) -> None:
     daemon.gripper.put_object(width_mm=30.0)
     assert gripper.grasp(10.0, until="verdict")
+    gripper.stop()
     with site.recorded(daemon) as moments:
-        gripper.stop()
         site.run(0.1)
-    for moment in moments[1:]:
-        assert moment.command is not None
-        assert (moment.command.kp_nm_rad, moment.command.kd_nm_s_rad) == (0.0, 0.0)
-        assert moment.command.torque_nm == pytest.approx(0.0, abs=0.01)
+    commands = [moment.command for moment in moments if moment.command is not None]
+    assert {(one.kp_nm_rad, one.kd_nm_s_rad) for one in commands} == {(0.0, 0.0)}
+    assert max(abs(one.torque_nm) for one in commands) < 0.01
     assert gripper.get_state().stop is None
     daemon.gripper.remove_object()
     assert gripper.open()
@@ -147,20 +139,6 @@ def test_a_force_is_held_for_its_duration_and_after_it(
     assert site.now_s - began_s == pytest.approx(0.3, abs=0.05)
     site.run(1.0)
     assert daemon.closing_torque_nm == pytest.approx(0.5, abs=0.1)
-
-
-def test_a_frame_is_a_set_point_with_its_gains(
-    site: Site, daemon: Daemon, gripper: LiteGrip
-) -> None:
-    goal_rad = at_30_mm(daemon)
-    with site.recorded(daemon) as moments:
-        for _ in range(150):
-            assert gripper.send_mit_frame(goal_rad, 40.0, 1.0) is True
-            site.run(0.01)
-    assert daemon.gripper.opening_mm == pytest.approx(30.0, abs=0.6)
-    assert max(m.command.kp_nm_rad for m in moments if m.command) <= 100.0
-    moving = [m.command for m in moments if m.command and abs(m.command.velocity_rad_s) > 0.3]
-    assert max(command.kp_nm_rad for command in moving) <= 40.1
 
 
 def test_zero_gravity_for_a_while(site: Site, daemon: Daemon, gripper: LiteGrip) -> None:
