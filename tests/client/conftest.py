@@ -7,7 +7,6 @@ import pytest
 from litegrip_client import LiteGrip, Trajectory
 from litegrip_client.ctl.main import main
 from tests.client.fake_daemon import FakeDaemon
-from tests.client.fake_trajectories import FakeTrajectories
 from tests.client.helpers import Ctl
 from tests.client.rig import Asyncio, Bench, Kind, Threads
 
@@ -74,11 +73,6 @@ def ctl(
         return code, captured.out, captured.err
 
     return run
-
-
-@pytest.fixture
-def there(daemon: FakeDaemon) -> FakeTrajectories:
-    return FakeTrajectories(daemon)
 
 
 @pytest.fixture
