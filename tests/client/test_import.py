@@ -35,8 +35,8 @@ def imported(first: str, cache: Path, before: str = "sys") -> dict[str, str]:
         "for name in set(sys.modules) - before:\n"
         "    print(name, getattr(sys.modules[name], '__file__', None) or '', sep='\t')"
     )
-    rows = (line.split("\t") for line in run(code, cache).splitlines())
-    return dict(rows)  # type: ignore[arg-type]
+    rows = (line.partition("\t") for line in run(code, cache).splitlines())
+    return {name: path for name, _, path in rows}
 
 
 def test_only_the_standard_library_is_imported(tmp_path: Path) -> None:

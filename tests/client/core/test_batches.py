@@ -19,6 +19,7 @@ BATCH = 4
 @pytest.fixture
 def state(site: Bench, daemon: Heard) -> dict[str, Any]:
     """Have the daemon send batches again, of which it would send none; return its first state."""
+    state = {**daemon.wire_state, "seq": 7}
 
     def subscribe(request: Asked) -> Any:
         if set(request.params["fields"]) - set(state):
@@ -27,7 +28,6 @@ def state(site: Bench, daemon: Heard) -> dict[str, Any]:
             site.after(0.0, lambda seq=seq: send(daemon, state, seq))  # type: ignore[misc]
         return {"subscription": 5, "state": state}
 
-    state = {**daemon.wire_state, "seq": 7}
     daemon.instead["state.subscribe"] = subscribe
     daemon.instead["state.unsubscribe"] = {"subscription": 5}
     return state

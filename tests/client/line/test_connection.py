@@ -2,6 +2,7 @@ import json
 import math
 import pickle
 import socket
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -243,7 +244,7 @@ def test_closing_says_so_to_who_waits_and_to_who_comes_later(
     waiting = kind.begin(connection, "call", "wait", timeout_s=math.inf)
     kind.arrived(daemon, "wait")
     connection.close()
-    for call in (waiting, lambda: connection.call("state.get")):
+    for call in (waiting, partial(connection.call, "state.get")):
         with pytest.raises(ConnectError, match="was closed"):
             call()
     connection.close()
@@ -256,7 +257,8 @@ def test_a_daemon_that_ends_is_told_to_all_who_wait_and_to_who_comes_later(
     requests = kind.arrived(daemon, "wait", 5)
     was_closed, told = connection.closed, set()
     requests[0].hang_up()
-    for call in (*calls, lambda: connection.call("state.get")):
+    calls.append(partial(connection.call, "state.get"))
+    for call in calls:
         with pytest.raises(ConnectError, match="ended the connection") as caught:
             call()
         assert isinstance(caught.value, ConnectionError)
