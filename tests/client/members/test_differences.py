@@ -13,7 +13,7 @@ from litegrip_client import (
     MotionConfig,
 )
 from tests.drop_in import Daemon, Site
-from tests.sdk_compat.scenes import jaws_are_loose, tuned
+from tests.sdk_compat.scenes import tuned
 from tests.sdk_compat.trajectories import swing
 
 
@@ -65,17 +65,6 @@ def test_one_program_moves_at_a_time_and_the_others_learn_who(
         assert re.search(r"\(pid \d+\) has the gripper", str(caught.value))
 
 
-def test_a_cleared_fault_can_leave_the_motor_disabled(
-    site: Site, daemon: Daemon, gripper: LiteGrip
-) -> None:
-    daemon.gripper.latch_fault(0xE)
-    site.run(0.1)
-    assert gripper.clear_fault(enable=False) is True
-    site.run(0.1)
-    assert not gripper.is_enabled
-    assert not daemon.is_energised
-
-
 def test_a_field_that_was_not_set_is_the_daemons(
     site: Site, daemon: Daemon, gripper: LiteGrip
 ) -> None:
@@ -122,22 +111,6 @@ def test_the_verdict_ends_the_call_and_the_daemon_keeps_holding_until_it_is_told
     assert daemon.closing_torque_nm == pytest.approx(1.5, abs=0.1)
     assert held.open()
     assert not held.is_grasped()
-
-
-def test_a_close_that_is_held_up_lets_go_for_a_moment_and_holds_there(
-    site: Site, daemon: Daemon, gripper: LiteGrip
-) -> None:
-    daemon.gripper.put_object(width_mm=30.0)
-    torques: list[float] = []
-    site.when(lambda: daemon.closing_torque_nm > 0.8, lambda: torques.append(site.now_s))
-    with site.recorded(daemon) as moments:
-        result = gripper.close()
-    assert (result.ok, result.stalled, result.protected) == (False, True, True)
-    assert torques
-    after = [m for m in moments if m.at_s > torques[0]]
-    assert min(abs(m.closing_torque_nm) for m in after) < 0.1
-    site.run(1.0)
-    assert not jaws_are_loose(site, daemon)
 
 
 @pytest.mark.parametrize(
@@ -272,20 +245,6 @@ def test_gains_that_damp_too_little_are_rejected(
     daemon.gripper.put_object(width_mm=30.0)
     with pytest.raises(CommandError, match="damp"):
         wrong(gripper)
-
-
-def test_a_zero_takes_about_a_quarter_of_a_minute(site: Site, gripper: LiteGrip) -> None:
-    began_s = site.now_s
-    gripper.zero(progress=lambda _one: None)
-    assert site.now_s - began_s == pytest.approx(15.0, abs=2.0)
-
-
-def test_a_calibration_by_hand_needs_a_mount(site: Site) -> None:
-    site.add(Daemon("can1", calibrated=False))
-    with LiteGrip("can1") as gripper:
-        gripper.enable()
-        with pytest.raises(CommandError, match="mount"):
-            gripper.calibrate_manual(1.0)
 
 
 def test_a_motor_that_stays_silent_names_the_fault(

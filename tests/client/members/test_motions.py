@@ -1,6 +1,8 @@
 """The SDK's motions on both mounts: what the frames then say, and what the jaws do."""
 
+import math
 from collections.abc import Callable
+from itertools import pairwise
 
 import pytest
 
@@ -10,6 +12,8 @@ from litegrip_client import (
     LiteGrip,
     ParameterError,
     StoppedError,
+    TeleopBusyError,
+    TrajectoryBusyError,
 )
 from tests.drop_in import Daemon, Moment, Site
 from tests.geometry import MM_RAD
@@ -157,7 +161,7 @@ def test_zero_gravity_for_a_while(site: Site, daemon: Daemon, gripper: LiteGrip)
         gripper.enter_zero_gravity(-1.0)
 
 
-def test_a_cleared_fault_leaves_the_motor_enabled(
+def test_a_cleared_fault_leaves_the_motor_enabled_unless_that_is_not_wished(
     site: Site, daemon: Daemon, gripper: LiteGrip
 ) -> None:
     assert gripper.clear_fault() is True  # an enabled motor has none
@@ -167,6 +171,54 @@ def test_a_cleared_fault_leaves_the_motor_enabled(
         gripper.open()
     assert caught.value.error_code == ErrorCode.OVERLOAD
     assert gripper.get_state().is_error
+    assert gripper.clear_fault(enable=False) is True
+    site.run(0.1)
+    assert not gripper.is_enabled
+    assert not daemon.is_energised
     assert gripper.clear_fault() is True
     assert gripper.is_enabled
     assert gripper.open()
+
+
+# Teleoperation
+
+
+def test_teleoperation_and_trajectories_exclude_each_other(gripper: LiteGrip) -> None:
+    gripper.record_start()
+    with pytest.raises((TeleopBusyError, TrajectoryBusyError)):
+        gripper.teleop_start("slave", fake_leader=True)
+    gripper.record_stop()
+    gripper.teleop_start("slave", fake_leader=True, align=True, align_speed_mm_s=30.0)
+    with pytest.raises(TeleopBusyError):
+        gripper.record(1.0)
+    with pytest.raises(TeleopBusyError):
+        gripper.open()
+    status = gripper.teleop_stop(timeout=2.0)
+    assert status["active"] is False
+    assert math.isfinite(status["torque_nm"])  # it is printed as a number, and written as JSON
+
+
+@pytest.mark.parametrize("speed", [15.0, 30.0, 60.0])
+def test_a_follower_aligns_at_the_speed_that_it_is_given(
+    site: Site, daemon: Daemon, gripper: LiteGrip, speed: float
+) -> None:
+    """The fake leader begins open; the jaws are at 20 mm."""
+    gripper.goto(20.0)
+    with site.recorded(daemon) as moments:
+        gripper.teleop_start("slave", fake_leader=True, align_speed_mm_s=speed)
+        site.run(0.7)
+    travelled_mm = moments[-1].opening_mm - moments[-41].opening_mm
+    assert travelled_mm / 0.2 == pytest.approx(speed, rel=0.15)
+
+
+def test_without_aligning_a_follower_goes_there_at_once_and_does_not_jump(
+    site: Site, daemon: Daemon, gripper: LiteGrip
+) -> None:
+    gripper.goto(60.0)
+    with site.recorded(daemon) as moments:
+        gripper.teleop_start("slave", fake_leader=True, align=False, align_speed_mm_s=5.0)
+        site.run(0.8)
+    openings = [moment.opening_mm for moment in moments]
+    assert openings[-1] - openings[0] > 10.0  # and not 4, at 5 mm/s
+    steps = [abs(later - earlier) for earlier, later in pairwise(openings)]
+    assert max(steps) < 1.0

@@ -1,9 +1,5 @@
 """What the SDK's reading members return, its values, and what a script says of its gripper."""
 
-import json
-import time
-from pathlib import Path
-
 import pytest
 
 from litegrip_client import (
@@ -23,8 +19,7 @@ from litegrip_client import (
     trajectory_dir,
 )
 from tests.drop_in import Daemon, Site
-from tests.geometry import SPAN_MM, STROKE_MM, TRAVEL_RAD, WORK_MM
-from tests.sdk_compat.trajectories import push
+from tests.geometry import STROKE_MM
 
 
 def test_what_is_measured_is_a_number(site: Site, daemon: Daemon, gripper: LiteGrip) -> None:
@@ -78,82 +73,6 @@ def test_progress_has_the_sdks_fields(gripper: LiteGrip) -> None:
         assert one.win_delta_rad == pytest.approx(one.pos_rad - seen[max(number - 5, 0)].pos_rad)
         assert one.temperature_coil is not None
     assert abs(seen[10].win_delta_rad) > 0.1
-
-
-def test_a_calibration_is_loaded_and_a_mount_read_before_connecting(daemon: Daemon) -> None:
-    gripper = LiteGrip("can0")
-    assert gripper.load_calibration(template=daemon.mount) is True
-    assert gripper.mount == daemon.mount
-    assert gripper.connect() is True
-    gripper.disconnect()
-    with pytest.raises(ConnectionError):
-        _ = gripper.mount
-    assert LiteGrip("can0").mount == daemon.mount
-
-
-def test_a_calibration_by_hand_takes_the_extremes_and_the_stroke_of_the_script(
-    site: Site, daemon: Daemon, gripper: LiteGrip
-) -> None:
-    push(site, daemon, (0.5, 0.4), (2.0, -0.4), (5.0, 0.0))
-    data = gripper.calibrate_manual(duration=6.0, settle_time=0.5)
-    assert data.mount == daemon.mount
-    assert data.travel_range == pytest.approx(TRAVEL_RAD, abs=0.08)
-    assert data.travel_mm == pytest.approx(SPAN_MM)
-    assert data.calibration_time == pytest.approx(time.time(), abs=60.0)
-    assert gripper.config.pos_closed_rad == pytest.approx(data.zero_position)
-    assert gripper.get_state().mode == "holding"
-    gripper.load_template(daemon.mount)
-    gripper.config.max_stroke_mm = 84.0
-    push(site, daemon, (0.5, 0.4), (2.0, -0.4), (5.0, 0.0))
-    data = gripper.calibrate_manual(duration=6.0, settle_time=0.5)
-    assert data.stroke_mm == pytest.approx(84.0)
-    assert (data.work_stroke_mm, gripper.config.work_stroke_mm) == (WORK_MM, WORK_MM)
-
-
-@pytest.mark.parametrize("method", ["zero", "calibrate", "calibrate_guided"])
-def test_a_script_says_how_far_the_jaws_open_as_the_vendors_readme_does(
-    daemon: Daemon, gripper: LiteGrip, method: str
-) -> None:
-    gripper.config.max_stroke_mm = 83.0
-    data = getattr(gripper, method)()
-    assert data.rad_to_mm == pytest.approx(84.0 / data.travel_range)
-    assert gripper.config.travel_mm == pytest.approx(84.0)
-    assert gripper.rescale_calibration(STROKE_MM).travel_mm == pytest.approx(SPAN_MM)
-    assert gripper.config.travel_mm == pytest.approx(SPAN_MM)
-    assert gripper.config.max_stroke_mm == 83.0
-
-
-def test_a_work_stroke_is_where_open_goes(daemon: Daemon, gripper: LiteGrip) -> None:
-    gripper.load_template(daemon.mount)
-    result = gripper.open()
-    assert (result.ok, result.reached, result.stalled) == (True, True, False)
-    assert daemon.gripper.opening_mm == pytest.approx(WORK_MM, abs=1.0)
-    assert gripper.get_state().work_stroke_mm == WORK_MM
-    saved = json.loads(Path(gripper.save_calibration()).read_text(encoding="utf-8"))
-    assert saved["work_stroke_mm"] == WORK_MM
-
-
-def test_a_file_of_earlier_versions_is_taken_said_and_corrected(
-    site: Site, gripper: LiteGrip, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    old = {"zero_position_rad": 0.1, "max_position_rad": -1.5, "rad_to_mm": 75.0}
-    (tmp_path / "old.json").write_text(json.dumps(old), encoding="utf-8")
-    assert gripper.load_calibration(tmp_path / "old.json")
-    assert "takes the jaws' travel for 120 mm" in caplog.text
-    site.run(0.01)
-    assert gripper.get_state().scale_doubt == "superseded"
-    assert gripper.rescale_calibration().rad_to_mm == pytest.approx(SPAN_MM / 1.6)
-    site.run(0.01)
-    assert gripper.get_state().scale_doubt is None
-
-
-def test_a_calibration_by_hand_needs_a_hand(daemon: Daemon, gripper: LiteGrip) -> None:
-    before = gripper.config
-    with pytest.raises(CommandError, match="push them to both stops"):
-        gripper.calibrate_manual(1.0, 0.0)
-    assert gripper.config == before
-    with pytest.raises(ParameterError, match="duration is 0"):
-        gripper.calibrate_manual(0.0)
 
 
 # What a script says of its gripper
