@@ -3,6 +3,7 @@
 import asyncio
 import socket
 import threading
+from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
@@ -87,20 +88,25 @@ def test_a_daemon_that_reads_again_gets_all(daemon: FakeDaemon, tasks: Asyncio) 
 
 
 def test_another_event_loop_may_only_close(daemon: FakeDaemon, tasks: Asyncio) -> None:
-    async def elsewhere(gripper: LiteGrip) -> None:
+    async def elsewhere(gripper: LiteGrip, states: AsyncIterator[object]) -> None:
         with pytest.raises(CommandError, match="another event loop") as caught:
             await gripper.get_state()
         assert caught.value.reason == "wrong_loop"
+        with pytest.raises(CommandError, match="another event loop"):
+            await anext(states)
         await gripper.disconnect()
 
     async def main() -> None:
         async with LiteGrip(socket_path=daemon.path) as gripper:
+            states = gripper.states()
+            await anext(states)
             waiting = asyncio.create_task(gripper.goto(20.0))
             await asyncio.to_thread(daemon.wait_for, "motion.move")
-            await asyncio.to_thread(asyncio.run, elsewhere(gripper))
+            await asyncio.to_thread(asyncio.run, elsewhere(gripper, states))
             with pytest.raises(ConnectError, match="was closed"):
                 await waiting
 
+    daemon.handlers["state.subscribe"] = lambda _request: {"subscription": 5, "state": STATE}
     tasks.run(main())
 
 

@@ -134,6 +134,15 @@ def test_a_signal_handler_during_a_call_gets_a_clear_refusal(
     assert shared.call("state.get") == STATE
 
 
+def test_a_daemon_that_has_gone_is_noticed_without_a_call(
+    daemon: FakeDaemon, shared: Connection
+) -> None:
+    shared.call("state.get")
+    was_closed = shared.closed
+    daemon.requests[0].hang_up()
+    assert (was_closed, shared.closed) == (False, True)
+
+
 @pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")
 def test_a_forked_child_is_refused_and_its_close_does_not_hurt(
     daemon: FakeDaemon, shared: Connection
