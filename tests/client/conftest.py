@@ -6,10 +6,9 @@ import pytest
 
 from litegrip_client import LiteGrip, Trajectory
 from litegrip_client.ctl.main import main
-from litegrip_client.line.connection import Connection
 from tests.client.fake_daemon import FakeDaemon
-from tests.client.fake_trajectories import FakeTrajectories
 from tests.client.helpers import Ctl
+from tests.client.rig import Asyncio, Bench, Kind, Threads
 
 
 @pytest.fixture(autouse=True)
@@ -36,9 +35,24 @@ def daemon(tmp_path: Path) -> Iterator[FakeDaemon]:
 
 
 @pytest.fixture
-def connection(daemon: FakeDaemon) -> Iterator[Connection]:
-    with Connection(daemon.path, timeout_s=20.0) as connection:
-        yield connection
+def site() -> Bench | None:
+    """Return nothing: time is the real one, and so are sockets."""
+    return None
+
+
+@pytest.fixture(params=[Threads, Asyncio], ids=["threads", "asyncio"])
+def kind(request: pytest.FixtureRequest, site: Bench | None) -> Iterator[Kind]:
+    kind: Kind = request.param(site)
+    yield kind
+    kind.close()
+
+
+@pytest.fixture
+def tasks(site: Bench | None) -> Iterator[Asyncio]:
+    """Return a program whose tasks go on beside each other."""
+    kind = Asyncio(site)
+    yield kind
+    kind.close()
 
 
 @pytest.fixture
@@ -59,11 +73,6 @@ def ctl(
         return code, captured.out, captured.err
 
     return run
-
-
-@pytest.fixture
-def there(daemon: FakeDaemon) -> FakeTrajectories:
-    return FakeTrajectories(daemon)
 
 
 @pytest.fixture

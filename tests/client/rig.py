@@ -23,7 +23,10 @@ from litegrip_client import LiteGrip, aio
 from litegrip_client.aio.gripper import Connection as AsyncConnection
 from litegrip_client.core.sockets import SYSTEM_DIRECTORY
 from litegrip_client.ctl.main import main
+from litegrip_client.line.connection import Connection
 from litegripd.model.sentence import terms_of
+from tests.client.fake_daemon import DEADLINE_S, FakeDaemon, Request
+from tests.client.helpers import in_thread
 from tests.drop_in import Daemon, Site, VirtualStream, a_site
 
 _Result = TypeVar("_Result")
@@ -259,7 +262,6 @@ class Loop(asyncio.SelectorEventLoop):
         selector = _Selector()
         selector.loop = self
         super().__init__(selector)
-        self.slow_callback_duration = 60.0  # a tick is not slow, but the machine may be busy
         self.set_default_executor(_Here())
 
     def time(self) -> float:
@@ -313,23 +315,25 @@ class Threads:
 
     interrupted: type[BaseException] = KeyboardInterrupt
 
-    def __init__(self, site: Bench) -> None:
-        self.site = site
+    def __init__(self, site: Bench | None = None) -> None:
+        """Without a `site` time is the real one, and so are sockets."""
+        self._site = site
+
+    @property
+    def site(self) -> Bench:
+        assert self._site is not None
+        return self._site
 
     def gripper(self, channel: str | None = "can0", *arguments: Any, **settings: Any) -> LiteGrip:
         return LiteGrip(channel, *arguments, **settings)
 
-    def interrupt(self) -> None:
-        """Interrupt the call that waits, in the next period."""
-        self.interrupt_within(0.0)
-
-    def interrupt_within(self, seconds: float) -> None:
-        """Interrupt the call that waits by then."""
+    def interrupt(self, within_s: float = 0.0) -> None:
+        """Interrupt the call that waits by then: the next period at the soonest."""
 
         def interrupt() -> None:
             raise KeyboardInterrupt
 
-        self.site.after(seconds, interrupt)
+        self.site.after(within_s, interrupt)
 
     def pause(self, seconds: float) -> None:
         """Let the program do nothing for a while."""
@@ -338,6 +342,18 @@ class Threads:
     def ask(self, gripper: LiteGrip, method: str, **params: Any) -> dict[str, Any]:
         """Call a raw method over a gripper's connection."""
         return gripper._session.connection.call(method, params)
+
+    def connect(self, path: str, timeout_s: float) -> Connection:
+        """Return a raw connection."""
+        return Connection(path, timeout_s)
+
+    def begin(self, owner: Any, name: str, *arguments: Any, **named: Any) -> Callable[[], Any]:
+        """Begin a call beside others; what this returns waits for its result."""
+        return in_thread(partial(getattr(owner, name), *arguments, **named))
+
+    def arrived(self, daemon: FakeDaemon, method: str, count: int = 1) -> list[Request]:
+        """Wait until requests have come to a scripted daemon."""
+        return daemon.wait_for(method, count)
 
     def close(self) -> None:
         """There is nothing to end."""
@@ -351,6 +367,8 @@ class Asyncio:
     def __init__(self, site: Bench | None = None) -> None:
         """Without a `site` time is the real one, and so are sockets."""
         self.loop = asyncio.new_event_loop() if site is None else Loop(site)
+        self.loop.set_debug(site is None)
+        self.loop.slow_callback_duration = DEADLINE_S  # a tick is not slow, but the machine is busy
         self._site = site
         self._task: asyncio.Task[Any] | None = None
         self._complaints: list[dict[str, Any]] = []
@@ -370,19 +388,15 @@ class Asyncio:
         self._task = task = self.loop.create_task(coroutine)
         return self.loop.run_until_complete(task)
 
-    def interrupt(self) -> None:
-        """Cancel the task that waits, in the next period."""
-        self.interrupt_within(0.0)
-
-    def interrupt_within(self, seconds: float) -> None:
-        """Cancel the task that waits by then."""
+    def interrupt(self, within_s: float = 0.0) -> None:
+        """Cancel the task that waits by then: the next period at the soonest."""
 
         def cancel() -> None:
             assert self._task is not None
             self._task.cancel()
 
         assert self._site is not None
-        self._site.after(seconds, cancel)
+        self._site.after(within_s, cancel)
 
     def pause(self, seconds: float) -> None:
         """Let the program do nothing for a while."""
@@ -393,9 +407,32 @@ class Asyncio:
         connection = cast("aio.LiteGrip", gripper)._session.connection
         return self.run(connection.call(method, params))
 
+    def connect(self, path: str, timeout_s: float) -> Connection:
+        """Return a raw connection."""
+        return cast("Connection", self.lend(AsyncConnection.open(path, timeout_s)))
+
+    def begin(self, owner: Any, name: str, *arguments: Any, **named: Any) -> Callable[[], Any]:
+        """Begin a call beside others; what this returns waits for its result."""
+        task = self.loop.create_task(getattr(owner._real, name)(*arguments, **named))
+        return lambda: self.loop.run_until_complete(task)
+
+    def arrived(self, daemon: FakeDaemon, method: str, count: int = 1) -> list[Request]:
+        """Wait until requests have come to a scripted daemon; the event loop goes on meanwhile."""
+        return self.run(asyncio.to_thread(daemon.wait_for, method, count))
+
     def run(self, coroutine: Coroutine[Any, Any, _Result]) -> _Result:
         """Run a coroutine to its end."""
         return self.loop.run_until_complete(coroutine)
+
+    def use(self, scene: Callable[[aio.LiteGrip], Coroutine[Any, Any, None]]) -> None:
+        """Play a scene with a connected gripper, which is enabled."""
+
+        async def main() -> None:
+            async with aio.LiteGrip() as gripper:
+                assert await gripper.enable()
+                await scene(gripper)
+
+        self.run(main())
 
     def close(self) -> None:
         """End the event loop; fail for tasks that are left, and for errors of callbacks."""

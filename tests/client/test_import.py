@@ -28,25 +28,32 @@ def run(code: str, cache: Path, *options: str) -> str:
     return done.stdout
 
 
-def test_only_the_standard_library_is_imported(tmp_path: Path) -> None:
+def imported(first: str, cache: Path, before: str = "sys") -> dict[str, str]:
+    """Return which modules a statement brings in behind an import, and their files."""
     code = (
-        "import sys; before = set(sys.modules); import litegrip_client, "
-        "litegrip_client.values.results, litegrip_client.line.feeds, litegrip_client.ctl.main; "
-        "print(*sorted({name.partition('.')[0] for name in set(sys.modules) - before}))"
+        f"import sys, {before}; before = set(sys.modules); {first}\n"
+        "for name in set(sys.modules) - before:\n"
+        "    print(name, getattr(sys.modules[name], '__file__', None) or '', sep='\t')"
     )
-    names = set(run(code, tmp_path).split())
-    assert "litegrip_client" in names
-    assert names - {"litegrip_client"} <= sys.stdlib_module_names
+    rows = (line.partition("\t") for line in run(code, cache).splitlines())
+    return {name: path for name, _, path in rows}
+
+
+def test_only_the_standard_library_is_imported(tmp_path: Path) -> None:
+    names = imported(
+        "import litegrip_client, litegrip_client.values.results, litegrip_client.line.feeds,"
+        " litegrip_client.ctl.main",
+        tmp_path,
+    )
+    roots = {name.partition(".")[0] for name in names}
+    assert "litegrip_client" in roots
+    assert roots - {"litegrip_client"} <= sys.stdlib_module_names
 
 
 def test_no_file_of_a_site_directory_is_loaded_by_the_program(tmp_path: Path) -> None:
-    code = (
-        "import sys; before = set(sys.modules); import litegrip_client.ctl.main; "
-        "print(*(getattr(sys.modules[n], '__file__', None) or '' "
-        "for n in set(sys.modules) - before), sep='\\n')"
-    )
     site = sysconfig.get_path("purelib")
-    assert not [path for path in run(code, tmp_path).splitlines() if path.startswith(site)]
+    paths = imported("import litegrip_client.ctl.main", tmp_path).values()
+    assert not [path for path in paths if path.startswith(site)]
 
 
 def test_a_python_that_is_too_old_is_named_before_anything_else_fails(tmp_path: Path) -> None:
@@ -85,22 +92,14 @@ def test_what_is_slow_to_import_is_not_imported(tmp_path: Path, first: str) -> N
 
 
 def test_importing_the_package_alone_imports_none_of_its_modules(tmp_path: Path) -> None:
-    code = (
-        "import sys; before = set(sys.modules); import litegrip_client; "
-        "print(*set(sys.modules) - before)"
-    )
-    assert set(run(code, tmp_path).split()) - {"__future__", "importlib", "warnings"} == {
-        "litegrip_client"
-    }
+    names = set(imported("import litegrip_client", tmp_path))
+    assert names - {"__future__", "importlib", "warnings"} == {"litegrip_client"}
 
 
 def test_the_first_line_of_a_program_imports_what_a_call_needs(tmp_path: Path) -> None:
     """What an import takes is what it imports: see `python -m bench.timing.startup`."""
-    code = (
-        "import sys, json, socket, threading, contextlib, struct; before = set(sys.modules); "
-        "from litegrip_client import LiteGrip; print(*set(sys.modules) - before)"
-    )
-    names = set(run(code, tmp_path).split())
+    before = "json, socket, threading, contextlib, struct"
+    names = imported("from litegrip_client import LiteGrip", tmp_path, before)
     assert {name for name in names if "litegrip" not in name} <= {
         *("__future__", "_weakrefset", "_warnings", "array", "errno", "grp", "importlib"),
         *("math", "select", "selectors", "stat", "warnings", "weakref"),

@@ -9,7 +9,6 @@ import pytest
 from litegrip_client import CommandError, LiteGrip, MotionConfig
 from litegrip_client.values.motion_config import DAEMON_FIELDS
 from litegripd.model.motion_config import MotionConfig as DaemonsConfig
-from tests.client.fake_daemon import MOVE, STATE, FakeDaemon
 
 NUMBERS = DAEMON_FIELDS
 
@@ -137,41 +136,6 @@ def test_a_field_that_does_not_exist_cannot_be_set() -> None:
         MotionConfig().speed = 25.0  # type: ignore[attr-defined]
     with pytest.raises(TypeError, match="speed"):
         MotionConfig(speed=25.0)  # type: ignore[call-arg]
-
-
-# With a gripper
-
-
-def test_what_was_set_travels_with_each_call(daemon: FakeDaemon, gripper: LiteGrip) -> None:
-    daemon.handlers["motion.close"] = lambda request: MOVE
-    gripper.close()
-    assert "config" not in daemon.requests[-1].params
-    gripper.motion_config = MotionConfig(speed_mm_s=25.0, force_n=10.0)
-    gripper.close()
-    assert daemon.requests[-1].params["config"] == {"speed_mm_s": 25.0, "force_n": 10.0}
-    gripper.motion_config.force_n = 5.0
-    gripper.actions.close(10.0)
-    params = daemon.requests[-1].params
-    assert params["config"] == {"speed_mm_s": 25.0, "force_n": 5.0}
-    assert params["speed_mm_s"] == 10.0
-
-
-def test_enabling_has_tunables_too(daemon: FakeDaemon) -> None:
-    config = MotionConfig(enable_retries=5, enable_retry_interval=0.1)
-    with LiteGrip(socket_path=daemon.path, motion_config=config) as gripper:
-        assert gripper.motion_config is config
-        gripper.enable()
-    sent = daemon.requests[2].params["config"]
-    assert sent == {"enable_retries": 5, "enable_retry_interval": 0.1}
-
-
-def test_it_belongs_to_the_instance(daemon: FakeDaemon, gripper: LiteGrip) -> None:
-    daemon.handlers["motion.open"] = lambda request: MOVE
-    with LiteGrip(socket_path=daemon.path) as other:
-        gripper.motion_config.speed_mm_s = 10.0
-        other.open()
-    assert "config" not in daemon.wait_for("motion.open")[0].params
-    assert STATE["seq"] == gripper.get_state().seq
 
 
 def test_something_else_is_refused() -> None:

@@ -138,10 +138,11 @@ def test_what_an_interpreter_shows_is_one_short_line() -> None:
         "force_set_n": 12.0,
         "job": {"kind": "grasp"},
         "stop": {"level": "hold"},
+        "scale_doubt": "superseded",
     }
     assert repr(GripperState.from_wire(busy)) == (
         "GripperState('holding', force_set_n=12.0, coil_temperature_c=33, stale, is_grasped,"
-        " job='grasp', stop='hold')"
+        " scale_doubt='superseded', job='grasp', stop='hold')"
     )
     assert repr(GraspResult.from_wire({**GRASP, "width_mm": 31.456789})) == (
         f"GraspResult(ok=True, reached=False, stalled=True, state={state!r}, target_rad=0.95,"

@@ -116,6 +116,7 @@ def test_what_cannot_be_loaded_is_named_with_the_reason(folder: Path) -> None:
     folder.mkdir()
     with pytest.raises(CommandError, match=r"there is no trajectory .*/pick\.lgt") as caught:
         Trajectory.load("pick")
+    assert isinstance(caught.value, FileNotFoundError)
     assert caught.value.reason == "unknown_trajectory"
     (folder / "bad.lgt").write_bytes(lgt([(0.0, 2.0)]))
     with pytest.raises(CommandError, match=r"bad\.lgt: sample 0: openness is 2\.0"):
@@ -137,9 +138,10 @@ def test_the_list_tells_of_each_file_what_its_header_says(folder: Path) -> None:
     trajectory(0).save("a")
     (folder / "c.lgt").write_bytes(trajectory(2).to_bytes()[:-1])
     (folder / "d.lgt").write_bytes(lgt([], sample_hz=math.nan))
+    (folder / "e.lgt").write_bytes(lgt([(2.5, 0.5), (2.75, 0.5)]))
     (folder / "note.txt").write_text("no trajectory")
     (folder / ".b.lgt.1.2.new").write_bytes(b"")
-    a, b, c, d = list_trajectories()
+    a, b, c, d, e = list_trajectories()
     assert [str(a), str(b)] == [
         "a: 0.00 s, 0 samples, mount reverse",
         "b: 1.00 s, 101 samples, mount reverse",
@@ -149,3 +151,4 @@ def test_the_list_tells_of_each_file_what_its_header_says(folder: Path) -> None:
     assert str(c) == f"c: {c.error}"
     assert "145 bytes, but 2 samples make 146" in c.error
     assert d.error == "sample_hz of the header is nan, it must be a finite number"
+    assert e.duration_s == 0.25

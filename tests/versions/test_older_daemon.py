@@ -1,6 +1,5 @@
 """This client at a daemon that lacks something: it says so, or does without, and never blames."""
 
-import asyncio
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
@@ -10,13 +9,13 @@ from typing import Any
 
 import pytest
 
-from litegrip_client import CommandError, LiteGripError, ParameterError, ProtocolError, aio
+from litegrip_client import CommandError, LiteGripError, ParameterError, ProtocolError
 from litegrip_client.values.results import NEWER_FIELDS
 from litegrip_client.values.version import client_version
 from litegrip_client.values.voices import in_python, in_shell
 from litegripd.app.build import METHODS
 from litegripd.rpc.method import Method
-from tests.client.fake_daemon import FakeDaemon
+from tests.client.rig import Asyncio, Heard, a_bench
 from tests.versions.lines import LINES, a_shell, carried_out, sent_by_lines
 from tests.versions.older import (
     Change,
@@ -125,18 +124,15 @@ def test_a_set_point_that_gets_no_answer_tells_it_by_the_next_call(scene: Scene)
 
 
 def test_the_client_for_asyncio_says_the_same(tmp_path: Path) -> None:
-    words = "motion.grasp has no parameter 'hold_by'; it has: force_n"
-    with FakeDaemon(tmp_path / "can0.sock") as daemon:
-        daemon.handlers["motion.grasp"] = lambda request: request.fail(
-            "invalid_params", -32602, words, parameter="hold_by"
-        )
-
-        async def grasp() -> None:
-            async with aio.LiteGrip(socket_path=daemon.path) as gripper:
-                await gripper.grasp(hold_by="gains")
-
-        with pytest.raises(CommandError) as caught:
-            asyncio.run(grasp())
+    with a_bench(tmp_path) as site:
+        daemon, tasks = site.add(Heard()), Asyncio(site)
+        with (
+            tasks.gripper() as gripper,
+            lacking(daemon, Lack("motion.grasp", "hold_by")),
+            pytest.raises(CommandError) as caught,
+        ):
+            gripper.grasp(hold_by="gains")
+        tasks.close()
     assert caught.value.reason == "older_daemon"
     assert caught.value.message.endswith(" lacks: gripper.grasp(hold_by=...)")
 

@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from litegrip_client import LiteGrip
-from tests.client.rig import Asyncio, Bench, Heard, Kind, Threads, a_bench
+from tests.client.rig import Bench, Heard, Kind, a_bench
 
 
 @pytest.fixture
@@ -19,21 +19,6 @@ def daemon(site: Bench) -> Heard:
     daemon = Heard()
     site.add(daemon)
     return daemon
-
-
-@pytest.fixture(params=[Threads, Asyncio], ids=["threads", "asyncio"])
-def kind(request: pytest.FixtureRequest, site: Bench) -> Iterator[Kind]:
-    kind: Kind = request.param(site)
-    yield kind
-    kind.close()
-
-
-@pytest.fixture
-def tasks(site: Bench) -> Iterator[Asyncio]:
-    """Return a program whose tasks go on beside each other."""
-    kind = Asyncio(site)
-    yield kind
-    kind.close()
 
 
 @pytest.fixture

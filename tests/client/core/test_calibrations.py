@@ -14,9 +14,11 @@ from litegrip_client import (
     HardwareError,
     LiteGrip,
     MoveProgress,
+    ParameterError,
     StoppedError,
 )
 from litegripd.model.motion_config import MotionConfig
+from tests.client.fake_daemon import ZERO
 from tests.client.rig import SILENT, Asked, Bench, Heard, Kind, Refuse
 from tests.geometry import CLOSED_RAD, MM_RAD, OPEN_RAD
 
@@ -39,6 +41,14 @@ def content(daemon: Heard) -> dict[str, Any]:
     return view
 
 
+@pytest.fixture
+def pinned(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the one file for all channels that the environment names."""
+    path = tmp_path / "pinned.json"
+    monkeypatch.setenv("LITEGRIP_CALIB", str(path))
+    return path
+
+
 def written(path: Path, **more: Any) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps({**GEOMETRY, **more}))
@@ -55,11 +65,6 @@ def test_a_mount_is_loaded_on_every_connecting(daemon: Heard, kind: Kind) -> Non
             gripper.connect()
     assert daemon.methods() == ["hello", "calibration.load"] * 2
     assert loads(daemon) == [{"template": "normal"}] * 2
-
-
-def test_another_mount_needs_no_daemon_to_be_refused(kind: Kind) -> None:
-    with pytest.raises(CommandError, match="one of: normal, reverse"):
-        kind.gripper("can1", mount="sideways")
 
 
 def test_a_mount_that_cannot_be_loaded_leaves_no_connection(daemon: Heard, kind: Kind) -> None:
@@ -105,9 +110,13 @@ def test_the_four_ways_to_a_mount_are_one(daemon: Heard, gripper: LiteGrip, kind
     assert gripper.mount == "reverse"
 
 
-def test_an_unknown_template_asks_for_nothing(daemon: Heard, gripper: LiteGrip) -> None:
-    for load in (gripper.load_template, lambda name: gripper.load_calibration(template=name)):
-        with pytest.raises(CommandError, match="one of: normal, reverse"):
+def test_an_unknown_template_asks_for_nothing(daemon: Heard, gripper: LiteGrip, kind: Kind) -> None:
+    for load in (
+        gripper.load_template,
+        lambda name: gripper.load_calibration(template=name),
+        lambda name: kind.gripper("can1", mount=name),
+    ):
+        with pytest.raises(ParameterError, match="one of: normal, reverse"):
             load("sideways")
     with pytest.raises(CommandError, match="not both"):
         gripper.load_calibration("c.json", "normal")
@@ -134,9 +143,6 @@ def test_a_file_that_cannot_be_read_raises(
     with pytest.raises(CommandError, match="No such file") as caught:
         gripper.load_calibration(tmp_path / "none.json")
     assert caught.value.reason == "calibration_unreadable"
-    (tmp_path / "nan.json").write_text('{"rad_to_mm": NaN}')
-    with pytest.raises(CommandError, match="rad_to_mm is NaN, it must be a finite number"):
-        gripper.load_calibration(tmp_path / "nan.json")
     assert loads(daemon) == []
 
 
@@ -243,41 +249,24 @@ def test_without_a_path_the_daemon_saves(
     assert not Path("c.json").exists()
 
 
-@pytest.mark.parametrize("by", ["path", "environment"])
 def test_with_a_path_this_program_saves_what_is_in_use(
-    daemon: Heard, gripper: LiteGrip, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, by: str
+    daemon: Heard, gripper: LiteGrip, pinned: Path, tmp_path: Path
 ) -> None:
-    path = tmp_path / "saved.json"
-    if by == "environment":
-        monkeypatch.setenv("LITEGRIP_CALIB", str(path))
-    assert gripper.save_calibration(path if by == "path" else None) == str(path)
-    assert json.loads(path.read_text()) == content(daemon)
+    for path, given in ((tmp_path / "saved.json", tmp_path / "saved.json"), (pinned, None)):
+        assert gripper.save_calibration(given) == str(path)
+        assert json.loads(path.read_text()) == content(daemon)
     assert "calibration.save" not in daemon.methods()
 
 
 # By a probe
 
 
-MEASURED: dict[str, Any] = {
-    "job": 6,
-    "ok": True,
-    "outcome": "measured",
-    "closed_rad": 0.0,
-    "open_rad": -1.64,
-    "travel_rad": 1.64,
-    "rad_to_mm": 52.5,
-    "content": GEOMETRY,
-    "path": None,
-    "message": None,
-}
+MARKS = {"closed_rad": 0.0, "open_rad": -1.64, "travel_rad": 1.64, "rad_to_mm": 52.5}
+MEASURED: dict[str, Any] = {**ZERO, **MARKS, "content": GEOMETRY, "path": None}
 
 
 def test_zero_measures_saves_and_prints_how_far_it_is(
-    daemon: Heard,
-    gripper: LiteGrip,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    daemon: Heard, gripper: LiteGrip, pinned: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def probe(request: Asked) -> dict[str, Any]:
         figures = {"command_rad": 0.1, "position_rad": 0.2, "torque_nm": 0.3}
@@ -286,17 +275,15 @@ def test_zero_measures_saves_and_prints_how_far_it_is(
             where = {"phase": phase, "step": step, "total_steps": total}
             named = {"job": 6, "request": request.identity, "kind": "zero"}
             daemon.streams[-1].say("job.progress", {**named, **where, **figures})
-        return {**MEASURED, "path": "/var/can0.json", "state": state}
+        return {**MEASURED, "path": "/var/can0.json"}
 
-    state = daemon.wire_state
     daemon.instead["calibration.zero"] = probe
-    monkeypatch.setenv("LITEGRIP_CALIB", str(tmp_path / "pinned.json"))
     gripper.motion_config.calib_kp = 15.0
     data = gripper.zero()
     assert (data.zero_position_rad, data.max_position_rad, data.rad_to_mm) == (0.0, -1.64, 52.5)
     asked = {"save": True, "config": {"calib_kp": 15.0}, "progress": True}
     assert daemon.asked("calibration.zero") == [asked]
-    assert json.loads((tmp_path / "pinned.json").read_text()) == content(daemon)
+    assert json.loads(pinned.read_text()) == content(daemon)
     assert capsys.readouterr().out.splitlines() == [
         "[probe_open] 0/200 cmd=+0.1000 pos=+0.2000 tau=+0.300",
         "[probe_open] 10/200 cmd=+0.1000 pos=+0.2000 tau=+0.300",
@@ -313,14 +300,9 @@ def test_zero_measures_saves_and_prints_how_far_it_is(
 
 
 def test_calibrate_measures_with_its_arguments_and_does_not_save(
-    daemon: Heard,
-    gripper: LiteGrip,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    daemon: Heard, gripper: LiteGrip, pinned: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setenv("LITEGRIP_CALIB", str(tmp_path / "pinned.json"))
-    daemon.instead["calibration.zero"] = {**MEASURED, "state": daemon.wire_state}
+    daemon.instead["calibration.zero"] = MEASURED
     gripper.motion_config.calib_kp = 15.0
     gripper.calibrate(20, 2, tau_limit=1.5, stall_cycles=4, max_iter=100, stall_delta=0.002)
     asked = daemon.asked("calibration.zero")[0]
@@ -337,7 +319,7 @@ def test_calibrate_measures_with_its_arguments_and_does_not_save(
     assert "; not saved" in capsys.readouterr().out
     gripper.calibrate()
     assert "config" not in daemon.asked("calibration.zero")[1]
-    assert not (tmp_path / "pinned.json").exists()
+    assert not pinned.exists()
     gripper.zero(mount="reverse")
     assert daemon.asked("calibration.zero")[2]["mount"] == "reverse"
 
@@ -358,16 +340,11 @@ def test_who_takes_the_progress_is_not_printed_to_and_an_interrupt_cancels(
     assert daemon.methods()[-1] == "job.cancel"
 
 
-@pytest.mark.parametrize(
-    ("outcome", "kind_of_error"), [("not_found", HardwareError), ("not_saved", CommandError)]
-)
-def test_a_probe_that_fails_raises_what_the_daemon_says(
-    daemon: Heard, gripper: LiteGrip, outcome: str, kind_of_error: type[Exception]
-) -> None:
-    failed = {**MEASURED, "ok": False, "outcome": outcome, "message": "no stop within 200 steps"}
-    daemon.instead["calibration.zero"] = {**failed, "state": daemon.wire_state}
+def test_a_probe_that_fails_raises_what_the_daemon_says(daemon: Heard, gripper: LiteGrip) -> None:
+    failed = {**MEASURED, "ok": False, "outcome": "not_found", "message": "no stop at all"}
+    daemon.instead["calibration.zero"] = failed
     for measure in (gripper.zero, gripper.calibrate):
-        with pytest.raises(kind_of_error, match="no stop within 200 steps"):
+        with pytest.raises(HardwareError, match="no stop at all"):
             measure()
 
 
@@ -394,10 +371,7 @@ def pushed(daemon: Heard, kind: Kind, opening_nm: float) -> None:
     daemon.gripper.push(0.0)
 
 
-def test_by_hand_to_the_end(
-    daemon: Heard, enabled: LiteGrip, kind: Kind, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("LITEGRIP_CALIB", str(tmp_path / "pinned.json"))
+def test_by_hand_to_the_end(daemon: Heard, enabled: LiteGrip, kind: Kind, pinned: Path) -> None:
     with enabled.manual_calibration() as manual:
         with pytest.raises(CommandError):
             manual.finish()  # no mark yet
@@ -412,7 +386,7 @@ def test_by_hand_to_the_end(
     assert asked[-1] == {"step": "finish", "save": True}
     begin = next(one for one in daemon.requests if one.method == "calibration.manual")
     assert begin.params["stop_generation"] == daemon.state.stop_generation
-    assert json.loads((tmp_path / "pinned.json").read_text()) == content(daemon)
+    assert json.loads(pinned.read_text()) == content(daemon)
 
 
 def test_by_hand_without_an_end_changes_nothing(
@@ -456,7 +430,7 @@ def test_an_interrupted_beginning_is_cancelled(
     daemon.instead["calibration.manual"] = lambda request: (
         SILENT if request.params["step"] == "begin" else {}
     )
-    kind.interrupt_within(0.05)
+    kind.interrupt(0.05)
     with pytest.raises(kind.interrupted), enabled.manual_calibration():
         pass
     assert steps(daemon) == ["begin", "cancel"]

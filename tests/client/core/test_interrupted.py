@@ -24,7 +24,7 @@ def test_an_interrupt_cancels_the_job_of_the_motion(
     with kind.gripper() as gripper:
         gripper.enable()
         gripper.goto(55.0, duration=None)
-        kind.interrupt_within(0.0)
+        kind.interrupt()
         with pytest.raises(kind.interrupted):
             gripper.open()
         assert daemon.methods()[-2:] == ["job.list", "job.cancel"]
@@ -60,7 +60,9 @@ def test_a_grasp_for_ever_waits_until_an_interrupt_which_cancels_it(
     assert list(dict.fromkeys(phases))[-1] == ("hold", False)
     assert phases[0] == ("move", True)
     assert daemon.requests[-1].method == "job.cancel"
+    kind.pause(1.0)
     assert daemon.state.is_grasped  # it is held on all the same
+    assert daemon.closing_torque_nm == pytest.approx(2.0, abs=0.1)
 
 
 def test_an_error_of_the_callback_cancels_the_motion_too(daemon: Heard, enabled: LiteGrip) -> None:
@@ -85,7 +87,7 @@ def test_a_motion_refused_while_interrupted_cancels_nobody_elses(
     """By then another thread or task of this program moves, over the same connection."""
     daemon.late = {"motion.open": 0.05, "job.list": 0.1}
     kind.ask(enabled, "motion.close", wait=False)
-    kind.interrupt_within(0.02)
+    kind.interrupt(0.02)
     with pytest.raises(kind.interrupted):
         enabled.open()
     assert daemon.methods()[-1] == "job.list"
@@ -112,7 +114,7 @@ def test_a_job_that_cannot_be_found_is_told(
             assert running.result("motor.enable", detach=True)
             running.send("motion.close")
         daemon.instead["motion.open"] = SILENT
-        kind.interrupt_within(0.02)
+        kind.interrupt(0.02)
         with pytest.raises(kind.interrupted):
             gripper.open()
         assert daemon.state.mode == "moving"
@@ -147,31 +149,27 @@ def test_a_signal_handler_may_stop_while_its_thread_waits(site: Bench, daemon: H
 
 
 def test_progress_is_reported_while_other_tasks_go_on(daemon: Heard, tasks: Asyncio) -> None:
-    async def main() -> None:
-        async with aio.LiteGrip() as gripper:
-            await gripper.enable()
-            seen: list[MoveProgress] = []
-            moving = asyncio.create_task(gripper.close(progress=seen.append))
-            openings = [(await gripper.get_state()).openness or 0.0]
-            while not moving.done():
-                await asyncio.sleep(0.1)
-                openings.append((await gripper.get_state()).openness or 0.0)
-            assert await moving
-            assert len(seen) > len(openings) > 5
-            assert openings[:9] == sorted(openings[:9], reverse=True)
+    async def scene(gripper: aio.LiteGrip) -> None:
+        seen: list[MoveProgress] = []
+        moving = asyncio.create_task(gripper.close(progress=seen.append))
+        openings = [(await gripper.get_state()).openness or 0.0]
+        while not moving.done():
+            await asyncio.sleep(0.1)
+            openings.append((await gripper.get_state()).openness or 0.0)
+        assert await moving
+        assert len(seen) > len(openings) > 5
+        assert openings[:9] == sorted(openings[:9], reverse=True)
 
-    tasks.run(main())
+    tasks.use(scene)
 
 
 def test_a_timeout_cancels_the_motion(daemon: Heard, tasks: Asyncio) -> None:
-    async def main() -> None:
-        async with aio.LiteGrip() as gripper:
-            await gripper.enable()
-            with pytest.raises(asyncio.TimeoutError):
-                await asyncio.wait_for(gripper.close(), 0.05)
-            assert daemon.methods()[-1] == "job.cancel"
+    async def scene(gripper: aio.LiteGrip) -> None:
+        with pytest.raises(asyncio.TimeoutError):
+            await asyncio.wait_for(gripper.close(), 0.05)
+        assert daemon.methods()[-1] == "job.cancel"
 
-    tasks.run(main())
+    tasks.use(scene)
 
 
 def test_being_cancelled_again_does_not_keep_it_from_cancelling(
@@ -217,18 +215,16 @@ def test_the_end_of_the_event_loop_cancels_the_motion(daemon: Heard, tasks: Asyn
 def test_a_motion_that_ended_before_the_cancelling_is_not_cancelled(
     daemon: Heard, tasks: Asyncio
 ) -> None:
-    async def main() -> None:
-        async with aio.LiteGrip() as gripper:
-            await gripper.enable()
-            moving = asyncio.create_task(gripper.goto(55.0, duration=None))
-            await asyncio.sleep(0)
-            (call,) = gripper._session.connection._router.calls.values()
-            call.on_result = cancelling(moving)
-            await asyncio.wait([moving])
-            assert moving.cancelled()
-            assert daemon.methods()[-1] == "motion.move"
+    async def scene(gripper: aio.LiteGrip) -> None:
+        moving = asyncio.create_task(gripper.goto(55.0, duration=None))
+        await asyncio.sleep(0)
+        (call,) = gripper._session.connection._router.calls.values()
+        call.on_result = cancelling(moving)
+        await asyncio.wait([moving])
+        assert moving.cancelled()
+        assert daemon.methods()[-1] == "motion.move"
 
-    tasks.run(main())
+    tasks.use(scene)
 
 
 def test_being_cancelled_while_an_error_is_dealt_with_is_not_forgotten(
@@ -237,15 +233,13 @@ def test_being_cancelled_while_an_error_is_dealt_with_is_not_forgotten(
     def fail(_progress: MoveProgress) -> None:
         raise StoppedError("of the callback's own")
 
-    async def main() -> None:
-        async with aio.LiteGrip() as gripper:
-            await gripper.enable()
-            daemon.late = {"job.cancel": 0.05}
-            moving = asyncio.create_task(gripper.close(progress=fail))
-            while daemon.methods()[-1] != "job.cancel":
-                await asyncio.sleep(0.005)
-            moving.cancel()
-            await asyncio.wait([moving])
-            assert moving.cancelled()
+    async def scene(gripper: aio.LiteGrip) -> None:
+        daemon.late = {"job.cancel": 0.05}
+        moving = asyncio.create_task(gripper.close(progress=fail))
+        while daemon.methods()[-1] != "job.cancel":
+            await asyncio.sleep(0.005)
+        moving.cancel()
+        await asyncio.wait([moving])
+        assert moving.cancelled()
 
-    tasks.run(main())
+    tasks.use(scene)

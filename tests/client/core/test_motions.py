@@ -13,8 +13,10 @@ from litegrip_client import (
     GripperState,
     HardwareError,
     LiteGrip,
+    MotionConfig,
     MoveProgress,
     MoveResult,
+    ParameterError,
 )
 from tests.client.rig import GUARDS, Bench, Heard, Kind
 from tests.geometry import TRAVEL_MM
@@ -106,6 +108,29 @@ def test_a_verdict_and_a_time_are_both_asked_and_the_daemon_decides(
     assert daemon.asked("motion.grasp") == [asked]
 
 
+def test_tunables_that_were_set_travel_with_each_call_of_their_gripper(
+    daemon: Heard, kind: Kind
+) -> None:
+    config = MotionConfig(enable_retries=5, enable_retry_interval=0.1)
+    daemon.gripper.put_object(width_mm=58.0)
+    with kind.gripper(motion_config=config) as gripper, kind.gripper() as other:
+        assert gripper.motion_config is config
+        assert gripper.enable()
+        gripper.motion_config = MotionConfig(speed_mm_s=25.0, force_n=10.0)
+        gripper.close()
+        gripper.motion_config.force_n = 5.0
+        gripper.actions.close(10.0)
+        with pytest.raises(BusyError):
+            other.open()
+    wished = {"enable_retries": 5, "enable_retry_interval": 0.1}
+    assert daemon.asked("motor.enable") == [{"config": wished}]
+    first, second = daemon.asked("motion.close")
+    assert first == {"config": {"speed_mm_s": 25.0, "force_n": 10.0}, "progress": True}
+    assert second["config"] == {"speed_mm_s": 25.0, "force_n": 5.0}
+    assert second["speed_mm_s"] == 10.0
+    assert daemon.asked("motion.open") == [{"progress": True}]
+
+
 def test_a_grasp_and_a_force_have_tunables(daemon: Heard, enabled: LiteGrip) -> None:
     enabled.motion_config.grasp_speed_mm_s = 60.0
     daemon.gripper.put_object(width_mm=50.0)
@@ -162,18 +187,22 @@ def test_a_force_that_is_no_number_is_refused_here(
     daemon: Heard, gripper: LiteGrip, force_n: Any
 ) -> None:
     for call in (gripper.grasp, gripper.set_force):
-        with pytest.raises(CommandError, match="force_n is"):
+        with pytest.raises(ParameterError, match="force_n is"):
             call(force_n)
     assert daemon.methods() == ["hello"]
 
 
-@pytest.mark.parametrize("feedforward", [{"dq_target": 0.5}, {"tau_feedforward": -1.0}])
-def test_a_move_with_a_feedforward_of_the_callers_own_is_rejected(
-    daemon: Heard, gripper: LiteGrip, feedforward: dict[str, Any]
+@pytest.mark.parametrize(
+    ("name", "instead"), [("dq_target", "move_at_speed"), ("tau_feedforward", "set_force")]
+)
+def test_a_move_with_a_feedforward_of_the_callers_own_is_rejected_with_what_to_use(
+    daemon: Heard, gripper: LiteGrip, name: str, instead: str
 ) -> None:
+    feedforward: dict[str, Any] = {name: -0.5}
     with pytest.raises(CommandError, match="the daemon computes velocity and torque") as caught:
         gripper.goto_rad(-0.5, **feedforward)
     assert caught.value.reason == "unsupported"
+    assert instead in str(caught.value.hint)
     assert daemon.methods() == ["hello"]
 
 
@@ -186,10 +215,18 @@ def test_a_force_for_an_impossible_time_is_rejected(
     assert daemon.methods() == ["hello"]
 
 
-def test_a_target_outside_the_travel_tells_the_travel(enabled: LiteGrip) -> None:
-    with pytest.raises(CommandError) as caught:
+def test_what_the_daemon_refuses_is_a_bad_parameter_and_tells_the_travel(
+    enabled: LiteGrip,
+) -> None:
+    with pytest.raises(ParameterError) as caught:
         enabled.goto(500.0)
     assert caught.value.data["limit"] == pytest.approx([0.0, TRAVEL_MM], abs=0.1)
+    with pytest.raises(ParameterError):
+        enabled.goto_openness(1.2)
+    with pytest.raises(ParameterError):
+        enabled.goto(50.0, 10_000.0)
+    with pytest.raises(ParameterError):
+        enabled.open(speed_mm_s=-1.0)
 
 
 # Force, loose jaws, and holding
@@ -249,15 +286,24 @@ def test_what_is_no_register_is_refused(gripper: LiteGrip) -> None:
         gripper.read_param(2.5)  # type: ignore[arg-type]
 
 
-def test_a_new_zero_leaves_the_motor_disabled(daemon: Heard, enabled: LiteGrip) -> None:
+def test_a_new_zero_leaves_the_motor_disabled_and_uncalibrated(
+    daemon: Heard, enabled: LiteGrip
+) -> None:
     before_rad = daemon.state.position_rad
     result = enabled.set_zero()
     assert result
     assert result.shift_rad == pytest.approx(before_rad, abs=0.01)
     assert result.position_rad == pytest.approx(0.0, abs=0.01)
     assert daemon.requests[-1].params.keys() == set(GUARDS)
+    assert not daemon.is_energised
+    assert (enabled.mount, enabled.config.pos_closed_rad) == (None, None)
     enabled.disconnect()
     assert "motor.disable" not in daemon.methods()
+    enabled.connect()
+    enabled.enable()
+    with pytest.raises(CommandError) as caught:
+        enabled.open()
+    assert caught.value.reason == "not_calibrated"
 
 
 def test_a_zero_that_fails_raises_and_one_that_is_not_sure_leaves_it_to_be_disabled(

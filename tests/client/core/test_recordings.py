@@ -41,7 +41,7 @@ def test_record_asks_for_its_samples_and_fetches_them_in_pieces(
 def test_a_time_without_a_sample_is_refused_before_anything_is_slack(
     daemon: Heard, gripper: LiteGrip, duration_s: float, rate_hz: float
 ) -> None:
-    with pytest.raises(CommandError, match="make no sample"):
+    with pytest.raises(ParameterError, match="make no sample"):
         gripper.record(duration_s, rate_hz)
     with pytest.raises(CommandError, match="must be a number"):
         gripper.record("long")  # type: ignore[arg-type]
@@ -98,7 +98,7 @@ def test_a_recording_that_was_broken_off_raises_as_the_daemon_says(
 
 
 def test_an_interrupt_ends_the_recording(daemon: Heard, enabled: LiteGrip, kind: Kind) -> None:
-    kind.interrupt_within(0.5)
+    kind.interrupt(0.5)
     with pytest.raises(kind.interrupted):
         enabled.record(60.0)
     assert daemon.asked("trajectory.record_stop") == [END]
@@ -109,7 +109,7 @@ def test_an_interrupt_before_the_answer_takes_back_what_comes_of_it(
     daemon: Heard, enabled: LiteGrip, kind: Kind
 ) -> None:
     daemon.late["trajectory.record_start"] = 0.1
-    kind.interrupt_within(0.05)
+    kind.interrupt(0.05)
     with pytest.raises(kind.interrupted):
         enabled.record_start()
     kind.pause(0.1)

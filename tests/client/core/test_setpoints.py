@@ -223,24 +223,20 @@ def test_two_streams_of_a_gripper_do_not_mix(daemon: Heard, enabled: LiteGrip) -
 # Frames, as the vendor's SDK sends them
 
 
-def test_a_frame_becomes_a_set_point(daemon: Heard, enabled: LiteGrip) -> None:
+def test_a_frame_becomes_a_set_point_and_one_without_kp_a_torque(
+    daemon: Heard, enabled: LiteGrip
+) -> None:
     assert enabled.send_mit_frame(-0.6, 100.0, 2.0) is True
     assert enabled.send_mit_frame(q=-0.5, kp=150.0, kd=2.5, dq=1.0, tau=0.0)
-    assert [one.plain for one in sent(daemon)] == [
-        {"position_rad": -0.6, "kp": 100.0, "kd": 2.0, "valid_s": 0.2},
-        {"position_rad": -0.5, "kp": 150.0, "kd": 2.5, "valid_s": 0.2},
-    ]
-    assert answered(daemon) == [True, False]
-
-
-def test_a_frame_without_kp_is_a_set_point_of_torque(daemon: Heard, enabled: LiteGrip) -> None:
     assert enabled.send_mit_frame(0.0, 0.0, 2.0, tau=1.5)
     assert enabled.send_mit_frame(0.0, 0.0, 0.0)
     assert [one.plain for one in sent(daemon)] == [
+        {"position_rad": -0.6, "kp": 100.0, "kd": 2.0, "valid_s": 0.2},
+        {"position_rad": -0.5, "kp": 150.0, "kd": 2.5, "valid_s": 0.2},
         {"push_nm": 1.5, "valid_s": 0.2},
         {"push_nm": 0.0, "valid_s": 0.2},
     ]
-    assert answered(daemon) == [True, False]
+    assert answered(daemon) == [True, False, False, False]
 
 
 @pytest.mark.parametrize(

@@ -12,30 +12,20 @@ from litegrip_client import (
     CalibrationData,
     CommandError,
     GripperConfig,
-    GripperState,
     LiteGrip,
     ParameterError,
-    Trajectory,
-    UnitConversion,
 )
 from litegrip_client.values.calibration import CALIBRATION_KEYS
 from litegrip_client.values.errors import from_error_object
 from litegrip_client.values.voices import in_python, in_shell
 from litegripd.control.admission import stroke_refusal
-from litegripd.model.calibration import NOMINAL
 from litegripd.model.gripper import GripperId
 from litegripd.model.sentence import sentence, with_terms
 from litegripd.rpc.jsonrpc import error_object
-from tests.client.fake_daemon import CALIBRATION, CONTENT, HELLO, STATE, ZERO
+from tests.client.fake_daemon import CALIBRATION, CONTENT, HELLO, ZERO
 from tests.client.rig import Bench, Heard, Kind, Threads
 from tests.geometry import (
-    CLOSED_RAD,
-    MM_RAD,
-    OPEN_RAD,
-    SPAN_MM,
     STROKE_MM,
-    TRAVEL_RAD,
-    WORK_MM,
 )
 
 MARKS = {"closed_rad": 0.104334, "open_rad": -1.513123}
@@ -204,26 +194,18 @@ def test_rescaling_is_never_after_a_stop_and_says_what_is_in_use(
     assert caplog.record_tuples == [("litegrip_client", logging.WARNING, text)]
 
 
-def test_loading_logs_that_the_millimetres_are_wrong(
+def test_loading_logs_that_the_millimetres_are_wrong_and_whatever_else_is_doubtful(
     daemon: Heard, gripper: LiteGrip, caplog: pytest.LogCaptureFixture
 ) -> None:
     answer = {**CALIBRATION, "loaded": True, "factory": False, "skipped": []}
-    answer["scale_warning"] = "1.40 times too large"
-    daemon.instead["calibration.load"] = answer
+    daemon.instead["calibration.load"] = {**answer, "scale_warning": "1.40 times too large"}
     assert gripper.load_calibration()
-    assert gripper.load_template("normal")
-    assert [record.getMessage() for record in caplog.records] == ["1.40 times too large"] * 2
-
-
-def test_loading_logs_whatever_is_doubtful(
-    daemon: Heard, gripper: LiteGrip, caplog: pytest.LogCaptureFixture
-) -> None:
-    answer = {**CALIBRATION, "loaded": True, "factory": False, "skipped": []}
     marked = sentence("it has can_id 0x07: measure again ({calibration.zero})")
     warnings = [marked, "and another (calibration.zero)"]
     daemon.instead["calibration.load"] = with_terms({**answer, "warnings": warnings})
     assert gripper.load_template("normal")
     assert [record.getMessage() for record in caplog.records] == [
+        "1.40 times too large",
         "it has can_id 0x07: measure again (gripper.zero())",
         "and another (calibration.zero)",
     ]
@@ -244,45 +226,6 @@ def test_the_work_stroke_is_a_key_of_a_calibration(daemon: Heard, gripper: LiteG
     assert "work_stroke_mm" not in daemon.requests[-1].params["content"]
 
 
-def test_the_gripper_has_it_and_the_force_of_a_torque(daemon: Heard) -> None:
-    found: dict[str, Any] = {**HELLO["gripper"]}  # type: ignore[dict-item]
-    config = GripperConfig.from_wire({**HELLO, "gripper": {**found, "nm_to_n": 16.4}})
-    assert (config.work_stroke_mm, config.nm_to_n) == (WORK_MM, 16.4)
-    unknown = {"nm_to_n": None, "work_stroke_mm": None}
-    config = GripperConfig.from_wire({**HELLO, "gripper": {**found, **unknown}})
-    assert (config.work_stroke_mm, config.nm_to_n) == (0.0, 10.0)
-    for name in ("stroke_mm", *unknown):
-        del found[name]
-    config = GripperConfig.from_wire({**HELLO, "gripper": found})  # of an older daemon
-    assert (config.max_stroke_mm, config.work_stroke_mm, config.nm_to_n) == (STROKE_MM, 0.0, 10.0)
-
-
-def test_the_nominal_figures_are_the_templates() -> None:
-    nominal = (CLOSED_RAD, OPEN_RAD, MM_RAD)
-    assert (NOMINAL[0].closed_rad, NOMINAL[0].open_rad, NOMINAL[0].rad_to_mm) == nominal
-    data, taught = CalibrationData(), Trajectory()
-    assert (data.zero_position_rad, data.max_position_rad, data.rad_to_mm) == nominal
-    assert data.travel_range_rad == pytest.approx(TRAVEL_RAD)
-    assert (taught.pos_closed_rad, taught.pos_open_rad, taught.rad_to_mm) == nominal
-
-
-def test_the_constants_are_the_vendors() -> None:
-    assert pytest.approx(75.438596) == UnitConversion.RAD_TO_MM
-    assert pytest.approx(1.0) == UnitConversion.MM_TO_RAD * UnitConversion.RAD_TO_MM
-    assert GripperConfig().max_stroke_mm == STROKE_MM
-    assert CalibrationData(rad_to_mm=SPAN_MM / TRAVEL_RAD).stroke_mm == pytest.approx(STROKE_MM)
-
-
-# A doubt of the scale
-
-
-def test_a_state_has_the_doubt() -> None:
-    state = GripperState.from_wire({**STATE, "scale_doubt": "superseded", "work_stroke_mm": 80.0})
-    assert (state.scale_doubt, state.work_stroke_mm) == ("superseded", 80.0)
-    assert "scale_doubt='superseded'" in repr(state)
-    assert "scale_doubt" not in repr(GripperState.from_wire(STATE))
-
-
 def test_a_key_of_the_configuration_keeps_its_name() -> None:
     refused = stroke_refusal(130.0, GripperId())
     assert refused is not None
@@ -293,6 +236,3 @@ def test_a_key_of_the_configuration_keeps_its_name() -> None:
         assert from_error_object(error, method, in_python).message == wire
         told = from_error_object(error, method, in_shell).message
         assert told == wire.replace("stroke_mm is", "--stroke-mm is")
-
-
-# The force

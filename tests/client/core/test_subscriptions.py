@@ -114,7 +114,7 @@ def test_an_interrupted_subscription_is_ended_when_its_number_comes(
     daemon: Heard, gripper: LiteGrip, kind: Kind, what: str
 ) -> None:
     daemon.late[f"{what}.subscribe"] = 0.1
-    kind.interrupt_within(0.05)
+    kind.interrupt(0.05)
     with pytest.raises(kind.interrupted):
         BOTH[what](gripper).__enter__()
     kind.pause(0.1)
@@ -128,24 +128,26 @@ def test_an_iteration_can_be_interrupted_and_go_on(
 ) -> None:
     with gripper.states(1) as states:
         first = next(states)
-        kind.interrupt_within(0.5)
+        kind.interrupt(0.5)
         with pytest.raises(kind.interrupted):
             next(states)
         second = next(states)
         assert second.monotonic_s - first.monotonic_s == pytest.approx(1.0, abs=0.02)
 
 
-@pytest.mark.parametrize("what", BOTH)
+@pytest.mark.parametrize(
+    ("what", "subscribe"), [*BOTH.items(), ("state", lambda g: g.states(50, ["seq"], batch=4))]
+)
 def test_a_subscription_that_nobody_has_any_more_is_ended(
-    daemon: Heard, gripper: LiteGrip, kind: Kind, what: str
+    daemon: Heard, gripper: LiteGrip, kind: Kind, what: str, subscribe: Subscribe
 ) -> None:
     daemon.client().result("stop")
-    BOTH[what](gripper).__enter__()
+    subscribe(gripper).__enter__()
     gc.collect(1)
     other = daemon.client()
     for level in ("relax", "disable", "relax"):
         other.result("stop", level=level)
-        kind.pause(0.05)
+        kind.pause(0.1)
         gripper.get_state()
     assert daemon.methods().count(f"{what}.unsubscribe") == 1
 

@@ -2,6 +2,7 @@ import json
 import math
 import pickle
 import socket
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from litegrip_client.values.errors import (
     StoppedError,
 )
 from tests.client.fake_daemon import STATE, FakeDaemon, Request
+from tests.client.rig import Kind
 
 
 def test_a_request_is_one_compact_line_with_parameters_by_name(
@@ -129,17 +131,19 @@ def test_a_request_that_cannot_be_sent_is_refused_here(
     assert daemon.methods() == ["state.get"]
 
 
-def test_a_daemon_that_does_not_read_is_an_error(tmp_path: Path) -> None:
-    path = tmp_path / "deaf.sock"
+def test_a_daemon_that_does_not_read_is_an_error(tmp_path: Path, kind: Kind) -> None:
+    path = str(tmp_path / "deaf.sock")
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listener:
-        listener.bind(str(path))
+        listener.bind(path)
         listener.listen()
-        with Connection(str(path), timeout_s=0.02) as connection:
-            messages = set()
-            while "the daemon does not read its requests within 0.02 s" not in messages:
-                with pytest.raises(ConnectError) as caught:
-                    connection.call("stop", {"why": "x" * 16_000}, timeout_s=0.0)
-                messages.add(caught.value.message)
+        connection = kind.connect(path, 0.02)
+        messages = set()
+        while "the daemon does not read its requests within 0.02 s" not in messages:
+            with pytest.raises(ConnectError) as caught:
+                connection.call("stop", {"why": "x" * 16_000}, timeout_s=0.0)
+            messages.add(caught.value.message)
+            assert caught.value.reason == "no_answer"
+        connection.close()
 
 
 def test_the_stop_generation_is_learned_from_every_answer_that_has_it(
@@ -196,3 +200,68 @@ def test_the_daemons_errors_keep_all_they_say(daemon: FakeDaemon, connection: Co
     assert (error.hint, error.owner) == ("power?", owner)
     copy = pickle.loads(pickle.dumps(error))
     assert (type(copy), copy.reason, copy.data) == (CANTimeoutError, error.reason, error.data)
+
+
+# Calls beside each other, of threads or of tasks
+
+
+def test_answers_in_the_other_order_reach_who_asked(
+    daemon: FakeDaemon, kind: Kind, connection: Connection
+) -> None:
+    first = kind.begin(connection, "call", "first")
+    (one,) = kind.arrived(daemon, "first")
+    second = kind.begin(connection, "call", "second")
+    (two,) = kind.arrived(daemon, "second")
+    two.reply({"n": 2})
+    assert second() == {"n": 2}
+    one.reply({"n": 1})
+    assert first() == {"n": 1}
+
+
+def test_many_at_once_each_get_their_own_answers(
+    daemon: FakeDaemon, kind: Kind, connection: Connection
+) -> None:
+    daemon.handlers["echo"] = lambda request: request.params
+    for turn in range(8):
+        asked = [{"number": number, "turn": turn} for number in range(50)]
+        calls = [kind.begin(connection, "call", "echo", params) for params in asked]
+        assert [call() for call in calls] == asked
+
+
+def test_all_who_wait_are_served_whoever_reads_first(
+    daemon: FakeDaemon, kind: Kind, connection: Connection
+) -> None:
+    calls = [kind.begin(connection, "call", "wait", timeout_s=math.inf) for _ in range(8)]
+    requests = kind.arrived(daemon, "wait", 8)
+    for request in requests:
+        request.reply({"id": request.identity})
+    assert {call()["id"] for call in calls} == {request.identity for request in requests}
+
+
+def test_closing_says_so_to_who_waits_and_to_who_comes_later(
+    daemon: FakeDaemon, kind: Kind, connection: Connection
+) -> None:
+    waiting = kind.begin(connection, "call", "wait", timeout_s=math.inf)
+    kind.arrived(daemon, "wait")
+    connection.close()
+    for call in (waiting, partial(connection.call, "state.get")):
+        with pytest.raises(ConnectError, match="was closed"):
+            call()
+    connection.close()
+
+
+def test_a_daemon_that_ends_is_told_to_all_who_wait_and_to_who_comes_later(
+    daemon: FakeDaemon, kind: Kind, connection: Connection
+) -> None:
+    calls = [kind.begin(connection, "call", "wait") for _ in range(5)]
+    requests = kind.arrived(daemon, "wait", 5)
+    was_closed, told = connection.closed, set()
+    requests[0].hang_up()
+    calls.append(partial(connection.call, "state.get"))
+    for call in calls:
+        with pytest.raises(ConnectError, match="ended the connection") as caught:
+            call()
+        assert isinstance(caught.value, ConnectionError)
+        told.add(id(caught.value))
+    assert (was_closed, connection.closed) == (False, True)
+    assert len(told) == 6

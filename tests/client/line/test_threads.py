@@ -2,7 +2,7 @@ import math
 import os
 import signal
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
@@ -13,41 +13,11 @@ from tests.client.fake_daemon import DEADLINE_S, STATE, FakeDaemon, Request
 from tests.client.helpers import event, in_thread, interrupt_main_thread, sample, until_read
 
 
-def test_answers_in_the_other_order_reach_who_asked(daemon: FakeDaemon, shared: Connection) -> None:
-    first = in_thread(lambda: shared.call("first"))
-    (one,) = daemon.wait_for("first")
-    second = in_thread(lambda: shared.call("second"))
-    (two,) = daemon.wait_for("second")
-    two.reply({"n": 2})
-    assert second() == {"n": 2}
-    one.reply({"n": 1})
-    assert first() == {"n": 1}
-
-
-def test_the_leader_leaves_and_a_follower_takes_over(
-    daemon: FakeDaemon, shared: Connection
-) -> None:
-    calls = [in_thread(lambda: shared.call("wait", timeout_s=math.inf)) for _ in range(8)]
-    requests = daemon.wait_for("wait", 8)
-    for request in requests:
-        request.reply({"id": request.identity})
-    assert {call()["id"] for call in calls} == {request.identity for request in requests}
-
-
-def test_many_threads_at_once_each_get_their_own_answers(
-    daemon: FakeDaemon, shared: Connection
-) -> None:
-    daemon.handlers["echo"] = lambda request: request.params
-
-    def work(number: int) -> bool:
-        return all(
-            shared.call("echo", {"number": number, "turn": turn})
-            == {"number": number, "turn": turn}
-            for turn in range(100)
-        )
-
-    workers = [in_thread(lambda number=number: work(number)) for number in range(4)]  # type: ignore[misc]
-    assert all(worker() for worker in workers)
+@pytest.fixture
+def shared(daemon: FakeDaemon) -> Iterator[Connection]:
+    """Return a connection that threads share."""
+    with Connection(daemon.path, DEADLINE_S) as connection:
+        yield connection
 
 
 def test_progress_comes_in_the_calling_thread_and_may_make_calls(
@@ -164,17 +134,13 @@ def test_a_signal_handler_during_a_call_gets_a_clear_refusal(
     assert shared.call("state.get") == STATE
 
 
-def test_a_closed_connection_says_so_and_wakes_who_waits(
+def test_a_daemon_that_has_gone_is_noticed_without_a_call(
     daemon: FakeDaemon, shared: Connection
 ) -> None:
-    waiting = in_thread(lambda: shared.call("wait", timeout_s=math.inf))
-    daemon.wait_for("wait")
-    shared.close()
-    with pytest.raises(ConnectError, match="was closed"):
-        waiting()
-    with pytest.raises(ConnectError, match="was closed"):
-        shared.call("state.get")
-    shared.close()
+    shared.call("state.get")
+    was_closed = shared.closed
+    daemon.requests[0].hang_up()
+    assert (was_closed, shared.closed) == (False, True)
 
 
 @pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")
@@ -201,22 +167,6 @@ def test_a_forked_child_is_refused_and_its_close_does_not_hurt(
     assert said.startswith("forked: this connection belongs to process")
     assert "connect again in the child" in said
     assert shared.call("state.get") == STATE
-
-
-def test_a_daemon_that_ends_is_told_to_all_who_wait_and_to_who_comes_later(
-    daemon: FakeDaemon, shared: Connection
-) -> None:
-    calls = [in_thread(lambda: shared.call("wait")) for _ in range(3)]
-    requests = daemon.wait_for("wait", 3)
-    closed_before = shared.closed
-    requests[0].hang_up()
-    for call in calls:
-        with pytest.raises(ConnectError, match="ended the connection") as caught:
-            call()
-        assert isinstance(caught.value, ConnectionError)
-    assert (closed_before, shared.closed) == (False, True)
-    with pytest.raises(ConnectError, match="ended the connection"):
-        shared.call("state.get")
 
 
 # Subscriptions

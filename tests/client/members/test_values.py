@@ -1,11 +1,5 @@
 """What the SDK's reading members return, its values, and what a script says of its gripper."""
 
-import json
-import math
-import time
-from collections.abc import Callable
-from pathlib import Path
-
 import pytest
 
 from litegrip_client import (
@@ -20,15 +14,12 @@ from litegrip_client import (
     ParameterError,
     Trajectory,
     TrajectorySample,
-    UnitConversion,
     default_calib_path,
     resolve_path,
     trajectory_dir,
 )
-from litegripd.model.gripper import FASTEST_RAD_S
 from tests.drop_in import Daemon, Site
-from tests.geometry import SPAN_MM, STROKE_MM, TRAVEL_RAD, WORK_MM
-from tests.sdk_compat.trajectories import push
+from tests.geometry import STROKE_MM
 
 
 def test_what_is_measured_is_a_number(site: Site, daemon: Daemon, gripper: LiteGrip) -> None:
@@ -43,11 +34,6 @@ def test_what_is_measured_is_a_number(site: Site, daemon: Daemon, gripper: LiteG
     assert (gripper.is_enabled, gripper.can_id, gripper.mst_id) == (True, 8, 0x18)
     assert (gripper.is_moving(), gripper.is_grasped(), gripper.poll()) == (False, False, True)
     assert f"{gripper.get_position():.1f} {gripper.get_temperature()[0]:+.0f}" == "60.0 +25"
-    daemon.gripper.put_object(width_mm=30.0)
-    assert gripper.grasp(10.0, until="verdict")
-    site.run(1.0)
-    assert gripper.is_grasped()
-    assert gripper.get_force() == pytest.approx(10.0, abs=1.0)
 
 
 def test_a_motor_that_is_silent_has_no_figures_and_is_not_ready(
@@ -77,33 +63,6 @@ def test_a_motion_without_an_enabled_motor_is_not_initialized(daemon: Daemon) ->
     assert issubclass(NotInitializedError, HardwareError)
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        lambda g: g.grasp(force_n="much"),
-        lambda g: g.goto(500.0),
-        lambda g: g.goto(math.nan),
-        lambda g: g.goto(50.0, 10_000.0),
-        lambda g: g.open(speed_mm_s=-1.0),
-        lambda g: g.teleop_start("sideways"),
-        lambda g: g.record(0.0),
-        lambda g: g.load_template("sideways"),
-    ],
-)
-def test_a_bad_argument_is_a_value_error_too(gripper: LiteGrip, wrong: object) -> None:
-    assert callable(wrong)
-    with pytest.raises(ParameterError) as caught:
-        wrong(gripper)
-    assert isinstance(caught.value, CommandError)
-    assert isinstance(caught.value, ValueError)
-
-
-def test_a_missing_trajectory_is_a_missing_file(site: Site) -> None:
-    with pytest.raises(FileNotFoundError, match="there is no trajectory") as caught:
-        Trajectory.load("nothing")
-    assert isinstance(caught.value, CommandError)
-
-
 def test_progress_has_the_sdks_fields(gripper: LiteGrip) -> None:
     seen: list[MoveProgress] = []
     gripper.move_at_speed(20.0, 40.0, progress=seen.append)
@@ -114,136 +73,6 @@ def test_progress_has_the_sdks_fields(gripper: LiteGrip) -> None:
         assert one.win_delta_rad == pytest.approx(one.pos_rad - seen[max(number - 5, 0)].pos_rad)
         assert one.temperature_coil is not None
     assert abs(seen[10].win_delta_rad) > 0.1
-
-
-def test_calling_connect_twice_is_true_both_times(daemon: Daemon) -> None:
-    gripper = LiteGrip("can0")
-    assert gripper.connect() is True
-    assert gripper.connect() is True
-    gripper.disconnect()
-
-
-def test_a_calibration_is_loaded_and_a_mount_read_before_connecting(daemon: Daemon) -> None:
-    gripper = LiteGrip("can0")
-    assert gripper.load_calibration(template=daemon.mount) is True
-    assert gripper.mount == daemon.mount
-    assert gripper.connect() is True
-    gripper.disconnect()
-    with pytest.raises(ConnectionError):
-        _ = gripper.mount
-    assert LiteGrip("can0").mount == daemon.mount
-
-
-def test_a_calibration_by_hand_takes_the_extremes(
-    site: Site, daemon: Daemon, gripper: LiteGrip
-) -> None:
-    push(site, daemon, (0.5, 0.4), (2.0, -0.4), (5.0, 0.0))
-    data = gripper.calibrate_manual(duration=6.0, settle_time=0.5)
-    assert data.mount == daemon.mount
-    assert data.travel_range == pytest.approx(TRAVEL_RAD, abs=0.08)
-    assert data.travel_mm == pytest.approx(SPAN_MM)
-    assert data.calibration_time == pytest.approx(time.time(), abs=60.0)
-    assert gripper.config.pos_closed_rad == pytest.approx(data.zero_position)
-    assert gripper.get_state().mode == "holding"
-
-
-def test_a_calibration_by_hand_takes_the_stroke_of_the_script_and_keeps_the_work_stroke(
-    site: Site, daemon: Daemon, gripper: LiteGrip
-) -> None:
-    gripper.load_template(daemon.mount)
-    gripper.config.max_stroke_mm = 84.0
-    push(site, daemon, (0.5, 0.4), (2.0, -0.4), (5.0, 0.0))
-    data = gripper.calibrate_manual(duration=6.0, settle_time=0.5)
-    assert data.stroke_mm == pytest.approx(84.0)
-    assert (data.work_stroke_mm, gripper.config.work_stroke_mm) == (WORK_MM, WORK_MM)
-
-
-@pytest.mark.parametrize("method", ["zero", "calibrate", "calibrate_guided"])
-def test_a_script_says_how_far_the_jaws_open_as_the_vendors_readme_does(
-    daemon: Daemon, gripper: LiteGrip, method: str
-) -> None:
-    gripper.config.max_stroke_mm = 83.0
-    data = getattr(gripper, method)()
-    assert data.rad_to_mm == pytest.approx(84.0 / data.travel_range)
-    assert gripper.config.travel_mm == pytest.approx(84.0)
-    assert gripper.rescale_calibration(STROKE_MM).travel_mm == pytest.approx(SPAN_MM)
-    assert gripper.config.travel_mm == pytest.approx(SPAN_MM)
-    assert gripper.config.max_stroke_mm == 83.0
-    gripper.config.max_stroke_mm = 120.0
-    with pytest.raises(ParameterError, match="the configured stroke is 85 mm"):
-        getattr(gripper, method)()
-
-
-def test_a_work_stroke_is_where_open_goes(daemon: Daemon, gripper: LiteGrip) -> None:
-    gripper.load_template(daemon.mount)
-    result = gripper.open()
-    assert (result.ok, result.reached, result.stalled) == (True, True, False)
-    assert daemon.gripper.opening_mm == pytest.approx(WORK_MM, abs=1.0)
-    assert gripper.get_state().work_stroke_mm == WORK_MM
-    saved = json.loads(Path(gripper.save_calibration()).read_text(encoding="utf-8"))
-    assert saved["work_stroke_mm"] == WORK_MM
-
-
-def test_a_file_of_earlier_versions_is_taken_said_and_corrected(
-    site: Site, gripper: LiteGrip, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    old = {"zero_position_rad": 0.1, "max_position_rad": -1.5, "rad_to_mm": 75.0}
-    (tmp_path / "old.json").write_text(json.dumps(old), encoding="utf-8")
-    assert gripper.load_calibration(tmp_path / "old.json")
-    assert "takes the jaws' travel for 120 mm" in caplog.text
-    site.run(0.01)
-    assert gripper.get_state().scale_doubt == "superseded"
-    assert gripper.rescale_calibration().rad_to_mm == pytest.approx(SPAN_MM / 1.6)
-    site.run(0.01)
-    assert gripper.get_state().scale_doubt is None
-
-
-@pytest.mark.parametrize("factor", [0.1, 0.5, 0.84, 1.16, 2.0, 10.0])
-def test_a_scale_that_cannot_be_this_grippers_is_rejected(
-    daemon: Daemon, gripper: LiteGrip, tmp_path: Path, factor: float
-) -> None:
-    before = gripper.config
-    scale = SPAN_MM / TRAVEL_RAD * factor
-    wrong = {"zero_position_rad": 0.0, "max_position_rad": -TRAVEL_RAD, "rad_to_mm": scale}
-    (tmp_path / "wrong.json").write_text(json.dumps(wrong), encoding="utf-8")
-    for load, given in (
-        (gripper.load_calibration, tmp_path / "wrong.json"),
-        (gripper.use_calibration, CalibrationData.from_content(wrong)),
-    ):
-        call: Callable[..., bool] = load
-        with pytest.raises(CommandError, match="the configured stroke is 85 mm") as caught:
-            call(given)
-        assert caught.value.reason == "calibration_unreadable"
-    assert gripper.config == before
-
-
-def test_the_motor_is_never_faster_than_its_bound(daemon: Daemon, gripper: LiteGrip) -> None:
-    present = gripper.config
-    assert present.pos_closed_rad is not None
-    assert present.pos_open_rad is not None
-    gripper.use_calibration(
-        CalibrationData(
-            zero_position_rad=present.pos_closed_rad,
-            max_position_rad=present.pos_open_rad,
-            rad_to_mm=45.0,
-        )
-    )
-    most_mm_s = FASTEST_RAD_S * 45.0
-    assert most_mm_s < 149.0
-    told = f"at most {most_mm_s:.4g}: the motor turns at no more than {FASTEST_RAD_S:g} rad/s"
-    for move in (gripper.open, gripper.close):
-        with pytest.raises(CommandError, match=told):
-            move(149.0)
-    assert gripper.close(most_mm_s - 1.0)
-
-
-def test_a_calibration_by_hand_needs_a_hand(daemon: Daemon, gripper: LiteGrip) -> None:
-    before = gripper.config
-    with pytest.raises(CommandError, match="push them to both stops"):
-        gripper.calibrate_manual(1.0, 0.0)
-    assert gripper.config == before
-    with pytest.raises(ParameterError, match="duration is 0"):
-        gripper.calibrate_manual(0.0)
 
 
 # What a script says of its gripper
@@ -335,8 +164,6 @@ def test_a_trajectory_is_made_filled_and_asked() -> None:
 
 
 def test_constants_and_paths(site: Site) -> None:
-    assert UnitConversion.NM_TO_N * UnitConversion.N_TO_NM == 1.0
-    assert pytest.approx(1.0) == UnitConversion.RAD_TO_MM * UnitConversion.MM_TO_RAD
     assert (CalibrationData().mount, CalibrationData().calibrated) == ("normal", False)
     assert default_calib_path("can1").endswith("/.litegrip/can1_calibration.json")
     assert resolve_path("pick") == f"{trajectory_dir()}/pick.lgt"

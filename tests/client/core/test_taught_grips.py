@@ -1,5 +1,7 @@
 """Grips of trajectories on the client's side: files, copies to and from the daemon, pictures."""
 
+import base64
+import hashlib
 import json
 import logging
 from dataclasses import replace
@@ -8,31 +10,16 @@ from typing import Any
 
 import pytest
 
-from litegrip_client import (
-    CommandError,
-    LiteGrip,
-    TaughtGrip,
-    Trajectory,
-    list_trajectories,
-)
+from litegrip_client import CommandError, TaughtGrip, Trajectory, list_trajectories
 from litegrip_client.ctl.commands.trajectories import played_text, recorded_text
-from litegrip_client.ctl.main import main
 from litegrip_client.ctl.plot.drawing import draw_trajectory, png
 from litegrip_client.values.errors import TrajectoryFormatError
-from tests.client.aio_helpers import with_gripper
-from tests.client.fake_daemon import FakeDaemon
-from tests.client.fake_trajectories import CONTENT, PLAYED, FakeTrajectories
-from tests.client.helpers import Ctl
-from tests.client.taught import BESIDE, GRIPS, TAUGHT, with_grips
-from tests.trajectories import lgt
+from tests.client.rig import Ctl, Heard, run_ctl
+from tests.client.taught import BESIDE, CONTENT, GRIPS, TAUGHT, with_grips
+from tests.trajectories import fetched, lgt, send
 
-NOWHERE = ["--socket", "/nowhere"]
 PNG = b"\x89PNG\r\n\x1a\n"
-
-
-@pytest.fixture
-def there(daemon: FakeDaemon) -> FakeTrajectories:
-    return FakeTrajectories(daemon)
+PLAYED = {"job": 4, "ok": True, "outcome": "completed", "loops": 1, "largest_lag_mm": 1.25}
 
 
 @pytest.fixture
@@ -43,6 +30,11 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("COLUMNS", "80")
     monkeypatch.chdir(tmp_path)
     return path
+
+
+@pytest.fixture
+def ctl(folder: Path, capsys: pytest.CaptureFixture[str]) -> Ctl:
+    return run_ctl(capsys)
 
 
 # Files
@@ -143,103 +135,68 @@ def test_grips_follow_each_other_within_the_samples(grips: Any, why: str) -> Non
         with_grips(*grips)
 
 
-# Play
-
-
-def test_play_sends_the_grips_and_asks_for_their_force(
-    there: FakeTrajectories, gripper: LiteGrip, daemon: FakeDaemon
-) -> None:
-    figures = {"grips": 2, "width_mm": 44.0, "width_difference_mm": -4.0}
-    daemon.handlers["trajectory.play"] = lambda _request: {**PLAYED, **figures}
-    result = gripper.play(TAUGHT, force="replay")
-    assert (result.grips, result.width_mm, result.width_difference_mm) == (2, 44.0, -4.0)
-    assert there.uploads == {"tmp/upload-1": CONTENT}
-    assert there.grips == {None: BESIDE}
-    assert there.asked("play")[0]["force"] == "replay"
-    gripper.play_start(TAUGHT, force="replay")
-    assert there.asked("play")[1]["force"] == "replay"
-    gripper.play(replace(TAUGHT, grips=()))  # which is another one
-    assert len(there.uploads) == 2
-    assert "force" not in there.asked("play")[2]
-
-
-def test_the_same_on_asyncio(daemon: FakeDaemon) -> None:
-    there = FakeTrajectories(daemon)
-    there.grips = {None: BESIDE}
-
-    async def scene(gripper: Any) -> None:
-        await gripper.record_start(max_samples=300)
-        taught = await gripper.record_stop()
-        assert taught.grips == GRIPS
-        assert (await gripper.play(taught, force="replay")).ok
-
-    with_gripper(daemon, scene)
-    assert there.asked("play")[0]["force"] == "replay"
-
-
-def test_a_recording_comes_with_its_grips(there: FakeTrajectories, gripper: LiteGrip) -> None:
-    there.grips = {None: BESIDE}
-    gripper.record_start(max_samples=300)
-    assert gripper.record_stop() == TAUGHT
-
-
 # litegripctl
 
 
-def test_play_asks_for_the_force(there: FakeTrajectories, ctl: Ctl) -> None:
-    assert ctl("play", "pick", "--force", "replay")[0] == 0
-    assert there.asked("play")[0]["force"] == "replay"
-    assert ctl("play", "pick", "--force", "path")[0] == 0
-    assert "force" not in there.asked("play")[1]
+def test_play_asks_for_the_force_and_sends_the_grips_where_they_are_wanted(
+    daemon: Heard, ctl: Ctl
+) -> None:
+    daemon.instead["trajectory.play"] = PLAYED
+    TAUGHT.save("pick")
+    beside = []
+    for source in (("pick",), ("--local", "pick")):
+        for force in ((), ("--force", "path"), ("--force", "replay")):
+            assert ctl("play", *source, *force)[0] == 0
+            beside.append([put.get("grip_bytes", 0) for put in daemon.asked("trajectory.put")])
+    forces = [asked.get("force") for asked in daemon.asked("trajectory.play")]
+    assert forces == [None, None, "replay"] * 2
+    assert beside[2] == []
+    assert [max(puts) for puts in beside[3:]] == [0, 0, len(BESIDE)]
     assert ctl("play", "pick", "--force", "10")[0] == 2
 
 
-def test_play_local_sends_the_grips_where_they_are_wanted(
-    there: FakeTrajectories, ctl: Ctl, folder: Path
-) -> None:
-    TAUGHT.save("pick")
-    assert ctl("play", "--local", "pick")[0] == 0
-    assert there.grips == {}
-    assert ctl("play", "--local", "pick", "--force", "replay")[0] == 0
-    assert there.grips == {None: BESIDE}
-
-
-def test_put_and_get_carry_both(there: FakeTrajectories, ctl: Ctl, folder: Path) -> None:
+def test_put_and_get_carry_both(daemon: Heard, ctl: Ctl, folder: Path) -> None:
     TAUGHT.save("pick")
     assert ctl("trajectories", "put", "pick") == (0, "kept as pick, 300 samples\n", "")
-    assert (there.kept, there.grips) == ({"pick": CONTENT}, {"pick": BESIDE})
+    assert fetched(daemon.client(), name="pick") == CONTENT
+    assert fetched(daemon.client(), name="pick", format="grip") == BESIDE
     assert ctl("trajectories", "get", "pick", "-o", "copy")[0] == 0
     assert (folder / "copy.grip.json").read_bytes() == BESIDE
     assert Trajectory.load("copy") == TAUGHT
 
 
 def test_what_goes_with_another_file_is_left_out_and_said(
-    there: FakeTrajectories, ctl: Ctl, folder: Path
+    daemon: Heard, ctl: Ctl, folder: Path
 ) -> None:
-    (folder / "pick.lgt").write_bytes(lgt([(0.0, 0.5), (1.0, 0.5)]))
+    other = lgt([(0.0, 0.5), (1.0, 0.5)])
+    (folder / "pick.lgt").write_bytes(other)
     (folder / "pick.grip.json").write_bytes(BESIDE)
     said = "the grips are left out: it belongs to another .lgt file, which has been replaced\n"
-    assert ctl("trajectories", "put", "pick") == (0, "kept as pick, 300 samples\n", said)
-    assert there.grips == {}
-    there.grips = {"pick": BESIDE}
+    assert ctl("trajectories", "put", "pick") == (0, "kept as pick, 2 samples\n", said)
+    assert fetched(daemon.client(), name="pick", format="grip") == b""
+    sent = {"total": len(BESIDE), "data": base64.b64encode(BESIDE).decode(), "offset": 0}
+    daemon.instead["trajectory.get"] = lambda request: (
+        {**sent, "sha256": hashlib.sha256(BESIDE).hexdigest()}
+        if request.params.get("format") == "grip"
+        else None
+    )
     code, _shown, error = ctl("trajectories", "get", "pick", "--overwrite")
     assert (code, error) == (0, said)
     assert not (folder / "pick.grip.json").exists()
 
 
-def test_the_list_shows_that_a_grip_is_kept(
-    there: FakeTrajectories, ctl: Ctl, folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    there.kept, there.grips = {"pick": CONTENT, "wave": CONTENT}, {"pick": BESIDE}
+def test_the_list_shows_that_a_grip_is_kept(daemon: Heard, ctl: Ctl, folder: Path) -> None:
+    TAUGHT.save("pick")
+    (folder / "wave.lgt").write_bytes(CONTENT)
+    for name in ("pick", "wave"):
+        ctl("trajectories", "put", name)
     _code, shown, _error = ctl("trajectories")
-    assert [line.split()[7] for line in shown.splitlines()[1:]] == ["1", "-"]
-    TAUGHT.save("mine")
-    (folder / "odd.lgt").write_bytes(CONTENT)
-    (folder / "odd.grip.json").write_bytes(b"odd")
-    assert main([*NOWHERE, "trajectories", "--local"]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[7] for line in lines[1:3]] == ["2", "-"]
-    assert lines[3].startswith("odd: its grips are NOT usable: not valid JSON")
+    assert [line.split()[7] for line in shown.splitlines()[1:3]] == ["2", "-"]
+    (folder / "wave.grip.json").write_bytes(b"odd")
+    code, shown, _error = ctl("--socket", "/nowhere", "trajectories", "--local")
+    lines = shown.splitlines()
+    assert [code, *(line.split()[7] for line in lines[1:3])] == [0, "2", "-"]
+    assert lines[3].startswith("wave: its grips are NOT usable: not valid JSON")
 
 
 def test_what_was_recorded_and_played_tells_of_grips() -> None:
@@ -253,16 +210,15 @@ def test_what_was_recorded_and_played_tells_of_grips() -> None:
 # Plot
 
 
-def test_plot_draws_the_grips_of_the_daemon(daemon: FakeDaemon, ctl: Ctl, folder: Path) -> None:
-    there = FakeTrajectories(daemon)
-    there.kept, there.grips = {"pick": CONTENT}, {"pick": BESIDE}
+def test_plot_draws_the_grips_of_the_daemon(daemon: Heard, ctl: Ctl) -> None:
+    send(daemon.client(), CONTENT + BESIDE, name="pick", grip_bytes=len(BESIDE))
     assert ctl("plot", "pick") == (0, "drawn in pick.png\n", "")
     assert Path("pick.png").read_bytes() == png(draw_trajectory(TAUGHT, "pick"))
 
 
-def test_the_last_seconds_begin_within_a_grip(folder: Path, drawn: list[Trajectory]) -> None:
+def test_the_last_seconds_begin_within_a_grip(ctl: Ctl, drawn: list[Trajectory]) -> None:
     TAUGHT.save("pick")
-    assert main([*NOWHERE, "plot", "--local", "--last", "0.5", "pick"]) == 0
+    assert ctl("plot", "--local", "--last", "0.5", "pick")[0] == 0
     (grip,) = drawn[0].grips
     assert grip.start_s == pytest.approx(2.49)
     assert grip.end_s == 2.99
