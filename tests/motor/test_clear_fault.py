@@ -4,8 +4,9 @@ import pytest
 
 from litegripd.model.motor import CanFrame, MotorPhase
 from litegripd.motor import codec
+from tests.motor.bench import LosesFirst, everything
 from tests.motor.test_silence import moving
-from tests.world import CAN_ID, World
+from tests.world import CAN_ID, PERIOD_S, World
 
 
 def faulty(world: World) -> None:
@@ -20,12 +21,11 @@ def test_a_fault_is_cleared_and_the_motor_stays_disabled() -> None:
     moving(world)
     faulty(world)
     client = world.client()
-    since_s = world.now_s
+    since_s = world.now_s + PERIOD_S / 2
     assert client.result("motor.clear_fault")["cleared"] == "over_voltage"
     world.run(0.5)
     assert world.in_phase(MotorPhase.DISABLED)
-    sent = {s.frame.data for s in world.sent if s.frame.can_id == CAN_ID and s.at_s > since_s}
-    assert sent == {codec.CLEAR_FAULT}
+    assert set(world.own_frames(since_s)) == {codec.CLEAR_FAULT}
     assert client.refusal("motion.open") == "not_enabled"
     assert client.result("motor.enable")["ok"]
 
@@ -46,14 +46,7 @@ def test_a_lost_frame_is_sent_again(lost: int) -> None:
     world = World()
     moving(world)
     faulty(world)
-    left = lost
-
-    def loses(frame: object) -> bool:
-        nonlocal left
-        left -= 1
-        return left >= 0
-
-    world.lose_to_motor = loses
+    world.lose_to_motor = LosesFirst(lost, everything)
     assert world.client().result("motor.clear_fault")["ok"]
 
 

@@ -4,6 +4,8 @@ import pytest
 
 from litegripd.model.motor import MotorPhase
 from tests.motor.test_plausibility import jump
+from tests.motor.test_silence import moving as opening
+from tests.motor.test_silence import mute
 from tests.world import CAN_ID, Client, World, is_command
 
 PERIODS_S = [0.010, 0.005, 0.002, 0.001]
@@ -11,14 +13,7 @@ PERIODS_S = [0.010, 0.005, 0.002, 0.001]
 
 def moving(period_s: float) -> tuple[World, Client]:
     world = World(period_s=period_s)
-    client = world.enabled()
-    client.send("motion.open")
-    world.run(0.3)
-    return world, client
-
-
-def mute(world: World) -> None:
-    world.lose_from_motor = lambda _frame: True
+    return world, opening(world)
 
 
 @pytest.mark.parametrize("period_s", PERIODS_S)

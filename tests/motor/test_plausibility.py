@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from litegripd.model.calibration import Calibration
 from litegripd.model.motor import CanFrame, Feedback, MotorPhase, Status
 from litegripd.motor.exchange import IMPLAUSIBLE_FRAMES, Plausibility
-from tests.world import CAN_ID, PERIOD_S, Client, World
+from tests.motor.helpers import replace_answers
+from tests.world import CAN_ID, PERIOD_S, Client, World, reason_of
 
 MOVED_BY_ITSELF_MM = 15.0
 """What the motor does with all its torque in the period before it reports the jump, and in the one
@@ -27,17 +28,12 @@ def shifted(frame: CanFrame, by_rad: float) -> CanFrame:
 
 def jump(world: World, by_rad: float, frames: float = float("inf")) -> None:
     """From now on the motor reports a wrong position, for `frames` frames."""
-    left = frames
 
-    def replaced(frame: CanFrame) -> bool:
-        nonlocal left
-        if left <= 0 or frame.data[0] & 0x0F != CAN_ID or frame.data[2] in (0x33, 0x55):
-            return False
-        left -= 1
-        world.inject(shifted(frame, by_rad))
-        return True
+    def other(frame: CanFrame) -> CanFrame | None:
+        is_feedback = frame.data[0] & 0x0F == CAN_ID and frame.data[2] not in (0x33, 0x55)
+        return shifted(frame, by_rad) if is_feedback else None
 
-    world.lose_from_motor = replaced
+    replace_answers(world, other, frames)
 
 
 def holding(world: World) -> Client:
@@ -79,8 +75,7 @@ def test_a_disturbed_frame_or_two_end_nothing(frames: int) -> None:
     number = client.send("motion.open")
     world.run(0.2)
     jump(world, 1.0, frames)
-    world.run_until(lambda: client.has_answer(number))
-    assert client.answers[number]["result"]["ok"]
+    assert client.wait(number)["result"]["ok"]
     assert world.machine.motor.counters.implausible_frames == frames
 
 
@@ -90,8 +85,7 @@ def test_a_motion_that_ends_by_a_jump_says_so() -> None:
     number = client.send("motion.close")
     world.run(0.2)
     jump(world, 1.0)
-    world.run_until(lambda: client.has_answer(number), 1.0)
-    assert client.answers[number]["error"]["data"]["reason"] == "implausible_feedback"
+    assert reason_of(client.wait(number, 1.0)) == "implausible_feedback"
 
 
 def test_jaws_that_a_hand_moves_fast_are_plausible() -> None:
@@ -139,20 +133,41 @@ def test_whatever_torque_can_do_in_a_gap_is_plausible_by_two_frames(
     assert judge.refusal is None
 
 
-def test_a_motor_that_is_not_enabled_may_be_anywhere() -> None:
-    judge = Plausibility()
-    assert accepts(judge, reported(0.0, 0.0, 0.0))
-    assert accepts(judge, reported(0.005, 6.28, 0.0, status=0))
-    assert accepts(judge, reported(0.010, 0.0, 0.0, status=0xD))
-    assert not accepts(judge, reported(0.015, 6.28, 0.0))
+COURSES: dict[str, list[tuple[bool, Feedback]]] = {
+    "a motor that is not enabled may be anywhere": [
+        (True, reported(0.0, 0.0, 0.0)),
+        (True, reported(0.005, 6.28, 0.0, status=0)),
+        (True, reported(0.010, 0.0, 0.0, status=0xD)),
+        (False, reported(0.015, 6.28, 0.0)),
+    ],
+    "a speed beyond what a frame can tell is not judged": [
+        (True, reported(0.0, 0.0, 30.0)),
+        (True, reported(0.005, 0.4, 30.0)),
+        (True, reported(0.010, 0.5, 5.0)),
+        (False, reported(0.015, 0.9, 5.0)),
+    ],
+    "a jump after a gap is believed by two frames that agree": [
+        (True, reported(0.0, 0.0, 0.0)),
+        (False, reported(0.020, 0.3, 0.0)),  # it may be disturbed
+        (True, reported(0.025, 0.01, 0.0)),  # it was
+        (False, reported(0.045, 0.3, 0.0)),
+        (True, reported(0.050, 0.3, 0.0)),
+    ],
+    # A little off in its position, and in its speed the other way.
+    "a disturbed frame that was believed does not put the true ones in doubt for long": [
+        (True, reported(0.0, 0.0, 0.0)),
+        (True, reported(0.005, 0.08, 25.0)),
+        (False, reported(0.010, 0.0, 0.0)),
+        (True, reported(0.015, 0.0, 0.0)),
+    ],
+}
 
 
-def test_a_speed_beyond_what_a_frame_can_tell_is_not_judged() -> None:
+@pytest.mark.parametrize("course", COURSES.values(), ids=COURSES)
+def test_frame_by_frame(course: list[tuple[bool, Feedback]]) -> None:
     judge = Plausibility()
-    assert accepts(judge, reported(0.0, 0.0, 30.0))
-    assert accepts(judge, reported(0.005, 0.4, 30.0))
-    assert accepts(judge, reported(0.010, 0.5, 5.0))
-    assert not accepts(judge, reported(0.015, 0.9, 5.0))
+    assert [accepts(judge, feedback) for _, feedback in course] == [taken for taken, _ in course]
+    assert judge.refusal is None
 
 
 def test_a_jump_of_slack_jaws_is_believed_when_it_stays() -> None:
@@ -163,15 +178,6 @@ def test_a_jump_of_slack_jaws_is_believed_when_it_stays() -> None:
     ]
     assert answers == [False, False, True]
     assert judge.refusal is None
-
-
-def test_a_jump_after_a_gap_is_believed_by_two_frames_that_agree() -> None:
-    judge = Plausibility()
-    assert accepts(judge, reported(0.0, 0.0, 0.0))
-    assert not accepts(judge, reported(0.020, 0.3, 0.0))  # it may be disturbed
-    assert accepts(judge, reported(0.025, 0.01, 0.0))  # it was
-    assert not accepts(judge, reported(0.045, 0.3, 0.0))
-    assert accepts(judge, reported(0.050, 0.3, 0.0))
 
 
 def accepts(judge: Plausibility, feedback: Feedback) -> bool:
@@ -190,18 +196,12 @@ def test_a_disturbed_frame_that_confirms_the_enabling_is_not_held_on_to() -> Non
     world = World().start()
     client = world.client()
     before_mm = world.gripper.opening_mm
-    number = client.send("motor.enable")
 
-    def disturb(frame: CanFrame) -> bool:
-        is_feedback = frame.data[2] not in (0x33, 0x55) or frame.data[0] >> 4
-        if is_feedback and frame.data[0] >> 4 == Status.ENABLED:
-            world.lose_from_motor = lambda _frame: False
-            world.inject(shifted(frame, 0.3))
-            return True
-        return False
+    def other(frame: CanFrame) -> CanFrame | None:
+        return shifted(frame, 0.3) if frame.data[0] >> 4 == Status.ENABLED else None
 
-    world.lose_from_motor = disturb
-    world.run_until(lambda: client.has_answer(number))
+    replace_answers(world, other, 1)
+    client.call("motor.enable")
     world.run(0.5)
     assert world.gripper.opening_mm == pytest.approx(before_mm, abs=DISTURBED_MM)
     assert world.in_phase(MotorPhase.ENABLED)
@@ -267,37 +267,26 @@ def test_a_jump_that_stays_ends_a_grip(by_rad: float) -> None:
     world = World()
     client, number = gripping(world)
     world.gripper.jump(by_rad)
-    world.run_until(lambda: client.has_answer(number), 1.0)
-    assert client.answers[number]["error"]["data"]["reason"] == "implausible_feedback"
+    assert reason_of(client.wait(number, 1.0)) == "implausible_feedback"
     world.run_until(lambda: world.in_phase(MotorPhase.DISABLED), 1.0)
     assert client.refusal("motor.enable") == "implausible_feedback"
 
 
-def test_a_jump_is_told_as_an_event_once() -> None:
+def test_a_jump_is_told_as_an_event_once_even_after_the_motor_was_away() -> None:
     world = World()
     client = holding(world)
     client.result("events.subscribe", kinds=["implausible"])
     world.gripper.jump(0.5)
     world.run(1.0)
-    client.read()
-    reported_of = [n["params"] for n in client.notifications if n["method"] == "event"]
-    assert [event["kind"] for event in reported_of] == ["implausible"]
-    assert 0.2 < reported_of[0]["data"]["jump_rad"] < 0.6  # the jaws have followed it meanwhile
-    assert "motor.clear_fault" in reported_of[0]["message"]
-
-
-def test_a_jump_is_told_once_even_after_the_motor_was_away() -> None:
-    world = World()
-    client = holding(world)
-    client.result("events.subscribe", kinds=["implausible"])
-    world.gripper.jump(0.5)
-    world.run(1.0)
+    (event,) = client.told("event")
+    assert 0.2 < event["data"]["jump_rad"] < 0.6  # the jaws have followed it meanwhile
+    assert "motor.clear_fault" in event["message"]
     world.gripper.power_off()
     world.run(2.0)
     world.gripper.power_on()
     world.run(2.0)
     assert client.refusal("motor.enable") == "implausible_feedback"
-    assert len([n for n in client.notifications if n["method"] == "event"]) == 1
+    assert client.told("event") == [event]
 
 
 @pytest.mark.parametrize("by_rad", [-0.5, 1.5, 6.283])
@@ -309,16 +298,6 @@ def test_without_damping_a_jump_that_stays_disables_the_motor_all_the_same(by_ra
     holding(world)
     world.gripper.jump(by_rad)
     world.run_until(lambda: world.in_phase(MotorPhase.DISABLED), 1.0)
-
-
-def test_a_disturbed_frame_that_was_believed_does_not_put_the_true_ones_in_doubt_for_long() -> None:
-    """A little off in its position, and in its speed the other way."""
-    judge = Plausibility()
-    assert accepts(judge, reported(0.0, 0.0, 0.0))
-    assert accepts(judge, reported(0.005, 0.08, 25.0))
-    assert not accepts(judge, reported(0.010, 0.0, 0.0))
-    assert accepts(judge, reported(0.015, 0.0, 0.0))
-    assert judge.refusal is None
 
 
 def test_late_answers_that_come_together_are_no_jump() -> None:

@@ -155,9 +155,7 @@ def test_another_motor_with_another_master_id_may_come_in_the_place_of_a_silent_
     hears(world)
     world.run(0.5)
     assert world.in_phase(MotorPhase.DISABLED)
-    identity = world.machine.motor.view().identity
-    assert identity is not None
-    assert identity.master_id == 0x22
+    assert world.identity.master_id == 0x22
 
 
 def test_a_motor_that_is_exchanged_while_it_is_looked_at_is_found() -> None:
@@ -261,6 +259,5 @@ def test_one_lost_answer_is_counted_and_disturbs_nothing() -> None:
     mute(world)
     world.tick()
     hears(world)
-    world.run_until(lambda: client.has_answer(number))
-    assert client.answers[number]["result"]["ok"]
+    assert client.wait(number)["result"]["ok"]
     assert world.machine.motor.counters.missed_replies == 1

@@ -8,6 +8,7 @@ is by addition, so an answer may grow but not shrink.
 
 import json
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -128,6 +129,7 @@ def trajectories(client: Client) -> Iterator[tuple[str, Params]]:
     yield "trajectory.delete", {"name": "a test"}
 
 
+@cache
 def talk() -> dict[str, list[dict[str, Any]]]:
     """Hold the conversation with today's daemon; return the exchanges by method."""
     world = World().start()
