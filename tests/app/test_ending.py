@@ -9,7 +9,7 @@ from litegripd.model.gripper import DM4310
 from litegripd.model.motor import CanFrame, MitCommand, MotorPhase, Status
 from litegripd.motor import codec
 from litegripd.motor.codec import TIMEOUT, write_request
-from tests.world import CAN_ID, World
+from tests.world import CAN_ID, World, reason_of
 
 
 def left_enabled() -> World:
@@ -62,8 +62,7 @@ def test_who_waits_for_a_motion_is_told_that_the_daemon_ends() -> None:
     Ending(world.machine).begin(world.now_s)
     world.run(0.1)
     for number in (running, queued):
-        assert client.has_answer(number)
-        assert client.answers[number]["error"]["data"]["reason"] == "shutting_down"
+        assert reason_of(client.answered(number)) == "shutting_down"
     assert world.controller.jobs.running is None
 
 

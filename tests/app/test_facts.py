@@ -184,8 +184,7 @@ def test_another_calibration_than_the_saved_one_does_not_take_its_file() -> None
     client.result("calibration.load", content=content)
     saving = client.send("calibration.save")
     client.result("calibration.load", content=content)
-    world.run_until(lambda: client.has_answer(saving))
-    assert client.answers[saving]["result"]["path"] == "/state/calibration.save"
+    assert client.wait(saving)["result"]["path"] == "/state/calibration.save"
     assert info(world)["calibration"]["file"] is None
 
 

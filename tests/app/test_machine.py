@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from litegripd.model.motor import BusCondition, CanFrame, MotorInput, MotorPhase, Status
-from tests.world import PERIOD_S, World
+from tests.world import PERIOD_S, World, reason_of
 
 
 def silent(world: World) -> World:
@@ -72,8 +72,7 @@ def test_a_job_whose_action_fails_ends_at_once_and_the_jaws_hold(
     with pytest.raises(ZeroDivisionError):
         world.tick()
     world.run(1.0)
-    assert client.has_answer(motion)
-    error = client.answers[motion]["error"]
+    error = client.answered(motion)["error"]
     assert error["data"]["reason"] == "internal_error"
     assert "open failed by a defect: ZeroDivisionError: a defect" in error["message"]
     assert (world.state.mode, world.state.job) == ("holding", None)
@@ -95,8 +94,7 @@ def test_a_disabling_that_fails_disables_all_the_same(monkeypatch: pytest.Monkey
     with pytest.raises(ZeroDivisionError):
         world.tick()
     world.run_until(lambda: world.machine.is_disabled, 1.0)
-    assert client.has_answer(disabling)
-    assert client.answers[disabling]["error"]["data"]["reason"] == "internal_error"
+    assert reason_of(client.answered(disabling)) == "internal_error"
     assert world.gripper.motor.status == Status.DISABLED
 
 
@@ -117,8 +115,7 @@ def test_a_queued_motion_that_fails_to_begin_ends_and_the_next_one_is_another(
             world.run(20.0)
     world.run(0.1)
     assert client.has_answer(motion)
-    assert client.has_answer(queued)
-    assert client.answers[queued]["error"]["data"]["reason"] == "internal_error"
+    assert reason_of(client.answered(queued)) == "internal_error"
     jobs = {job.number: job.state for job in world.controller.jobs}
     other = world.client().result("motion.close", wait=False)["job"]
     assert other not in jobs

@@ -79,8 +79,7 @@ def flap(out_s: float) -> tuple[Event, ...]:
     world = World()
     world.enabled()
     world.run(1.0)
-    while world.service.take_events():
-        pass
+    world.take_log()
     events: list[Event] = []
     for condition in (GONE, UP):
         world.condition = condition

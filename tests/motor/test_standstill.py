@@ -36,8 +36,7 @@ def test_a_daemon_that_stood_still_says_so_and_for_how_long() -> None:
     stand_still(world, 0.312)
     world.run_until(lambda: world.in_phase(MotorPhase.FAULT), 0.1)
     assert world.gripper.motor.status == Status.COMMUNICATION_LOST
-    world.run_until(lambda: client.has_answer(moving))
-    error = client.answers[moving]["error"]
+    error = client.wait(moving)["error"]
     assert "the daemon itself stood still for 312 ms" in error["message"]
     assert "wiring" not in error["message"]
     assert error["data"]["stood_still_s"] == pytest.approx(0.312)

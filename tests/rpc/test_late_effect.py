@@ -6,7 +6,7 @@ import pytest
 
 from litegripd.app.build import load_at_start
 from litegripd.model.state import HelperTask, TaskResult
-from tests.world import Client, World
+from tests.world import Client, World, reason_of
 
 Meanwhile = Callable[[World, Client], None]
 
@@ -14,16 +14,14 @@ Meanwhile = Callable[[World, Client], None]
 def other_takes_the_lease(world: World, _client: Client) -> None:
     other = world.client()
     number = other.send("lease.take", why="it hangs")
-    assert other.has_answer(number)
-    assert "result" in other.answers[number]
+    assert "result" in other.answered(number)
 
 
 def other_had_the_lease(world: World, client: Client) -> None:
     other = world.client()
     for method, params in (("lease.take", {"why": "it hangs"}), ("lease.release", {})):
         number = other.send(method, **params)
-        assert other.has_answer(number)
-        assert "result" in other.answers[number], other.answers[number]
+        assert "result" in other.answered(number), other.answers[number]
 
 
 def somebody_stops(world: World, _client: Client) -> None:
@@ -57,8 +55,7 @@ def test_a_calibration_found_too_late_is_not_taken(meanwhile: Meanwhile, reason:
     before = client.result("calibration.get")
     number = client.send("calibration.load", template="reverse")
     meanwhile(world, client)
-    world.run_until(lambda: client.has_answer(number))
-    assert client.answers[number]["error"]["data"]["reason"] == reason
+    assert reason_of(client.wait(number)) == reason
     assert client.result("calibration.get") == before
 
 
@@ -68,8 +65,7 @@ def test_without_a_lease_it_is_not_taken_once_somebody_has_one() -> None:
     number = client.send("calibration.load", template="reverse")
     other = world.client()
     assert other.has_answer(other.send("lease.acquire"))
-    world.run_until(lambda: client.has_answer(number))
-    assert client.answers[number]["error"]["data"]["reason"] == "lease_held"
+    assert reason_of(client.wait(number)) == "lease_held"
     assert client.result("calibration.get")["mount"] == "normal"
 
 
@@ -110,8 +106,7 @@ def test_defaults_are_not_changed_while_others_are_being_saved() -> None:
     client = world.start().client()
     number = client.send("config.set", config={"force_n": 7.5}, keep=True)
     other = client.send("config.set", config={"force_n": 9.0})
-    assert client.has_answer(other)
-    data = client.answers[other]["error"]["data"]
+    data = client.answered(other)["error"]["data"]
     assert (data["reason"], data["retryable"]) == ("too_many_requests", True)
     world.run_until(lambda: client.has_answer(number))
     assert client.result("config.get")["config"]["force_n"] == 7.5

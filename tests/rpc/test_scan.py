@@ -8,7 +8,7 @@ from litegripd.model.motor import BusCondition, MotorPhase
 from litegripd.motor.codec import MASTER_ID, read_request
 from litegripd.motor.exchange import LOST_GIVES_UP_S
 from litegripd.sim.plant import SimulatorParameters
-from tests.world import World
+from tests.world import World, reason_of
 
 ASKED = list(range(1, 17))
 
@@ -93,8 +93,7 @@ def test_who_enables_the_motor_meanwhile_ends_it() -> None:
     world.run(0.1)
     enabling.result("motor.enable")
     assert world.phase is MotorPhase.ENABLED
-    assert scanning.has_answer(number)
-    assert scanning.answers[number]["error"]["data"]["reason"] == "busy"
+    assert reason_of(scanning.answered(number)) == "busy"
 
 
 def test_without_a_bus_nothing_is_asked() -> None:
