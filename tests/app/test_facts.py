@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Mapping
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import pytest
 
@@ -20,12 +20,18 @@ from litegripd.model.motor import BusSettings, CanFrame
 from tests.world import CAN_ID, World
 
 MEASURED = {"zero_position_rad": 0.104334, "max_position_rad": -1.513123}
+TOLD = {
+    **dict.fromkeys(("file", "channel", "saved_s", "foreign", "work_stroke", "problem")),
+    "nominal": False,
+}
+"""Of a calibration of which nothing else is known."""
 
 
 def info(world: World) -> Any:
     return facts(world).info()
 
 
+NO_DISKS = SimpleNamespace(full=[], nearly_full=[])
 OWN = Config("can0", BusSettings("socketcan", "can0", 1_000_000))
 
 
@@ -49,26 +55,36 @@ def judged(
     figures: Callable[[float, Any], Mapping[str, Any]] | None = None,
 ) -> DaemonFacts:
     """Return the facts of a daemon with these parts, whose latest tick was late."""
+    made = facts(world, config)
+    made.attach(parts_of(world, helper_runs=helper_runs, late_s=late_s, figures=figures))
+    return made
+
+
+def parts_of(
+    world: World,
+    *,
+    helper_runs: bool = True,
+    late_s: float = 0.0,
+    disks: object = NO_DISKS,
+    figures: Callable[[float, Any], Mapping[str, Any]] | None = None,
+) -> Any:
+    """Return parts of a daemon with which all else is well."""
     lateness = RecentLateness(30.0)
     lateness.add(0.0, late_s)
-    reactor = SimpleNamespace(
-        recent_lateness=lateness, period_s=1.0, tick_errors=0, backlog_errors=0
-    )
-    parts = SimpleNamespace(
+    return SimpleNamespace(
         condition=world.condition,
         rights=SimpleNamespace(refused=[]),
-        disks=SimpleNamespace(full=[], nearly_full=[]),
+        disks=disks,
         spawner=SimpleNamespace(is_running=True),
         helper=SimpleNamespace(
             is_running=helper_runs, log_is_stuck=False, lately_refused=lambda _now_s: None
         ),
         links=SimpleNamespace(status=None),
-        reactor=reactor,
+        reactor=SimpleNamespace(
+            recent_lateness=lateness, period_s=1.0, tick_errors=0, backlog_errors=0
+        ),
         figures=figures,
     )
-    made = facts(world, config)
-    made.attach(cast(Any, parts))
-    return made
 
 
 def test_whether_a_second_master_is_at_it_just_now_is_a_figure() -> None:
@@ -111,28 +127,13 @@ def test_a_standstill_is_named_with_how_long_it_lasted() -> None:
     assert verdict(world, late_s=0.312) == ("degraded", told)
 
 
-def test_a_template_is_nominal_and_has_no_date() -> None:
+def test_a_template_is_nominal_and_has_no_date_and_is_so_when_it_is_saved() -> None:
     world = World()
     client = world.start().client()
     client.result("calibration.load", template="reverse")
     told = info(world)["calibration"]
-    file = str(DATA / "reverse.json")
-    assert told == {
-        "file": file,
-        "nominal": True,
-        "channel": None,
-        "saved_s": None,
-        "foreign": None,
-        "work_stroke": None,
-        "problem": None,
-    }
-
-
-def test_a_saved_template_was_still_measured_on_no_gripper() -> None:
-    world = World()
-    client = world.start().client()
-    client.result("calibration.load", template="reverse")
-    client.result("calibration.save")
+    assert told == {**TOLD, "file": str(DATA / "reverse.json"), "nominal": True}
+    client.result("calibration.save")  # it was still measured on no gripper
     told = info(world)["calibration"]
     assert (told["file"], told["nominal"]) == ("/state/calibration.save", True)
 
@@ -154,26 +155,11 @@ def test_a_content_of_a_client_is_in_no_file_until_it_is_saved() -> None:
     assert methods_in(told, "foreign") == {"calibration.zero"}
     foreign, _terms = told.pop("foreign"), told.pop("terms")
     assert "it has channel 'can7', and this is can0" in foreign
-    assert told == {
-        "file": None,
-        "nominal": False,
-        "channel": "can7",
-        "saved_s": None,
-        "work_stroke": None,
-        "problem": None,
-    }
+    assert {**told, "foreign": None} == {**TOLD, "channel": "can7"}
     client.result("calibration.save")
-    told = info(world)["calibration"]
     file = "/state/calibration.save"
-    assert told == {
-        "file": file,
-        "nominal": False,
-        "channel": "can0",
-        "saved_s": 1.6e9,
-        "foreign": None,
-        "work_stroke": None,
-        "problem": None,
-    }
+    saved = {"file": file, "channel": "can0", "saved_s": 1.6e9}
+    assert info(world)["calibration"] == {**TOLD, **saved}
     assert client.result("calibration.get")["file"] == file
 
 

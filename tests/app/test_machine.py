@@ -8,6 +8,10 @@ from litegripd.model.motor import BusCondition, CanFrame, MotorInput, MotorPhase
 from tests.world import PERIOD_S, World, reason_of
 
 
+def broken(*_arguments: Any, **_keywords: Any) -> Any:
+    raise ZeroDivisionError("a defect")
+
+
 def silent(world: World) -> World:
     """Let the motor fall silent."""
     world.lose_to_motor = lambda _frame: True
@@ -61,13 +65,11 @@ def test_a_job_whose_action_fails_ends_at_once_and_the_jaws_hold(
     step: Any = kind.step
     calls: list[Any] = []
 
-    def broken(*arguments: Any) -> Any:
+    def failing(*arguments: Any) -> Any:
         calls.append(arguments)
-        if fails == "always" or len(calls) == 1:
-            raise ZeroDivisionError("a defect")
-        return step(*arguments)
+        return (broken if fails == "always" or len(calls) == 1 else step)(*arguments)
 
-    monkeypatch.setattr(kind, "step", broken)
+    monkeypatch.setattr(kind, "step", failing)
     failed_s, before_mm = world.now_s, world.gripper.opening_mm
     with pytest.raises(ZeroDivisionError):
         world.tick()
@@ -86,10 +88,6 @@ def test_a_disabling_that_fails_disables_all_the_same(monkeypatch: pytest.Monkey
     world = World()
     client = world.enabled()
     disabling = client.send("motor.disable")
-
-    def broken(*_arguments: Any) -> Any:
-        raise ZeroDivisionError("a defect")
-
     monkeypatch.setattr(type(world.controller.action), "step", broken)
     with pytest.raises(ZeroDivisionError):
         world.tick()
@@ -105,10 +103,6 @@ def test_a_queued_motion_that_fails_to_begin_ends_and_the_next_one_is_another(
     client = world.enabled()
     motion = client.send("motion.open")
     queued = client.send("motion.close", if_busy="queue")
-
-    def broken(*_arguments: Any, **_keywords: Any) -> Any:
-        raise ZeroDivisionError("a defect")
-
     with monkeypatch.context() as patch:
         patch.setattr(world.controller, "begin", broken)
         with pytest.raises(ZeroDivisionError):
