@@ -482,6 +482,18 @@ class World:
         return max(later - earlier for earlier, later in pairwise(times))
 
 
+def enabled_world(**options: Any) -> tuple[World, Client]:
+    """Return a world, and a client that has enabled its motor."""
+    world = World(**options)
+    return world, world.enabled()
+
+
+def found_world(**options: Any) -> tuple[World, Client]:
+    """Return a world whose motor has been found, and a client."""
+    world = World(**options).start()
+    return world, world.client()
+
+
 def is_command(frame: CanFrame) -> bool:
     """True if a frame to the motor is an MIT command and not enable, disable, clear or zero."""
     return frame.data[:7] != b"\xff" * 7

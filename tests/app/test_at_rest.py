@@ -11,7 +11,7 @@ from litegripd.model.motor import UP, BusCondition, BusState, MotorPhase, Status
 from litegripd.model.state import Event
 from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from tests.app.test_facts import judged, verdict
-from tests.world import World
+from tests.world import World, enabled_world, found_world
 
 CLOSED_RAD, OPEN_RAD = limits_of_mount("normal")
 NOMINAL = SimulatorParameters(closed_rad=CLOSED_RAD, open_rad=OPEN_RAD)
@@ -82,8 +82,7 @@ def test_a_gripper_at_rest_is_no_alarm(
 
 
 def test_a_motor_that_latches_it_again_and_again_is_disabled_all_the_while() -> None:
-    world = World(parameters=BENCH, period_s=SLOW_S).start()
-    client = world.client()
+    world, client = found_world(parameters=BENCH, period_s=SLOW_S)
     client.result("events.subscribe", kinds=["motor"])
     world.run(3.0)
     assert (world.state.motor, world.state.status) == ("disabled", "communication_lost")
@@ -110,8 +109,7 @@ def test_a_motion_at_rest_is_refused_because_nothing_is_enabled() -> None:
 
 @pytest.mark.parametrize("status", [Status.COMMUNICATION_LOST, Status.UNDER_VOLTAGE])
 def test_the_same_in_an_enabled_motor_is_a_loss_until_it_is_disabled(status: Status) -> None:
-    world = World(period_s=SLOW_S)
-    client = world.enabled()
+    world, client = enabled_world(period_s=SLOW_S)
     world.gripper.latch_fault(status)
     world.run(3.0)
     assert world.in_phase(MotorPhase.FAULT)
@@ -171,8 +169,7 @@ def test_a_request_that_fails_for_it_makes_it_an_alarm_until_the_motor_is_back(
 
 @pytest.mark.parametrize("remedy", ["supply", "disable"])
 def test_no_supply_is_an_alarm_once_somebody_wants_to_enable(remedy: str) -> None:
-    world = World().start()
-    client = world.client()
+    world, client = found_world()
     no_supply(world)
     world.run(2.0)
     error = client.call("motor.enable")["error"]
@@ -190,8 +187,7 @@ def test_no_supply_is_an_alarm_once_somebody_wants_to_enable(remedy: str) -> Non
 
 
 def test_whoever_has_the_lease_misses_a_silent_motor() -> None:
-    world = World().start()
-    client = world.client()
+    world, client = found_world()
     client.result("lease.acquire", ttl_s=60.0)
     no_power(world)
     world.run(1.0)
@@ -223,8 +219,7 @@ def test_any_other_fault_is_one_at_rest_as_well_but_is_not_dumped(status: Status
 
 
 def test_what_was_latched_at_rest_can_be_cleared_without_enabling() -> None:
-    world = World().start()
-    client = world.client()
+    world, client = found_world()
     client.result("events.subscribe", kinds=["motor"])
     lost_communication(world)
     world.run(1.0)

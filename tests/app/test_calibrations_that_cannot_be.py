@@ -24,7 +24,7 @@ from litegripd.model.state import HelperTask, TaskResult
 from litegripd.sim import registers as reg
 from tests.app.test_facts import info, verdict
 from tests.sim.driving import write
-from tests.world import Client, Disk, World
+from tests.world import Client, Disk, World, enabled_world
 
 DEGREES = 57.29578
 SCALES, LIMITS = (0.5, 2.0, 10.0, 75.0), (2.0, 10.0, DEGREES)
@@ -272,8 +272,7 @@ Loads = Callable[[World, Client, dict[str, Any]], dict[str, Any]]
 def test_a_wrong_one_that_a_client_loads_is_refused_and_the_one_in_use_stays(
     load: Loads, content: dict[str, Any]
 ) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     before = client.result("calibration.get")
     error = load(world, client, content)["error"]
     assert error["data"]["reason"] == "calibration_unreadable"
@@ -437,8 +436,7 @@ def test_at_the_start_another_grippers_is_warned_of(
 
 
 def test_what_is_measured_here_is_this_grippers_whatever_was_loaded_before() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     foreign = {**TAUGHT, **OWN_MARKS, "can_id": 7, "mst_id": 18, "canfd_mode": True}
     assert client.result("calibration.load", content={**foreign, "motor_type": "DM4340"})[
         "warnings"

@@ -17,7 +17,7 @@ from litegripd.io.meters import RecentLateness
 from litegripd.model.calibration import to_plain
 from litegripd.model.errors import Refusal
 from litegripd.model.motor import BusSettings, CanFrame
-from tests.world import CAN_ID, World
+from tests.world import CAN_ID, World, enabled_world, found_world
 
 MEASURED = {"zero_position_rad": 0.104334, "max_position_rad": -1.513123}
 TOLD = {
@@ -102,8 +102,7 @@ def test_whether_a_second_master_is_at_it_just_now_is_a_figure() -> None:
 
 @pytest.mark.parametrize("by_rad", [2.0 * math.pi, -2.0 * math.pi])
 def test_a_position_far_outside_the_travel_is_told_as_it_is_refused(by_rad: float) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     assert client.result("motion.move", opening_mm=60)["ok"]
     client.result("motor.disable")
     assert verdict(world) == ("ok", [])
@@ -128,8 +127,7 @@ def test_a_standstill_is_named_with_how_long_it_lasted() -> None:
 
 
 def test_a_template_is_nominal_and_has_no_date_and_is_so_when_it_is_saved() -> None:
-    world = World()
-    client = world.start().client()
+    world, client = found_world()
     client.result("calibration.load", template="reverse")
     told = info(world)["calibration"]
     assert told == {**TOLD, "file": str(DATA / "reverse.json"), "nominal": True}
@@ -147,8 +145,7 @@ def test_why_a_file_that_is_there_is_not_used_is_a_fact_and_that_there_is_none_i
 
 
 def test_a_content_of_a_client_is_in_no_file_until_it_is_saved() -> None:
-    world = World()
-    client = world.start().client()
+    world, client = found_world()
     content = client.result("calibration.get")["content"]
     client.result("calibration.load", content={**content, **MEASURED, "channel": "can7"})
     told = info(world)["calibration"]
@@ -164,8 +161,7 @@ def test_a_content_of_a_client_is_in_no_file_until_it_is_saved() -> None:
 
 
 def test_another_calibration_than_the_saved_one_does_not_take_its_file() -> None:
-    world = World()
-    client = world.start().client()
+    world, client = found_world()
     content = client.result("calibration.get")["content"]
     client.result("calibration.load", content=content)
     saving = client.send("calibration.save")
@@ -175,8 +171,7 @@ def test_another_calibration_than_the_saved_one_does_not_take_its_file() -> None
 
 
 def test_a_measured_calibration_has_the_date_of_its_file() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     assert client.result("calibration.zero")["ok"]
     told = info(world)["calibration"]
     assert (told["nominal"], told["channel"], told["saved_s"]) == (False, "can0", 1.6e9)
@@ -186,8 +181,7 @@ def test_a_measured_calibration_has_the_date_of_its_file() -> None:
 
 
 def test_a_found_file_keeps_its_date() -> None:
-    world = World()
-    client = world.start().client()
+    world, client = found_world()
     calibration = world.machine.controller.calibrated.calibration
     assert calibration is not None
     plain = {**to_plain(calibration), "saved_s": 1.5e9}
@@ -214,8 +208,7 @@ def test_a_second_master_that_is_tolerated_only_degrades(is_tolerated: bool) -> 
 
 
 def test_a_motor_that_makes_less_than_is_commanded_degrades_the_gripper() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     world.gripper.put_object(width_mm=50.0)
     client.result("motion.grasp", force_n=20.0, until="verdict")
     world.run(1.0)

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from litegripd.model.motor import BusCondition, CanFrame, MotorInput, MotorPhase, Status
-from tests.world import PERIOD_S, World, reason_of
+from tests.world import PERIOD_S, World, enabled_world, found_world, reason_of
 
 
 def broken(*_arguments: Any, **_keywords: Any) -> Any:
@@ -34,15 +34,13 @@ def test_a_motor_that_fell_silent_while_enabled_is_in_doubt_until_it_says_that_i
 
 
 def test_a_motor_that_confirmed_that_it_is_off_and_then_fell_silent_is_not_in_doubt() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     assert client.result("motor.disable")["ok"]
     assert not silent(world).machine.may_be_energised
 
 
 def test_a_bus_that_is_down_is_the_reason_that_clients_are_told() -> None:
-    world = World().start()
-    client = world.client()
+    world, client = found_world()
     world.condition = BusCondition("link_down", "Network is down")
     world.lose_to_motor = lambda _frame: True
     world.tick()
@@ -57,8 +55,7 @@ def test_a_bus_that_is_down_is_the_reason_that_clients_are_told() -> None:
 def test_a_job_whose_action_fails_ends_at_once_and_the_jaws_hold(
     fails: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     motion = client.send("motion.open")
     world.run(0.5)
     kind: Any = type(world.controller.action)
@@ -85,8 +82,7 @@ def test_a_job_whose_action_fails_ends_at_once_and_the_jaws_hold(
 
 
 def test_a_disabling_that_fails_disables_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     disabling = client.send("motor.disable")
     monkeypatch.setattr(type(world.controller.action), "step", broken)
     with pytest.raises(ZeroDivisionError):
@@ -99,8 +95,7 @@ def test_a_disabling_that_fails_disables_all_the_same(monkeypatch: pytest.Monkey
 def test_a_queued_motion_that_fails_to_begin_ends_and_the_next_one_is_another(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     motion = client.send("motion.open")
     queued = client.send("motion.close", if_busy="queue")
     with monkeypatch.context() as patch:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from litegripd.model.motor import CanFrame, MotorInput
 from litegripd.motor import codec
 from litegripd.motor.motor import Motor
-from tests.world import CAN_ID, PERIOD_S, Client, World
+from tests.world import CAN_ID, PERIOD_S, Client, World, enabled_world
 
 MASTER_ID = 0x18
 
@@ -45,8 +45,7 @@ def replace_answers(
 
 def gripping() -> tuple[World, Client]:
     """Return a world whose jaws have held an object by 1 N·m for a while."""
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     world.gripper.put_object(width_mm=50.0)
     assert client.result("motion.grasp", force_n=10.0, until="verdict")["ok"]
     world.run(1.5)

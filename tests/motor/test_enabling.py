@@ -8,7 +8,7 @@ from litegripd.model.gripper import DM4310
 from litegripd.model.motor import CanFrame, MitCommand, MotorPhase, Status
 from litegripd.motor import codec
 from tests.motor.bench import LosesFirst
-from tests.world import CAN_ID, PERIOD_S, World, is_command
+from tests.world import CAN_ID, PERIOD_S, World, enabled_world, is_command
 
 ENABLE, DISABLE, CLEAR = (b"\xff" * 7 + end for end in (b"\xfc", b"\xfd", b"\xfb"))
 
@@ -167,8 +167,7 @@ def test_the_next_failure_is_not_told_in_the_words_of_the_last() -> None:
 
 @pytest.mark.parametrize("lost", [1, 5, 40])
 def test_a_lost_disable_frame_is_sent_until_the_motor_says_disabled(lost: int) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     world.lose_to_motor = loses(DISABLE, lost)
     since_s = world.now_s
     assert client.result("motor.disable")["ok"]
@@ -177,8 +176,7 @@ def test_a_lost_disable_frame_is_sent_until_the_motor_says_disabled(lost: int) -
 
 
 def test_a_motor_that_never_confirms_is_said_to_be_not_disabled() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     world.lose_to_motor = loses(DISABLE, 10_000)
     feed = codec.encode_command(MitCommand(0.0, 0.0, 0.0, 0.0, 0.0), DM4310.ranges)
 
@@ -205,8 +203,7 @@ def test_disabling_a_disabled_motor_is_confirmed_as_well() -> None:
 
 
 def test_a_motor_that_was_enabled_after_a_power_cycle_waits_for_a_client() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     world.gripper.power_cycle()
     world.run(3.0)
     assert world.in_phase(MotorPhase.DISABLED)
@@ -216,8 +213,7 @@ def test_a_motor_that_was_enabled_after_a_power_cycle_waits_for_a_client() -> No
 
 
 def test_a_position_that_is_off_by_a_turn_after_a_power_cycle_moves_nothing() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     world.gripper.power_cycle(turns=1)
     world.run(0.5)
     assert client.result("motor.enable")["ok"]
@@ -231,8 +227,7 @@ def test_a_position_that_is_off_by_a_turn_after_a_power_cycle_moves_nothing() ->
 
 def test_an_answer_that_comes_before_disabled_is_true_does_not_count() -> None:
     """A reply from before the disable frame may still be under way when it is sent."""
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     stale = bytes([CAN_ID, *struct.pack(">H", 0x7000), 0x7F, 0xF7, 0xFF, 30, 30])
     world.lose_to_motor = loses(DISABLE, 4)
     client.send("motor.disable")
@@ -243,8 +238,7 @@ def test_an_answer_that_comes_before_disabled_is_true_does_not_count() -> None:
 
 
 def test_the_last_frame_to_a_disabled_motor_is_no_command() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     client.result("motor.disable")
     since_s = world.now_s
     world.run(1.0)

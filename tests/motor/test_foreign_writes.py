@@ -21,7 +21,7 @@ from litegripd.motor.codec import (
 )
 from tests.motor.bench import LosesFirst
 from tests.motor.helpers import gripping as gripped
-from tests.world import CAN_ID, PERIOD_S, Client, World, reason_of
+from tests.world import CAN_ID, PERIOD_S, Client, World, enabled_world, found_world, reason_of
 
 FORCE_NM = 1.0
 WRITES: list[tuple[Register, float]] = [
@@ -108,8 +108,7 @@ def test_a_scale_that_changes_while_something_is_held_neither_crushes_nor_drops_
 @pytest.mark.parametrize("heard", HEARD)
 @pytest.mark.parametrize("value", [25.0, 6.0])
 def test_a_stiff_hold_does_not_lurch_when_its_scale_changes(value: float, heard: str) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     client.result("motion.move", opening_mm=30)
     world.run(0.5)
     before_mm = world.gripper.opening_mm
@@ -149,8 +148,7 @@ def test_a_watchdog_is_set_again_though_writes_are_lost() -> None:
 
 @pytest.mark.parametrize("heard", [*HEARD, "none"])
 def test_a_motor_that_obeys_no_commands_any_more_is_disabled_with_the_reason(heard: str) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     number = client.send("motion.open")
     world.run(0.3)
     world.controller.second_master.is_tolerated = True  # else it alone would end the motion
@@ -293,8 +291,7 @@ def test_a_claim_that_the_motor_does_not_confirm_changes_nothing() -> None:
 
 
 def test_enabling_takes_no_longer_for_reading_all_registers() -> None:
-    world = World().start()
-    client = world.client()
+    world, client = found_world()
     world.run(0.2)
     began_s = world.now_s
     assert client.result("motor.enable")["ok"]

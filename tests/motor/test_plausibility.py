@@ -10,7 +10,15 @@ from litegripd.model.calibration import Calibration
 from litegripd.model.motor import CanFrame, Feedback, MotorPhase, Status
 from litegripd.motor.exchange import IMPLAUSIBLE_FRAMES, Plausibility
 from tests.motor.helpers import replace_answers
-from tests.world import CAN_ID, PERIOD_S, Client, World, reason_of
+from tests.world import (
+    CAN_ID,
+    PERIOD_S,
+    Client,
+    World,
+    enabled_world,
+    found_world,
+    reason_of,
+)
 
 MOVED_BY_ITSELF_MM = 15.0
 """What the motor does with all its torque in the period before it reports the jump, and in the one
@@ -36,16 +44,15 @@ def jump(world: World, by_rad: float, frames: float = float("inf")) -> None:
     replace_answers(world, other, frames)
 
 
-def holding(world: World) -> Client:
-    client = world.enabled()
+def holding() -> tuple[World, Client]:
+    world, client = enabled_world()
     client.result("motion.move", opening_mm=60)
-    return client
+    return world, client
 
 
 @pytest.mark.parametrize("by_rad", [0.25, -0.25, 0.5, 6.283, -6.283, 12.5])
 def test_a_jump_that_stays_ends_in_a_disabled_motor_and_moves_nothing(by_rad: float) -> None:
-    world = World()
-    client = holding(world)
+    world, client = holding()
     before_mm = world.gripper.opening_mm
     since_s = world.now_s
     world.gripper.jump(by_rad)
@@ -70,8 +77,7 @@ def test_a_jump_that_stays_ends_in_a_disabled_motor_and_moves_nothing(by_rad: fl
 
 @pytest.mark.parametrize("frames", [1, IMPLAUSIBLE_FRAMES - 1])
 def test_a_disturbed_frame_or_two_end_nothing(frames: int) -> None:
-    world = World()
-    client = holding(world)
+    world, client = holding()
     number = client.send("motion.open")
     world.run(0.2)
     jump(world, 1.0, frames)
@@ -80,8 +86,7 @@ def test_a_disturbed_frame_or_two_end_nothing(frames: int) -> None:
 
 
 def test_a_motion_that_ends_by_a_jump_says_so() -> None:
-    world = World()
-    client = holding(world)
+    world, client = holding()
     number = client.send("motion.close")
     world.run(0.2)
     jump(world, 1.0)
@@ -89,8 +94,7 @@ def test_a_motion_that_ends_by_a_jump_says_so() -> None:
 
 
 def test_jaws_that_a_hand_moves_fast_are_plausible() -> None:
-    world = World()
-    holding(world)
+    world, _ = holding()
     for torque_nm in (8.0, -8.0, 5.0, 0.0):
         world.gripper.push(torque_nm)
         world.run(0.15)
@@ -193,8 +197,7 @@ def off_once(world: World) -> None:
 
 
 def test_a_disturbed_frame_that_confirms_the_enabling_is_not_held_on_to() -> None:
-    world = World().start()
-    client = world.client()
+    world, client = found_world()
     before_mm = world.gripper.opening_mm
 
     def other(frame: CanFrame) -> CanFrame | None:
@@ -209,8 +212,7 @@ def test_a_disturbed_frame_that_confirms_the_enabling_is_not_held_on_to() -> Non
 
 @pytest.mark.parametrize("silent_ticks", [2, 4, 8])
 def test_a_disturbed_frame_after_a_silence_is_not_held_on_to(silent_ticks: int) -> None:
-    world = World()
-    holding(world)
+    world, _ = holding()
     before_mm = world.gripper.opening_mm
     world.lose_from_motor = lambda _frame: True
     world.run(silent_ticks * PERIOD_S)
@@ -221,8 +223,7 @@ def test_a_disturbed_frame_after_a_silence_is_not_held_on_to(silent_ticks: int) 
 
 
 def test_a_disturbed_frame_of_slack_jaws_is_not_held_on_to() -> None:
-    world = World()
-    client = holding(world)
+    world, client = holding()
     client.result("motion.zero_gravity")
     world.run(0.1)
     before_mm = world.gripper.opening_mm
@@ -236,21 +237,20 @@ def test_a_disturbed_frame_of_slack_jaws_is_not_held_on_to() -> None:
 GRIPPED_NM = 1.0
 
 
-def gripping(world: World) -> tuple[Client, int]:
+def gripping() -> tuple[World, Client, int]:
     """Begin to hold something by force; return the request, too."""
-    client = world.enabled()
+    world, client = enabled_world()
     world.gripper.put_object(width_mm=55.0)
     number = client.send("motion.grasp", force_n=10.0 * GRIPPED_NM)
     world.run_until(lambda: world.state.is_grasped)
     world.run(1.0)
-    return client, number
+    return world, client, number
 
 
 @pytest.mark.parametrize("by_rad", [0.3, -0.3, 0.75, 1.5, -1.5, 6.283])
 @pytest.mark.parametrize("frames", [1, IMPLAUSIBLE_FRAMES - 1])
 def test_disturbed_frames_do_not_end_a_grip(by_rad: float, frames: int) -> None:
-    world = World()
-    client, number = gripping(world)
+    world, client, number = gripping()
     jump(world, by_rad, frames)
     for _ in range(200):
         world.tick()
@@ -264,8 +264,7 @@ def test_disturbed_frames_do_not_end_a_grip(by_rad: float, frames: int) -> None:
 @pytest.mark.parametrize("by_rad", [0.3, -0.3, 1.5, -1.5, 6.283, -6.283])
 def test_a_jump_that_stays_ends_a_grip(by_rad: float) -> None:
     """It may not hold on by a torque that nobody knows: the motor turns by its encoder."""
-    world = World()
-    client, number = gripping(world)
+    world, client, number = gripping()
     world.gripper.jump(by_rad)
     assert reason_of(client.wait(number, 1.0)) == "implausible_feedback"
     world.run_until(lambda: world.in_phase(MotorPhase.DISABLED), 1.0)
@@ -273,8 +272,7 @@ def test_a_jump_that_stays_ends_a_grip(by_rad: float) -> None:
 
 
 def test_a_jump_is_told_as_an_event_once_even_after_the_motor_was_away() -> None:
-    world = World()
-    client = holding(world)
+    world, client = holding()
     client.result("events.subscribe", kinds=["implausible"])
     world.gripper.jump(0.5)
     world.run(1.0)
@@ -291,11 +289,12 @@ def test_a_jump_is_told_as_an_event_once_even_after_the_motor_was_away() -> None
 
 @pytest.mark.parametrize("by_rad", [-0.5, 1.5, 6.283])
 def test_without_damping_a_jump_that_stays_disables_the_motor_all_the_same(by_rad: float) -> None:
-    world = World()
+    world, client = found_world()
     geometry = world.controller.geometry
     assert geometry is not None
     world.controller.use_calibration(Calibration(geometry, kp_nm_rad=100.0, kd_nm_s_rad=0.0), None)
-    holding(world)
+    client.result("motor.enable")
+    client.result("motion.move", opening_mm=60)
     world.gripper.jump(by_rad)
     world.run_until(lambda: world.in_phase(MotorPhase.DISABLED), 1.0)
 
@@ -336,8 +335,7 @@ def test_a_motor_in_doubt_is_braked_by_no_more_than_its_peak(
 
 def test_fast_jaws_whose_position_is_in_doubt_are_braked_by_no_more_than_their_peak() -> None:
     """The speed that was believed last counts: a hand throws them, and a hold is to catch them."""
-    world = World()
-    client = holding(world)
+    world, client = holding()
     client.result("motion.zero_gravity")
     world.gripper.push(2.0)
     world.run_until(lambda: abs(world.gripper.velocity_rad_s) > 9.6, 1.0)

@@ -19,7 +19,7 @@ from litegripd.rpc.method import Schemas, Shape
 from litegripd.rpc.openrpc import NOTIFICATIONS
 from tests.answers import Described, described, mutations
 from tests.rpc.transcripts import talk
-from tests.world import World
+from tests.world import World, enabled_world, found_world
 
 STAND_IN = {"health"}
 """Answered in a `World` by fixed facts, which have another figure than a daemon's."""
@@ -71,8 +71,7 @@ def subscriptions() -> list[tuple[str, Message]]:
 
 def refused_stream() -> list[tuple[str, Message]]:
     """Return what tells that a set-point, or a frame, without an id was refused."""
-    world = World().start()
-    client = world.client()
+    world, client = found_world()
     for line in (
         b'{"jsonrpc":"2.0","method":"stream.set","params":{"opening_mm":30}}',
         b'{"jsonrpc":"2.0","method":"teleop.receive","params":{"topic":"a","payload":"00"}}',
@@ -88,8 +87,7 @@ def unusual() -> list[tuple[str, Message]]:
     told: list[tuple[str, Message]] = [
         (method, bare.call(method)) for method in ("state.get", "calibration.get", "teleop.status")
     ]
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     world.gripper.put_object(width_mm=30.0)
     told.append(("motion.grasp", client.call("motion.grasp", force_n=5, until="verdict")))
     told.append(("state.get", client.call("state.get")))

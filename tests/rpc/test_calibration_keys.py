@@ -10,7 +10,7 @@ import pytest
 from litegripd.model.calibration import NOMINAL
 from litegripd.model.gripper import SPAN_INSET_MM, STROKE_MM
 from litegripd.sim.plant import SimulatorParameters
-from tests.world import Client, World
+from tests.world import Client, World, enabled_world, found_world
 
 CONTENT: dict[str, Any] = {
     "zero_position_rad": NOMINAL[0].closed_rad,
@@ -20,8 +20,7 @@ CONTENT: dict[str, Any] = {
 
 
 def loaded(**keys: object) -> tuple[World, Client]:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     client.result("calibration.load", content={**CONTENT, **keys})
     world.tick()
     return world, client
@@ -31,8 +30,7 @@ def loaded(**keys: object) -> tuple[World, Client]:
     "wrong", [{"work_stroke_mm": -1.0}, {"nm_to_n": 4.9}, {"nm_to_n": 31}, {"nm_to_n": "19"}]
 )
 def test_what_they_cannot_be_is_refused_and_the_one_in_use_stays(wrong: dict[str, Any]) -> None:
-    world = World()
-    client = world.start().client()
+    _, client = found_world()
     before = client.result("calibration.get")
     error = client.call("calibration.load", content=CONTENT | wrong)["error"]
     assert error["data"]["reason"] == "calibration_unreadable"
@@ -100,8 +98,7 @@ def test_units_that_were_seen_are_measured_after_a_template(mount: str, travel_r
 @pytest.mark.parametrize("is_measured", [False, True])
 def test_with_something_between_the_jaws_no_travel_is_measured(is_measured: bool) -> None:
     """Neither after a template, nor after a measurement."""
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     client.result("calibration.load", template="normal")
     if is_measured:
         assert client.result("calibration.zero", save=False)["ok"]

@@ -8,7 +8,7 @@ import os
 import random
 
 from bench.hostile.lines import HostileLines
-from tests.world import Client, World
+from tests.world import Client, enabled_world
 
 LINES = int(os.environ.get("LITEGRIPD_FUZZ_LINES", "12000"))
 SEED = int(os.environ.get("LITEGRIPD_FUZZ_SEED", "1"))
@@ -16,8 +16,7 @@ SEED = int(os.environ.get("LITEGRIPD_FUZZ_SEED", "1"))
 
 def test_hostile_lines_are_each_answered_once_and_do_no_harm() -> None:
     chance = random.Random(SEED)
-    world = World()
-    good = world.enabled()
+    world, good = enabled_world()
     hostile = HostileLines(chance)
     clients = [world.client() for _ in range(4)]
     for number in range(LINES):

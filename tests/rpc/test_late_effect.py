@@ -6,7 +6,7 @@ import pytest
 
 from litegripd.app.build import load_at_start
 from litegripd.model.state import HelperTask, TaskResult
-from tests.world import Client, World, reason_of
+from tests.world import Client, World, found_world, reason_of
 
 Meanwhile = Callable[[World, Client], None]
 
@@ -49,8 +49,7 @@ def the_daemon_ends(world: World, _client: Client) -> None:
     ],
 )
 def test_a_calibration_found_too_late_is_not_taken(meanwhile: Meanwhile, reason: str) -> None:
-    world = World()
-    client = world.start().client()
+    world, client = found_world()
     client.result("lease.acquire")
     before = client.result("calibration.get")
     number = client.send("calibration.load", template="reverse")
@@ -60,8 +59,7 @@ def test_a_calibration_found_too_late_is_not_taken(meanwhile: Meanwhile, reason:
 
 
 def test_without_a_lease_it_is_not_taken_once_somebody_has_one() -> None:
-    world = World()
-    client = world.start().client()
+    world, client = found_world()
     number = client.send("calibration.load", template="reverse")
     other = world.client()
     assert other.has_answer(other.send("lease.acquire"))
@@ -81,15 +79,13 @@ def test_who_is_gone_has_nothing_loaded(has_left: bool) -> None:
 
 
 def test_nothing_in_between_lets_it_be_taken() -> None:
-    world = World()
-    client = world.start().client()
+    _, client = found_world()
     client.result("lease.acquire")
     assert client.result("calibration.load", template="reverse")["mount"] == "reverse"
 
 
 def test_defaults_that_could_not_be_saved_are_as_before() -> None:
-    world = World()
-    client = world.start().client()
+    world, client = found_world()
     before = client.result("config.get")
     world.disk.error = "the disk is full"
     answer = client.call("config.set", config={"force_n": 7.5}, keep=True)
@@ -102,8 +98,7 @@ def test_defaults_that_could_not_be_saved_are_as_before() -> None:
 
 
 def test_defaults_are_not_changed_while_others_are_being_saved() -> None:
-    world = World()
-    client = world.start().client()
+    world, client = found_world()
     number = client.send("config.set", config={"force_n": 7.5}, keep=True)
     other = client.send("config.set", config={"force_n": 9.0})
     data = client.answered(other)["error"]["data"]

@@ -7,13 +7,12 @@ import pytest
 from litegripd.control.authority import MOST_WAITING, Lease, LeaseOptions
 from litegripd.model.state import JobState, Owner
 from litegripd.rpc.sessions import Role
-from tests.world import Client, World, reason_of
+from tests.world import Client, World, enabled_world, found_world, reason_of
 
 
 def pair(**options: Any) -> tuple[World, Client, Client, str]:
     """Return a world, the holder of its lease, another client, and the token."""
-    world = World()
-    holder = world.enabled()
+    world, holder = enabled_world()
     token = str(holder.result("lease.acquire", **options)["lease"])
     return world, holder, world.client(), token
 
@@ -63,8 +62,7 @@ def test_reads_and_the_stop_need_no_lease() -> None:
 
 
 def test_a_free_gripper_needs_no_lease_for_a_single_motion() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     client.send("motion.open")
     world.run(0.2)
     other = world.client()
@@ -290,8 +288,7 @@ def test_a_lease_is_resumed_again_and_again_while_its_own_motion_runs_on() -> No
     ],
 )
 def test_roles_say_who_may_do_what(role: Role, allowed: list[str], refused: list[str]) -> None:
-    world = World().start()
-    client = world.client()
+    _, client = found_world()
     client.session.role = role
     params: dict[str, dict[str, Any]] = {"config.set": {"config": {}}}
     for method in allowed:
@@ -305,8 +302,7 @@ def test_roles_say_who_may_do_what(role: Role, allowed: list[str], refused: list
 
 
 def test_the_same_key_is_the_same_job() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     first = client.send("motion.open", key="run-7")
     world.run(0.3)
     back = world.client(pid=client.session.peer.pid)
@@ -320,8 +316,7 @@ def test_the_same_key_is_the_same_job() -> None:
 
 
 def test_a_replacement_ends_the_callers_own_motion_without_a_step() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     client.result("motion.close")
     first = client.send("motion.open")
     world.run(0.8)
@@ -379,8 +374,7 @@ def test_a_queued_motion_may_never_run(how: str) -> None:
 
 
 def test_a_queued_motion_that_is_refused_by_then_says_why() -> None:
-    world = World()
-    client = world.enabled()
+    _, client = enabled_world()
     client.send("motion.open", wait=False)
     number = client.send("motion.move", opening_mm=500, if_busy="queue")
     assert reason_of(client.wait(number)) == "out_of_limits"

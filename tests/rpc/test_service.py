@@ -6,12 +6,11 @@ import pytest
 
 from litegripd.model.calibration import NOMINAL
 from litegripd.rpc.reports import MAX_PER_SESSION
-from tests.world import PERIOD_S, World, reason_of
+from tests.world import PERIOD_S, World, enabled_world, reason_of
 
 
 def test_state_get_tells_the_present_state() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     state = client.result("state.get")
     seen = (state["enabled"], state["mode"], state["bus"], state["stale"])
     assert seen == (True, "holding", "up", False)
@@ -21,8 +20,7 @@ def test_state_get_tells_the_present_state() -> None:
 
 
 def test_reads_overtake_a_motion_of_the_same_connection() -> None:
-    world = World()
-    client = world.enabled()
+    _, client = enabled_world()
     motion = client.send("motion.open")
     client.result("state.get")
     assert motion not in client.answers
@@ -30,8 +28,7 @@ def test_reads_overtake_a_motion_of_the_same_connection() -> None:
 
 
 def test_a_motion_that_is_not_waited_for_outlives_its_connection() -> None:
-    world = World()
-    first = world.enabled()
+    world, first = enabled_world()
     job = first.result("motion.open", wait=False)["job"]
     first.leave()
     second = world.client()
@@ -115,8 +112,7 @@ def test_a_job_is_seen_and_cancelled_from_another_connection() -> None:
 
 
 def test_a_result_is_kept_with_the_state_in_which_it_came() -> None:
-    world = World()
-    first = world.enabled()
+    world, first = enabled_world()
     result = first.result("motion.open")
     first.result("motion.close")
     job = world.client().result("job.get", job=result["job"])
@@ -125,8 +121,7 @@ def test_a_result_is_kept_with_the_state_in_which_it_came() -> None:
 
 
 def test_the_latest_64_jobs_are_kept() -> None:
-    world = World()
-    client = world.enabled()
+    _, client = enabled_world()
     numbers = [client.result("motion.hold")["job"] for _ in range(70)]
     jobs = client.result("job.list")["jobs"]
     assert [job["job"] for job in jobs] == numbers[-64:]
@@ -168,8 +163,7 @@ def test_one_connection_has_a_limit_of_waiting_requests_that_binds_no_read_and_n
 @pytest.mark.parametrize("mark", ["sent_s", "stop_generation"])
 @pytest.mark.parametrize("method", ["motion.open", "motion.hold", "motor.enable"])
 def test_a_motion_that_was_sent_before_a_stop_never_runs(method: str, mark: str) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     generation = client.result("hello")["stop_generation"]
     sent_s = world.now_s
     world.run(0.1)
@@ -183,8 +177,7 @@ def test_a_motion_that_was_sent_before_a_stop_never_runs(method: str, mark: str)
 
 
 def test_reads_and_disable_do_not_mind_when_they_were_sent() -> None:
-    world = World()
-    client = world.enabled()
+    _, client = enabled_world()
     client.result("stop")
     assert client.result("state.get", stop_generation=0, sent_s=1)["stop"]["level"] == "hold"
     assert client.result("motor.disable", stop_generation=0, sent_s=1)["ok"]
