@@ -51,13 +51,13 @@ class Described:
         `message` is a whole line of the daemon's: a notification, or the answer of `method`.
         """
         if "method" in message:
-            self.notifications[message["method"]].validate(message["params"])
+            _validate(self.notifications[message["method"]], message["params"])
             if message["method"] == "state.batch":
                 self._check_rows(message["params"])
         elif "error" in message:
-            self._error.validate(message["error"])
+            _validate(self._error, message["error"])
         elif method is not None:
-            self.results[method].validate(message["result"])
+            _validate(self.results[method], message["result"])
 
     def holds(self, message: Mapping[str, Any], method: str) -> bool:
         """True if a whole line is as described."""
@@ -69,7 +69,13 @@ class Described:
 
     def _check_rows(self, params: Mapping[str, Any]) -> None:
         for row in params["rows"]:
-            self._state.validate(dict(zip(params["fields"], row, strict=True)))
+            _validate(self._state, dict(zip(params["fields"], row, strict=True)))
+
+
+def _validate(validator: Draft202012Validator, value: Any) -> None:
+    """Raise the first error; `validate` would look for the one that tells most."""
+    for error in validator.iter_errors(value):
+        raise error
 
 
 @lru_cache(maxsize=2)

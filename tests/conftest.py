@@ -1,4 +1,4 @@
-"""What holds for every test run: signals that are heard, and a garbage collector with less to do.
+"""What holds for every test run: signals that are heard, examples, a garbage collector at rest.
 
 What a test run in the background has inherited must not decide about Ctrl-C and hang-ups. A shell
 starts background jobs with SIGINT ignored, nohup with SIGHUP; whatever they start inherits that,
@@ -9,10 +9,16 @@ default.
 import gc
 import signal
 
+from hypothesis import settings
+
+from tests.properties import chosen
+
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
     signal.signal(signal.SIGHUP, lambda _number, _frame: None)
+
+settings.load_profile(chosen())
 
 
 def pytest_collection_finish() -> None:

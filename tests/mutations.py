@@ -8,7 +8,7 @@ import os
 import random
 from collections.abc import Iterator
 
-MUTATIONS = int(os.environ.get("LITEGRIPD_FUZZ_MUTATIONS", "100000"))
+MUTATIONS = int(os.environ.get("LITEGRIPD_FUZZ_MUTATIONS", "20000"))
 SEED = int(os.environ.get("LITEGRIPD_FUZZ_SEED", "1"))
 
 

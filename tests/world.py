@@ -25,8 +25,8 @@ from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import DM4310, Geometry, GripperId, MotorType
 from litegripd.model.motion_config import MotionConfig
-from litegripd.model.motor import UP, CanFrame, MitCommand, MotorPhase, Ranges
-from litegripd.model.state import HelperTask, TaskResult
+from litegripd.model.motor import UP, CanFrame, MitCommand, MotorIdentity, MotorPhase, Ranges
+from litegripd.model.state import Event, HelperTask, TaskResult
 from litegripd.motor import codec
 from litegripd.recorder.files import Recording, read
 from litegripd.recorder.recorder import Dumps, Recorder, memory_bytes, tick_slots
@@ -155,11 +155,24 @@ class Client:
         self.read()
         return number in self.answers
 
-    def call(self, method: str, within_s: float = 20.0, **params: Any) -> dict[str, Any]:
-        """Send a request and let time pass until it is answered; return the whole answer."""
-        number = self.send(method, **params)
+    def answered(self, number: int) -> dict[str, Any]:
+        """Return the whole answer to a request that has been answered by now."""
+        assert self.has_answer(number), "there is no answer yet"
+        return self.answers[number]
+
+    def wait(self, number: int, within_s: float = 20.0) -> dict[str, Any]:
+        """Let time pass until a request is answered; return the whole answer."""
         self.world.run_until(lambda: self.has_answer(number), within_s)
         return self.answers[number]
+
+    def told(self, method: str) -> list[dict[str, Any]]:
+        """Return what the notifications of one kind say that have come by now."""
+        self.read()
+        return [one["params"] for one in self.notifications if one["method"] == method]
+
+    def call(self, method: str, within_s: float = 20.0, **params: Any) -> dict[str, Any]:
+        """Send a request and let time pass until it is answered; return the whole answer."""
+        return self.wait(self.send(method, **params), within_s)
 
     def result(self, method: str, **params: Any) -> dict[str, Any]:
         """Call a method that is expected to succeed; return its result."""
@@ -170,14 +183,18 @@ class Client:
 
     def refusal(self, method: str, **params: Any) -> str:
         """Call a method that is expected to be refused; return the stable reason."""
-        answer = self.call(method, **params)
-        assert "error" in answer, answer
-        reason: str = answer["error"]["data"]["reason"]
-        return reason
+        return reason_of(self.call(method, **params))
 
     def leave(self) -> None:
         """End the connection, as a crash or a kill would."""
         self.world.service.closed(self.session, self.world.now_s)
+
+
+def reason_of(answer: dict[str, Any]) -> str:
+    """Return the stable reason of an answer that is expected to be a refusal."""
+    assert "error" in answer, answer
+    reason: str = answer["error"]["data"]["reason"]
+    return reason
 
 
 class Unsynced(FileSystem):
@@ -261,7 +278,6 @@ class World:
         period_s: float = PERIOD_S,
         motor_type: MotorType = DM4310,
     ) -> None:
-        self.period_s = period_s
         closed_rad, open_rad = limits_of_mount(mount)
         if parameters is None:
             nominal = SimulatorParameters(closed_rad=closed_rad, open_rad=open_rad)
@@ -423,10 +439,28 @@ class World:
         return self.service.reporter.state()
 
     @property
+    def identity(self) -> MotorIdentity:
+        """What the motor has told of itself, which a scene expects to be known."""
+        identity = self.machine.motor.view().identity
+        assert identity is not None
+        return identity
+
+    @property
     def ranges(self) -> Ranges:
         """The ranges that the daemon codes its frames in."""
         identity = self.machine.motor.view().identity
         return DM4310.ranges if identity is None else identity.ranges
+
+    def take_log(self) -> list[Event]:
+        """Return what the daemon has to log since the last call."""
+        events: list[Event] = []
+        while portion := self.service.take_events():
+            events += portion
+        return events
+
+    def own_frames(self, since_s: float = 0.0) -> list[bytes]:
+        """Return what was sent to the motor's own id since a time."""
+        return [sent.frame.data for sent in self.sent_since(since_s) if sent.frame.can_id == CAN_ID]
 
     def sent_since(self, since_s: float) -> list[Sent]:
         """Return what was sent since a time; it is asked in every tick of long scenes."""
@@ -446,6 +480,18 @@ class World:
         times = [s.at_s for s in self.sent_since(since_s) if s.frame.can_id == CAN_ID]
         times.append(self.now_s)
         return max(later - earlier for earlier, later in pairwise(times))
+
+
+def enabled_world(**options: Any) -> tuple[World, Client]:
+    """Return a world, and a client that has enabled its motor."""
+    world = World(**options)
+    return world, world.enabled()
+
+
+def found_world(**options: Any) -> tuple[World, Client]:
+    """Return a world whose motor has been found, and a client."""
+    world = World(**options).start()
+    return world, world.client()
 
 
 def is_command(frame: CanFrame) -> bool:

@@ -20,11 +20,11 @@ from litegripd.app.status import log_event
 from litegripd.io.helper import files
 from litegripd.model.calibration import NOMINAL, SUPERSEDED
 from litegripd.model.gripper import Geometry, GripperId
-from litegripd.model.state import Event, HelperTask, TaskResult
+from litegripd.model.state import HelperTask, TaskResult
 from litegripd.sim import registers as reg
 from tests.app.test_facts import info, verdict
 from tests.sim.driving import write
-from tests.world import Client, Disk, World
+from tests.world import Client, Disk, World, enabled_world
 
 DEGREES = 57.29578
 SCALES, LIMITS = (0.5, 2.0, 10.0, 75.0), (2.0, 10.0, DEGREES)
@@ -44,6 +44,9 @@ WRONG = [
     *(pytest.param(content_of(NORMAL, scale=by), id=f"scale x {by:g}") for by in SCALES),
     *(pytest.param(content_of(NORMAL, limits=by), id=f"limits x {by:g}") for by in LIMITS),
 ]
+
+ONE_OF_EACH = [WRONG[1], WRONG[-1]]
+"""Which others there are is tried in tests/model/test_calibration.py."""
 
 
 class FileDisk(Disk):
@@ -115,11 +118,7 @@ def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def journalled(world: World) -> World:
     """Let a world's events go to the log, as the daemon's do."""
-
-    def on_event(event: Event, _now_s: float) -> None:
-        log_event(event)
-
-    world.service.on_event = on_event
+    world.service.on_event = lambda event, _now_s: log_event(event)
     return world
 
 
@@ -148,7 +147,7 @@ def figures(content: Mapping[str, Any]) -> list[str]:
 
 
 @pytest.mark.parametrize("way", AT_START, ids=lambda way: way.name)
-@pytest.mark.parametrize("content", WRONG)
+@pytest.mark.parametrize("content", ONE_OF_EACH)
 def test_at_the_start_a_wrong_one_leaves_the_gripper_uncalibrated_with_the_reason(
     root: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -190,7 +189,7 @@ def checked(mount: str | None, capfd: pytest.CaptureFixture[str]) -> tuple[int, 
 
 
 @pytest.mark.parametrize("way", NAMED, ids=lambda way: way.name)
-@pytest.mark.parametrize("content", WRONG)
+@pytest.mark.parametrize("content", ONE_OF_EACH)
 def test_check_reads_the_file_that_is_named_and_says_what_the_daemon_will(
     root: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -269,12 +268,11 @@ Loads = Callable[[World, Client, dict[str, Any]], dict[str, Any]]
 
 
 @by_clients
-@pytest.mark.parametrize("content", WRONG)
+@pytest.mark.parametrize("content", ONE_OF_EACH)
 def test_a_wrong_one_that_a_client_loads_is_refused_and_the_one_in_use_stays(
     load: Loads, content: dict[str, Any]
 ) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     before = client.result("calibration.get")
     error = load(world, client, content)["error"]
     assert error["data"]["reason"] == "calibration_unreadable"
@@ -291,13 +289,18 @@ def test_a_client_learns_that_its_scale_is_wrong_though_none_is_in_use() -> None
     assert client.refusal("motion.open") == "not_calibrated"
 
 
-def assert_warned_of(world: World, caplog: pytest.LogCaptureFixture, sentence: str) -> None:
-    """Check that a scale in use is warned of wherever somebody may look."""
+def assert_told(world: World, caplog: pytest.LogCaptureFixture, sentence: str) -> None:
+    """Check that something is warned of once in the log, and once as a reason of the verdict."""
     told = [one for one in caplog.records if sentence in one.getMessage()]
     assert [one.levelno for one in told] == [logging.WARNING]
     judged, reasons = verdict(world)
     assert judged == "degraded"
     assert sum(sentence in reason for reason in reasons) == 1
+
+
+def assert_warned_of(world: World, caplog: pytest.LogCaptureFixture, sentence: str) -> None:
+    """Check that a scale in use is warned of wherever somebody may look."""
+    assert_told(world, caplog, sentence)
     client = world.client()
     assert sentence in client.result("calibration.get")["scale_warning"]
     assert client.result("state.get")["scale_doubt"] == world.state.scale_doubt
@@ -365,21 +368,17 @@ def test_limits_are_judged_by_what_the_motor_itself_reports_at_most() -> None:
     assert "a limit is 9 rad, and the motor reports at most ±8 rad" in error["message"]
 
 
-FOREIGN = [
-    pytest.param({"can_id": 7}, "can_id 0x07, and this motor is 0x08", id="can_id"),
-    pytest.param({"can_id": "0x07"}, "can_id 0x07, and this motor is 0x08", id="can_id as text"),
-    pytest.param({"can_id": [8]}, "can_id [8], and this motor is 0x08", id="can_id of no kind"),
-    pytest.param({"mst_id": "18"}, "mst_id 0x12, and this motor answers", id="mst_id as text"),
-    pytest.param({"canfd_mode": "true"}, "canfd_mode (CAN FD), and", id="canfd_mode as text"),
-    pytest.param(
-        {"motor_type": 3}, "'DM4340', and this motor is a DM4310", id="motor_type's number"
-    ),
-    pytest.param({"mst_id": 0x12}, "mst_id 0x12, and this motor answers on 0x18", id="mst_id"),
-    pytest.param(
-        {"canfd_mode": True}, "canfd_mode (CAN FD), and this motor is driven by", id="canfd_mode"
-    ),
-    pytest.param({"motor_type": "DM4340"}, "'DM4340', and this motor is a DM4310", id="motor_type"),
-    pytest.param({"channel": "can7"}, "channel 'can7', and this is can0", id="channel"),
+FOREIGN: list[tuple[dict[str, Any], str]] = [
+    ({"can_id": 7}, "can_id 0x07, and this motor is 0x08"),
+    ({"can_id": "0x07"}, "can_id 0x07, and this motor is 0x08"),
+    ({"can_id": [8]}, "can_id [8], and this motor is 0x08"),
+    ({"mst_id": 0x12}, "mst_id 0x12, and this motor answers on 0x18"),
+    ({"mst_id": "18"}, "mst_id 0x12, and this motor answers"),
+    ({"canfd_mode": True}, "canfd_mode (CAN FD), and this motor is driven by"),
+    ({"canfd_mode": "true"}, "canfd_mode (CAN FD), and"),
+    ({"motor_type": "DM4340"}, "'DM4340', and this motor is a DM4310"),
+    ({"motor_type": 3}, "'DM4340', and this motor is a DM4310"),
+    ({"channel": "can7"}, "channel 'can7', and this is can0"),
 ]
 """What says that a file is another gripper's, and what is said of it."""
 
@@ -388,7 +387,7 @@ TAUGHT = content_of(Geometry(0.05, -1.55, 53.75))
 """A calibration of the right size that was measured on some gripper."""
 
 
-@pytest.mark.parametrize(("mark", "says"), FOREIGN)
+@pytest.mark.parametrize(("mark", "says"), FOREIGN, ids=str)
 def test_another_grippers_is_taken_and_said_to_be_one_wherever_somebody_looks(
     mark: dict[str, Any], says: str, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -402,10 +401,7 @@ def test_another_grippers_is_taken_and_said_to_be_one_wherever_somebody_looks(
     world.run(0.1)
     assert client.result("calibration.get")["warnings"] == [warned]
     assert info(world)["calibration"]["foreign"] == warned
-    told = [one for one in caplog.records if warned in one.getMessage()]
-    assert [one.levelno for one in told] == [logging.WARNING]
-    judged, reasons = verdict(world)
-    assert (judged, reasons.count(warned)) == ("degraded", 1)
+    assert_told(world, caplog, warned)
 
 
 @pytest.mark.parametrize(
@@ -440,8 +436,7 @@ def test_at_the_start_another_grippers_is_warned_of(
 
 
 def test_what_is_measured_here_is_this_grippers_whatever_was_loaded_before() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     foreign = {**TAUGHT, **OWN_MARKS, "can_id": 7, "mst_id": 18, "canfd_mode": True}
     assert client.result("calibration.load", content={**foreign, "motor_type": "DM4340"})[
         "warnings"

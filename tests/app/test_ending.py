@@ -9,7 +9,7 @@ from litegripd.model.gripper import DM4310
 from litegripd.model.motor import CanFrame, MitCommand, MotorPhase, Status
 from litegripd.motor import codec
 from litegripd.motor.codec import TIMEOUT, write_request
-from tests.world import CAN_ID, World
+from tests.world import CAN_ID, World, enabled_world, reason_of
 
 
 def left_enabled() -> World:
@@ -54,16 +54,14 @@ def test_a_motor_that_fell_silent_after_it_had_confirmed_is_off(
 
 
 def test_who_waits_for_a_motion_is_told_that_the_daemon_ends() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     running = client.send("motion.open")
     queued = client.send("motion.close", if_busy="queue")
     world.run(0.2)
     Ending(world.machine).begin(world.now_s)
     world.run(0.1)
     for number in (running, queued):
-        assert client.has_answer(number)
-        assert client.answers[number]["error"]["data"]["reason"] == "shutting_down"
+        assert reason_of(client.answered(number)) == "shutting_down"
     assert world.controller.jobs.running is None
 
 
@@ -99,8 +97,7 @@ def test_a_motor_that_never_answered_is_not_told_to_be_off(
 
 
 def test_a_motor_that_is_being_disabled_is_not_told_to_be_off_before_it_says_so() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     client.send("motor.disable")
     world.lose_to_motor = lambda frame: frame.data == codec.DISABLE
     world.run_until(lambda: world.phase is MotorPhase.DISABLING, 1.0)

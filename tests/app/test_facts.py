@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Mapping
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import pytest
 
@@ -17,15 +17,21 @@ from litegripd.io.meters import RecentLateness
 from litegripd.model.calibration import to_plain
 from litegripd.model.errors import Refusal
 from litegripd.model.motor import BusSettings, CanFrame
-from tests.world import CAN_ID, World
+from tests.world import CAN_ID, World, enabled_world, found_world
 
 MEASURED = {"zero_position_rad": 0.104334, "max_position_rad": -1.513123}
+TOLD = {
+    **dict.fromkeys(("file", "channel", "saved_s", "foreign", "work_stroke", "problem")),
+    "nominal": False,
+}
+"""Of a calibration of which nothing else is known."""
 
 
 def info(world: World) -> Any:
     return facts(world).info()
 
 
+NO_DISKS = SimpleNamespace(full=[], nearly_full=[])
 OWN = Config("can0", BusSettings("socketcan", "can0", 1_000_000))
 
 
@@ -49,26 +55,36 @@ def judged(
     figures: Callable[[float, Any], Mapping[str, Any]] | None = None,
 ) -> DaemonFacts:
     """Return the facts of a daemon with these parts, whose latest tick was late."""
+    made = facts(world, config)
+    made.attach(parts_of(world, helper_runs=helper_runs, late_s=late_s, figures=figures))
+    return made
+
+
+def parts_of(
+    world: World,
+    *,
+    helper_runs: bool = True,
+    late_s: float = 0.0,
+    disks: object = NO_DISKS,
+    figures: Callable[[float, Any], Mapping[str, Any]] | None = None,
+) -> Any:
+    """Return parts of a daemon with which all else is well."""
     lateness = RecentLateness(30.0)
     lateness.add(0.0, late_s)
-    reactor = SimpleNamespace(
-        recent_lateness=lateness, period_s=1.0, tick_errors=0, backlog_errors=0
-    )
-    parts = SimpleNamespace(
+    return SimpleNamespace(
         condition=world.condition,
         rights=SimpleNamespace(refused=[]),
-        disks=SimpleNamespace(full=[], nearly_full=[]),
+        disks=disks,
         spawner=SimpleNamespace(is_running=True),
         helper=SimpleNamespace(
             is_running=helper_runs, log_is_stuck=False, lately_refused=lambda _now_s: None
         ),
         links=SimpleNamespace(status=None),
-        reactor=reactor,
+        reactor=SimpleNamespace(
+            recent_lateness=lateness, period_s=1.0, tick_errors=0, backlog_errors=0
+        ),
         figures=figures,
     )
-    made = facts(world, config)
-    made.attach(cast(Any, parts))
-    return made
 
 
 def test_whether_a_second_master_is_at_it_just_now_is_a_figure() -> None:
@@ -86,8 +102,7 @@ def test_whether_a_second_master_is_at_it_just_now_is_a_figure() -> None:
 
 @pytest.mark.parametrize("by_rad", [2.0 * math.pi, -2.0 * math.pi])
 def test_a_position_far_outside_the_travel_is_told_as_it_is_refused(by_rad: float) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     assert client.result("motion.move", opening_mm=60)["ok"]
     client.result("motor.disable")
     assert verdict(world) == ("ok", [])
@@ -111,28 +126,12 @@ def test_a_standstill_is_named_with_how_long_it_lasted() -> None:
     assert verdict(world, late_s=0.312) == ("degraded", told)
 
 
-def test_a_template_is_nominal_and_has_no_date() -> None:
-    world = World()
-    client = world.start().client()
+def test_a_template_is_nominal_and_has_no_date_and_is_so_when_it_is_saved() -> None:
+    world, client = found_world()
     client.result("calibration.load", template="reverse")
     told = info(world)["calibration"]
-    file = str(DATA / "reverse.json")
-    assert told == {
-        "file": file,
-        "nominal": True,
-        "channel": None,
-        "saved_s": None,
-        "foreign": None,
-        "work_stroke": None,
-        "problem": None,
-    }
-
-
-def test_a_saved_template_was_still_measured_on_no_gripper() -> None:
-    world = World()
-    client = world.start().client()
-    client.result("calibration.load", template="reverse")
-    client.result("calibration.save")
+    assert told == {**TOLD, "file": str(DATA / "reverse.json"), "nominal": True}
+    client.result("calibration.save")  # it was still measured on no gripper
     told = info(world)["calibration"]
     assert (told["file"], told["nominal"]) == ("/state/calibration.save", True)
 
@@ -146,52 +145,33 @@ def test_why_a_file_that_is_there_is_not_used_is_a_fact_and_that_there_is_none_i
 
 
 def test_a_content_of_a_client_is_in_no_file_until_it_is_saved() -> None:
-    world = World()
-    client = world.start().client()
+    world, client = found_world()
     content = client.result("calibration.get")["content"]
     client.result("calibration.load", content={**content, **MEASURED, "channel": "can7"})
     told = info(world)["calibration"]
     assert methods_in(told, "foreign") == {"calibration.zero"}
     foreign, _terms = told.pop("foreign"), told.pop("terms")
     assert "it has channel 'can7', and this is can0" in foreign
-    assert told == {
-        "file": None,
-        "nominal": False,
-        "channel": "can7",
-        "saved_s": None,
-        "work_stroke": None,
-        "problem": None,
-    }
+    assert {**told, "foreign": None} == {**TOLD, "channel": "can7"}
     client.result("calibration.save")
-    told = info(world)["calibration"]
     file = "/state/calibration.save"
-    assert told == {
-        "file": file,
-        "nominal": False,
-        "channel": "can0",
-        "saved_s": 1.6e9,
-        "foreign": None,
-        "work_stroke": None,
-        "problem": None,
-    }
+    saved = {"file": file, "channel": "can0", "saved_s": 1.6e9}
+    assert info(world)["calibration"] == {**TOLD, **saved}
     assert client.result("calibration.get")["file"] == file
 
 
 def test_another_calibration_than_the_saved_one_does_not_take_its_file() -> None:
-    world = World()
-    client = world.start().client()
+    world, client = found_world()
     content = client.result("calibration.get")["content"]
     client.result("calibration.load", content=content)
     saving = client.send("calibration.save")
     client.result("calibration.load", content=content)
-    world.run_until(lambda: client.has_answer(saving))
-    assert client.answers[saving]["result"]["path"] == "/state/calibration.save"
+    assert client.wait(saving)["result"]["path"] == "/state/calibration.save"
     assert info(world)["calibration"]["file"] is None
 
 
 def test_a_measured_calibration_has_the_date_of_its_file() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     assert client.result("calibration.zero")["ok"]
     told = info(world)["calibration"]
     assert (told["nominal"], told["channel"], told["saved_s"]) == (False, "can0", 1.6e9)
@@ -201,8 +181,7 @@ def test_a_measured_calibration_has_the_date_of_its_file() -> None:
 
 
 def test_a_found_file_keeps_its_date() -> None:
-    world = World()
-    client = world.start().client()
+    world, client = found_world()
     calibration = world.machine.controller.calibrated.calibration
     assert calibration is not None
     plain = {**to_plain(calibration), "saved_s": 1.5e9}
@@ -229,8 +208,7 @@ def test_a_second_master_that_is_tolerated_only_degrades(is_tolerated: bool) -> 
 
 
 def test_a_motor_that_makes_less_than_is_commanded_degrades_the_gripper() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     world.gripper.put_object(width_mm=50.0)
     client.result("motion.grasp", force_n=20.0, until="verdict")
     world.run(1.0)

@@ -75,8 +75,8 @@ FLAT_KB = 4000.0
 
 
 def test_each_reader_bears_damage_and_reads_what_comes_behind_it() -> None:
-    for one in all_figures(20_000):
-        assert one.bytes >= 20_000, one
+    for one in all_figures(10_000):
+        assert one.bytes >= 10_000, one
         assert one.refused > 0.4 * one.damaged, one
         assert one.lost == 0, one
         assert one.good > 0, one

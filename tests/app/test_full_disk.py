@@ -16,6 +16,8 @@ from litegripd.app.build import LOOK_AT_DISKS_EVERY_S, DiskWatch
 from litegripd.io.helper.atomic_file import FileError, FileSystem
 from litegripd.io.helper.files import save_motion
 from litegripd.model.state import TaskResult
+from tests.app.test_facts import parts_of
+from tests.world import World
 
 RUNTIME = Path("/run/litegripd")
 
@@ -147,33 +149,10 @@ def test_the_helper_looks_at_each_file_system_once(disk: Disk, state: Path) -> N
     assert len(named) == len(devices)
 
 
-class Well:
-    """A process with which all is well."""
-
-    is_running = True
-    log_is_stuck = False
-
-    def lately_refused(self, _now_s: float) -> None:
-        return None
-
-
-class Parts:
-    """As much of the parts as the complaints about processes need."""
-
-    def __init__(self, disks: DiskWatch) -> None:
-        self.disks = disks
-        self.rights = type("", (), {"refused": []})
-        self.helper = self.spawner = Well()
-        lateness = type("", (), {"p99_s": lambda _: None, "worst_s": lambda _: 0.0})()
-        self.reactor = type(
-            "", (), {"recent_lateness": lateness, "tick_errors": 0, "backlog_errors": 0}
-        )
-
-
 def test_health_names_it_until_there_is_space_again(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO)
     watch = DiskWatch(RUNTIME)
-    parts: Any = Parts(watch)
+    parts = parts_of(World(), disks=watch)
 
     def looked(now_s: float, found: list[dict[str, object]]) -> list[str]:
         task = watch.step(now_s)

@@ -5,7 +5,11 @@ from typing import Any
 import pytest
 
 from litegripd.model.motor import BusCondition, CanFrame, MotorInput, MotorPhase, Status
-from tests.world import PERIOD_S, World
+from tests.world import PERIOD_S, World, enabled_world, found_world, reason_of
+
+
+def broken(*_arguments: Any, **_keywords: Any) -> Any:
+    raise ZeroDivisionError("a defect")
 
 
 def silent(world: World) -> World:
@@ -30,15 +34,13 @@ def test_a_motor_that_fell_silent_while_enabled_is_in_doubt_until_it_says_that_i
 
 
 def test_a_motor_that_confirmed_that_it_is_off_and_then_fell_silent_is_not_in_doubt() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     assert client.result("motor.disable")["ok"]
     assert not silent(world).machine.may_be_energised
 
 
 def test_a_bus_that_is_down_is_the_reason_that_clients_are_told() -> None:
-    world = World().start()
-    client = world.client()
+    world, client = found_world()
     world.condition = BusCondition("link_down", "Network is down")
     world.lose_to_motor = lambda _frame: True
     world.tick()
@@ -53,27 +55,23 @@ def test_a_bus_that_is_down_is_the_reason_that_clients_are_told() -> None:
 def test_a_job_whose_action_fails_ends_at_once_and_the_jaws_hold(
     fails: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     motion = client.send("motion.open")
     world.run(0.5)
     kind: Any = type(world.controller.action)
     step: Any = kind.step
     calls: list[Any] = []
 
-    def broken(*arguments: Any) -> Any:
+    def failing(*arguments: Any) -> Any:
         calls.append(arguments)
-        if fails == "always" or len(calls) == 1:
-            raise ZeroDivisionError("a defect")
-        return step(*arguments)
+        return (broken if fails == "always" or len(calls) == 1 else step)(*arguments)
 
-    monkeypatch.setattr(kind, "step", broken)
+    monkeypatch.setattr(kind, "step", failing)
     failed_s, before_mm = world.now_s, world.gripper.opening_mm
     with pytest.raises(ZeroDivisionError):
         world.tick()
     world.run(1.0)
-    assert client.has_answer(motion)
-    error = client.answers[motion]["error"]
+    error = client.answered(motion)["error"]
     assert error["data"]["reason"] == "internal_error"
     assert "open failed by a defect: ZeroDivisionError: a defect" in error["message"]
     assert (world.state.mode, world.state.job) == ("holding", None)
@@ -84,41 +82,29 @@ def test_a_job_whose_action_fails_ends_at_once_and_the_jaws_hold(
 
 
 def test_a_disabling_that_fails_disables_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     disabling = client.send("motor.disable")
-
-    def broken(*_arguments: Any) -> Any:
-        raise ZeroDivisionError("a defect")
-
     monkeypatch.setattr(type(world.controller.action), "step", broken)
     with pytest.raises(ZeroDivisionError):
         world.tick()
     world.run_until(lambda: world.machine.is_disabled, 1.0)
-    assert client.has_answer(disabling)
-    assert client.answers[disabling]["error"]["data"]["reason"] == "internal_error"
+    assert reason_of(client.answered(disabling)) == "internal_error"
     assert world.gripper.motor.status == Status.DISABLED
 
 
 def test_a_queued_motion_that_fails_to_begin_ends_and_the_next_one_is_another(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     motion = client.send("motion.open")
     queued = client.send("motion.close", if_busy="queue")
-
-    def broken(*_arguments: Any, **_keywords: Any) -> Any:
-        raise ZeroDivisionError("a defect")
-
     with monkeypatch.context() as patch:
         patch.setattr(world.controller, "begin", broken)
         with pytest.raises(ZeroDivisionError):
             world.run(20.0)
     world.run(0.1)
     assert client.has_answer(motion)
-    assert client.has_answer(queued)
-    assert client.answers[queued]["error"]["data"]["reason"] == "internal_error"
+    assert reason_of(client.answered(queued)) == "internal_error"
     jobs = {job.number: job.state for job in world.controller.jobs}
     other = world.client().result("motion.close", wait=False)["job"]
     assert other not in jobs

@@ -9,7 +9,7 @@ import pytest
 from litegrip_client.values.repeats import RepeatsHandler
 from litegripd.app.status import MotorGreeting, log_event
 from litegripd.model.gripper import DM4310
-from litegripd.model.motor import UP, BusCondition, CanFrame
+from litegripd.model.motor import UP, BusCondition
 from litegripd.model.state import Event, EventKind
 from tests.world import World
 
@@ -66,28 +66,19 @@ def day(monkeypatch: pytest.MonkeyPatch) -> Iterator[Day]:
     ours.setLevel(level)
 
 
-def _lost(_frame: CanFrame) -> bool:
-    return True
-
-
-def _passed(_frame: CanFrame) -> bool:
-    return False
-
-
 def flap(out_s: float) -> tuple[Event, ...]:
     """Return what the daemon reports when the plug of an enabled gripper is out and in again."""
     world = World()
     world.enabled()
     world.run(1.0)
-    while world.service.take_events():
-        pass
+    world.take_log()
     events: list[Event] = []
     for condition in (GONE, UP):
         world.condition = condition
-        world.lose_to_motor = _lost if condition is GONE else _passed
+        world.lose_to_motor = lambda _frame, is_lost=condition is GONE: is_lost
         for _ in range(10):
             world.run(out_s / 10.0)
-            events += world.service.take_events()
+            events += world.take_log()
     assert [event for event in events if event.kind == "job_started"] == []
     assert {event.kind for event in events} >= {"bus", "motor"}
     return tuple(events)

@@ -44,7 +44,7 @@ def may(control: Mapping[str, Any], who: str, flow: str, message: str, key: str)
     )
 
 
-@examples(150)
+@examples(60)
 @given(TABLES, PLACES, NAMES)
 def test_a_user_is_nobody_else_and_no_more_than_he_is(
     table: tuple[Mapping[str, str], Mapping[str, list[Place]]], place: Place, stranger: str
@@ -72,7 +72,7 @@ def test_a_user_is_nobody_else_and_no_more_than_he_is(
             assert not may(made, user, "ingress", message, place.alive)
 
 
-@examples(150)
+@examples(60)
 @given(TABLES, PLACES, NAMES)
 def test_a_gateway_is_its_own_grippers_and_asks_nothing(
     table: tuple[Mapping[str, str], Mapping[str, list[Place]]], place: Place, user: str

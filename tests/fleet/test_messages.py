@@ -82,7 +82,7 @@ JSON = st.recursive(
 NAMES = st.sampled_from(["v", "op", "number", "got", "again", "at_s", "generation", "ttl_s"])
 
 
-@examples(300)
+@examples(100)
 @given(st.binary() | st.dictionaries(NAMES, JSON).map(lambda value: json.dumps(value).encode()))
 def test_no_bytes_do_anything_but_be_read_or_refused(attached: bytes) -> None:
     kinds: tuple[type[Ask] | type[Reply] | type[Push], ...] = (Ask, Reply, Push)

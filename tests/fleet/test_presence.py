@@ -151,7 +151,7 @@ def test_no_sign_counts_from_the_future() -> None:
     assert presence.silent(10.0 + TTL_S + 0.01) == ("supervisor",)
 
 
-@examples(200)
+@examples(100)
 @given(
     signs=st.lists(st.tuples(st.floats(0.0, 2.5), st.floats(0.0, 1.5)), min_size=1, max_size=30),
     looks=st.lists(st.floats(0.0, 60.0), max_size=30),

@@ -1,11 +1,13 @@
-"""A motor whose registers hold what a test wants, simulated or answered from a table."""
+"""Scenes of a motor: its registers, simulated or from a table; its answers, as they came or not."""
 
+import math
 import struct
+from collections.abc import Callable
 
 from litegripd.model.motor import CanFrame, MotorInput
 from litegripd.motor import codec
 from litegripd.motor.motor import Motor
-from tests.world import CAN_ID, PERIOD_S, World
+from tests.world import CAN_ID, PERIOD_S, Client, World, enabled_world
 
 MASTER_ID = 0x18
 
@@ -21,6 +23,33 @@ def world_with(number: int, raw: bytes, master_id: int | None = None) -> World:
     world = World(master_id=master_id)
     set_register(world, number, raw)
     return world
+
+
+def replace_answers(
+    world: World, changed: Callable[[CanFrame], CanFrame | None], count: float = math.inf
+) -> None:
+    """Let others come in the place of the motor's next answers, as many as are changed at all."""
+    left = count
+
+    def is_replaced(frame: CanFrame) -> bool:
+        nonlocal left
+        other = changed(frame) if left > 0 else None
+        if other is None:
+            return False
+        left -= 1
+        world.inject(other)
+        return True
+
+    world.lose_from_motor = is_replaced
+
+
+def gripping() -> tuple[World, Client]:
+    """Return a world whose jaws have held an object by 1 N·m for a while."""
+    world, client = enabled_world()
+    world.gripper.put_object(width_mm=50.0)
+    assert client.result("motion.grasp", force_n=10.0, until="verdict")["ok"]
+    world.run(1.5)
+    return world, client
 
 
 def answer(number: int, raw: bytes, opcode: int = 0x33, can_id: int = MASTER_ID) -> CanFrame:

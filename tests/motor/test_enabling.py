@@ -7,13 +7,10 @@ import pytest
 from litegripd.model.gripper import DM4310
 from litegripd.model.motor import CanFrame, MitCommand, MotorPhase, Status
 from litegripd.motor import codec
-from tests.world import CAN_ID, PERIOD_S, World, is_command
+from tests.motor.bench import LosesFirst
+from tests.world import CAN_ID, PERIOD_S, World, enabled_world, is_command
 
 ENABLE, DISABLE, CLEAR = (b"\xff" * 7 + end for end in (b"\xfc", b"\xfd", b"\xfb"))
-
-
-def own_frames(world: World, since_s: float = 0.0) -> list[bytes]:
-    return [s.frame.data for s in world.sent if s.frame.can_id == CAN_ID and s.at_s >= since_s]
 
 
 def is_slack(data: bytes) -> bool:
@@ -26,21 +23,8 @@ def is_slack(data: bytes) -> bool:
     )
 
 
-def loses(kind: bytes, count: int) -> "Losing":
-    return Losing(kind, count)
-
-
-class Losing:
-    """Loses the first frames of a kind."""
-
-    def __init__(self, kind: bytes, count: int) -> None:
-        self.kind, self.left = kind, count
-
-    def __call__(self, frame: CanFrame) -> bool:
-        if frame.data == self.kind and self.left:
-            self.left -= 1
-            return True
-        return False
+def loses(kind: bytes, count: int) -> LosesFirst:
+    return LosesFirst(count, lambda frame: frame.data == kind)
 
 
 def test_a_motor_found_enabled_is_disabled_and_that_is_confirmed() -> None:
@@ -49,7 +33,7 @@ def test_a_motor_found_enabled_is_disabled_and_that_is_confirmed() -> None:
     assert world.gripper.motor.status == Status.ENABLED
     world.start()
     assert world.gripper.motor.status == Status.DISABLED
-    assert set(own_frames(world)) == {DISABLE}
+    assert set(world.own_frames()) == {DISABLE}
 
 
 def test_a_motor_that_somebody_else_enables_is_disabled() -> None:
@@ -66,14 +50,14 @@ def test_a_motor_that_somebody_else_enables_is_disabled() -> None:
 def test_enabling_sends_zero_gains_before_enable_and_then_holds_what_is_measured() -> None:
     world = World().start()
     world.client().result("motor.enable")
-    sent = own_frames(world)
+    sent = world.own_frames()
     index = sent.index(ENABLE)
     assert sent.count(ENABLE) == 1
     assert index >= 1
     assert all(is_slack(data) for data in sent[:index])
     assert CLEAR not in sent
     world.run(0.1)
-    after = [codec.decode_command(d, DM4310.ranges) for d in own_frames(world)[index + 1 :]]
+    after = [codec.decode_command(d, DM4310.ranges) for d in world.own_frames()[index + 1 :]]
     held = [command for command in after if command.kp_nm_rad > 0.0]
     assert len(held) > 10
     assert {round(c.position_rad, 3) for c in held} == {round(world.gripper.position_rad, 3)}
@@ -96,14 +80,10 @@ def test_the_jaws_do_not_jump_on_enable(phase: str) -> None:
     furthest = []
     client = world.client()
     number = client.send("motor.enable")
-    while number not in client.answers:
-        world.tick()
-        client.read()
-        furthest.append(abs(world.gripper.position_rad - began_rad))
-    for _ in range(100):
+    for _ in range(200):
         world.tick()
         furthest.append(abs(world.gripper.position_rad - began_rad))
-    assert client.answers[number]["result"]["ok"]
+    assert client.answered(number)["result"]["ok"]
     assert max(furthest) < 0.002
 
 
@@ -112,9 +92,9 @@ def test_a_fault_is_cleared_first_and_only_if_there_is_one() -> None:
     world.gripper.set_supply(40.0)
     world.run_until(lambda: world.phase is MotorPhase.FAULT)
     world.gripper.set_supply(24.0)
-    assert not own_frames(world)
+    assert not world.own_frames()
     assert world.client().result("motor.enable")["ok"]
-    sent = own_frames(world)
+    sent = world.own_frames()
     assert sent.index(CLEAR) < sent.index(ENABLE)
 
 
@@ -128,25 +108,21 @@ def test_a_fault_that_stays_is_named_and_the_motor_is_left_disabled() -> None:
     assert "24 V" in error["message"]
     world.run(0.1)
     assert world.in_phase(MotorPhase.DISABLED)
-    assert ENABLE not in own_frames(world)
-    assert own_frames(world)[-1] == DISABLE
+    assert ENABLE not in world.own_frames()
+    assert world.own_frames()[-1] == DISABLE
 
 
 @pytest.mark.parametrize("lost", [1, 2])
-def test_a_lost_enable_frame_is_sent_again(lost: int) -> None:
+def test_a_lost_enable_frame_is_sent_again_with_zero_gains_right_before_every_try(
+    lost: int,
+) -> None:
     world = World().start()
     world.lose_to_motor = loses(ENABLE, lost)
     result = world.client().result("motor.enable")
     assert (result["ok"], result["tries"]) == (True, lost + 1)
-
-
-def test_zero_gains_go_right_before_every_try() -> None:
-    world = World().start()
-    world.lose_to_motor = loses(ENABLE, 2)
-    world.client().result("motor.enable")
     sent = [s for s in world.sent if s.frame.can_id == CAN_ID]
     tries = [i for i, s in enumerate(sent) if s.frame.data == ENABLE]
-    assert len(tries) == 3
+    assert len(tries) == lost + 1
     for index in tries:
         assert is_slack(sent[index - 1].frame.data)
         assert sent[index - 1].at_s == sent[index].at_s
@@ -162,8 +138,8 @@ def test_a_motor_that_does_not_take_enable_is_reported_honestly(tries: int) -> N
     assert (result["ok"], result["tries"]) == (False, tries)
     assert str(tries) in result["message"]
     world.run(0.05)
-    assert own_frames(world).count(ENABLE) == tries
-    assert own_frames(world)[-1] == DISABLE
+    assert world.own_frames().count(ENABLE) == tries
+    assert world.own_frames()[-1] == DISABLE
     assert world.in_phase(MotorPhase.DISABLED)
 
 
@@ -191,18 +167,16 @@ def test_the_next_failure_is_not_told_in_the_words_of_the_last() -> None:
 
 @pytest.mark.parametrize("lost", [1, 5, 40])
 def test_a_lost_disable_frame_is_sent_until_the_motor_says_disabled(lost: int) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     world.lose_to_motor = loses(DISABLE, lost)
     since_s = world.now_s
     assert client.result("motor.disable")["ok"]
     assert world.gripper.motor.status != Status.ENABLED
-    assert own_frames(world, since_s).count(DISABLE) > lost
+    assert world.own_frames(since_s).count(DISABLE) > lost
 
 
 def test_a_motor_that_never_confirms_is_said_to_be_not_disabled() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     world.lose_to_motor = loses(DISABLE, 10_000)
     feed = codec.encode_command(MitCommand(0.0, 0.0, 0.0, 0.0, 0.0), DM4310.ranges)
 
@@ -229,19 +203,17 @@ def test_disabling_a_disabled_motor_is_confirmed_as_well() -> None:
 
 
 def test_a_motor_that_was_enabled_after_a_power_cycle_waits_for_a_client() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     world.gripper.power_cycle()
     world.run(3.0)
     assert world.in_phase(MotorPhase.DISABLED)
     assert world.gripper.motor.status == Status.DISABLED
-    assert own_frames(world).count(ENABLE) == 1
+    assert world.own_frames().count(ENABLE) == 1
     assert client.result("motor.enable")["ok"]
 
 
 def test_a_position_that_is_off_by_a_turn_after_a_power_cycle_moves_nothing() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     world.gripper.power_cycle(turns=1)
     world.run(0.5)
     assert client.result("motor.enable")["ok"]
@@ -255,8 +227,7 @@ def test_a_position_that_is_off_by_a_turn_after_a_power_cycle_moves_nothing() ->
 
 def test_an_answer_that_comes_before_disabled_is_true_does_not_count() -> None:
     """A reply from before the disable frame may still be under way when it is sent."""
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     stale = bytes([CAN_ID, *struct.pack(">H", 0x7000), 0x7F, 0xF7, 0xFF, 30, 30])
     world.lose_to_motor = loses(DISABLE, 4)
     client.send("motor.disable")
@@ -267,10 +238,9 @@ def test_an_answer_that_comes_before_disabled_is_true_does_not_count() -> None:
 
 
 def test_the_last_frame_to_a_disabled_motor_is_no_command() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     client.result("motor.disable")
     since_s = world.now_s
     world.run(1.0)
-    assert not own_frames(world, since_s)
+    assert not world.own_frames(since_s)
     assert not is_command(CanFrame(CAN_ID, DISABLE))

@@ -19,7 +19,9 @@ from litegripd.motor.codec import (
     read_request,
     write_request,
 )
-from tests.world import CAN_ID, PERIOD_S, Client, World
+from tests.motor.bench import LosesFirst
+from tests.motor.helpers import gripping as gripped
+from tests.world import CAN_ID, PERIOD_S, Client, World, enabled_world, found_world, reason_of
 
 FORCE_NM = 1.0
 WRITES: list[tuple[Register, float]] = [
@@ -54,17 +56,11 @@ def watched(world: World) -> Client:
 
 
 def events(client: Client, kind: str) -> list[dict[str, Any]]:
-    client.read()
-    reported = [n["params"] for n in client.notifications if n["method"] == "event"]
-    return [event for event in reported if event["kind"] == kind]
+    return [event for event in client.told("event") if event["kind"] == kind]
 
 
-def gripping(**options: Any) -> tuple[World, Client]:
-    world = World(**options)
-    client = world.enabled()
-    world.gripper.put_object(width_mm=50.0)
-    assert client.result("motion.grasp", force_n=10.0 * FORCE_NM, until="verdict")["ok"]
-    world.run(1.5)
+def gripping() -> tuple[World, Client]:
+    world, _ = gripped()
     return world, watched(world)
 
 
@@ -112,8 +108,7 @@ def test_a_scale_that_changes_while_something_is_held_neither_crushes_nor_drops_
 @pytest.mark.parametrize("heard", HEARD)
 @pytest.mark.parametrize("value", [25.0, 6.0])
 def test_a_stiff_hold_does_not_lurch_when_its_scale_changes(value: float, heard: str) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     client.result("motion.move", opening_mm=30)
     world.run(0.5)
     before_mm = world.gripper.opening_mm
@@ -143,25 +138,17 @@ def test_a_watchdog_that_is_switched_off_while_enabled_is_set_again(heard: str) 
 def test_a_watchdog_is_set_again_though_writes_are_lost() -> None:
     world, _ = gripping()
     write(world, TIMEOUT, 0)
-    left = 5
-
-    def loses(frame: CanFrame) -> bool:
-        nonlocal left
-        is_write = frame.can_id == REGISTER_CAN_ID and frame.data[2] == 0x55
-        left -= is_write
-        return is_write and left >= 0
-
-    world.lose_to_motor = loses
+    writes = LosesFirst(5, lambda frame: frame.can_id == REGISTER_CAN_ID and frame.data[2] == 0x55)
+    world.lose_to_motor = writes
     world.run(0.5)
-    assert left < 0
+    assert writes.left == 0
     assert world.gripper.motor.registers.timeout_s == pytest.approx(0.1)
     assert world.in_phase(MotorPhase.ENABLED)
 
 
 @pytest.mark.parametrize("heard", [*HEARD, "none"])
 def test_a_motor_that_obeys_no_commands_any_more_is_disabled_with_the_reason(heard: str) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     number = client.send("motion.open")
     world.run(0.3)
     world.controller.second_master.is_tolerated = True  # else it alone would end the motion
@@ -169,14 +156,10 @@ def test_a_motor_that_obeys_no_commands_any_more_is_disabled_with_the_reason(hea
     world.run(0.1)
     assert world.gripper.motor.status == Status.DISABLED
     if heard != "none":
-        assert client.has_answer(number)
-        assert client.answers[number]["error"]["data"]["reason"] == "motor_unsuitable"
+        assert reason_of(client.answered(number)) == "motor_unsuitable"
     world.run(2.5)
-    error = client.call("motor.enable")["error"]
-    assert (error["data"]["reason"], error["data"]["register"]) == (
-        "motor_unsuitable",
-        "CTRL_MODE",
-    )
+    error = client.call("motor.enable")["error"]["data"]
+    assert (error["reason"], error["register"]) == ("motor_unsuitable", "CTRL_MODE")
     world.gripper.motor.registers.write(10, struct.pack("<I", 1))
     assert client.result("motor.clear_fault")["cleared"] == "motor_unsuitable"
     assert client.result("motor.enable")["ok"]
@@ -188,9 +171,7 @@ def test_a_motor_that_answers_on_another_id_is_followed(heard: str) -> None:
     write(world, MASTER_ID, 0x19, heard)
     course = observe(world, 0.5)
     assert min(course.torques_nm) > 0.8 * FORCE_NM
-    identity = world.machine.motor.view().identity
-    assert identity is not None
-    assert identity.master_id == 0x19
+    assert world.identity.master_id == 0x19
     assert world.in_phase(MotorPhase.ENABLED)
     assert world.state.is_grasped
     assert not world.state.stale
@@ -284,8 +265,7 @@ def test_a_write_while_the_motor_is_being_enabled_ends_that() -> None:
     world.run(0.1)
     assert world.in_phase(MotorPhase.ENABLING)
     write(world, TMAX, 54.0)
-    world.run_until(lambda: client.has_answer(number), 1.0)
-    assert client.answers[number]["error"]["data"]["reason"] == "second_master"
+    assert reason_of(client.wait(number, 1.0)) == "second_master"
     world.lose_to_motor = lambda _frame: False
     world.run(0.1)
     assert world.gripper.motor.status == Status.DISABLED
@@ -311,8 +291,7 @@ def test_a_claim_that_the_motor_does_not_confirm_changes_nothing() -> None:
 
 
 def test_enabling_takes_no_longer_for_reading_all_registers() -> None:
-    world = World().start()
-    client = world.client()
+    world, client = found_world()
     world.run(0.2)
     began_s = world.now_s
     assert client.result("motor.enable")["ok"]

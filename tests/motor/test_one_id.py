@@ -1,7 +1,6 @@
 """A motor whose MST_ID equals its ESC_ID: it answers on the very id that it is commanded by."""
 
 import struct
-from typing import Any
 
 import pytest
 
@@ -16,14 +15,8 @@ ENABLE = CanFrame(CAN_ID, codec.ENABLE)
 def world_of_one_id() -> tuple[World, Client]:
     world = World(parameters=SimulatorParameters(master_id=CAN_ID))
     client = world.client()
-    client.result("events.subscribe")
+    client.result("events.subscribe", kinds=["second_master"])
     return world, client
-
-
-def second_masters(client: Client) -> list[dict[str, Any]]:
-    client.read()
-    reported = [n["params"] for n in client.notifications if n["method"] == "event"]
-    return [event for event in reported if event["kind"] == "second_master"]
 
 
 def test_it_is_found_and_told_in_clear_words() -> None:
@@ -36,7 +29,7 @@ def test_it_is_found_and_told_in_clear_words() -> None:
         assert words in error["message"]
     world.run(3.0)
     assert not [s for s in world.sent if s.frame == ENABLE]
-    assert not second_masters(client)
+    assert not client.told("event")
     assert world.machine.motor.counters.foreign_commands == 0
     assert world.in_phase(MotorPhase.DISABLED)
 
@@ -46,7 +39,7 @@ def test_it_is_disabled_when_it_is_found_enabled() -> None:
     world.gripper.receive(world.now_s, ENABLE)
     world.run_until(lambda: world.gripper.motor.status == Status.DISABLED, 0.08)
     world.start()
-    assert not second_masters(client)
+    assert not client.told("event")
 
 
 def test_it_is_disabled_when_somebody_enables_it_later() -> None:
@@ -58,7 +51,7 @@ def test_it_is_disabled_when_somebody_enables_it_later() -> None:
     world.run(0.3)
     assert world.gripper.motor.status == Status.DISABLED
     assert world.machine.motor.counters.foreign_commands == 1
-    assert second_masters(client)
+    assert client.told("event")
 
 
 def test_it_is_usable_once_its_register_is_set() -> None:

@@ -4,26 +4,15 @@ import pytest
 
 from litegripd.model.motor import MotorPhase
 from tests.motor.test_plausibility import jump
-from tests.world import CAN_ID, Client, World, is_command
+from tests.motor.test_silence import moving, mute
+from tests.world import CAN_ID, found_world, is_command
 
 PERIODS_S = [0.010, 0.005, 0.002, 0.001]
 
 
-def moving(period_s: float) -> tuple[World, Client]:
-    world = World(period_s=period_s)
-    client = world.enabled()
-    client.send("motion.open")
-    world.run(0.3)
-    return world, client
-
-
-def mute(world: World) -> None:
-    world.lose_from_motor = lambda _frame: True
-
-
 @pytest.mark.parametrize("period_s", PERIODS_S)
 def test_a_silence_ends_a_motion_after_the_same_time_at_any_rate(period_s: float) -> None:
-    world, _ = moving(period_s)
+    world, _ = moving(period_s=period_s)
     mute(world)
     world.tick()  # takes the last answer, sends the first command that stays unanswered
     began_s = world.now_s
@@ -34,7 +23,7 @@ def test_a_silence_ends_a_motion_after_the_same_time_at_any_rate(period_s: float
 @pytest.mark.parametrize("period_s", PERIODS_S)
 @pytest.mark.parametrize("way", ["lose_from_motor", "lose_to_motor"])
 def test_a_silence_of_10_ms_ends_no_motion(period_s: float, way: str) -> None:
-    world, client = moving(period_s)
+    world, client = moving(period_s=period_s)
     setattr(world, way, lambda _frame: True)
     world.run(0.010)
     setattr(world, way, lambda _frame: False)
@@ -47,7 +36,7 @@ def test_a_silence_of_10_ms_ends_no_motion(period_s: float, way: str) -> None:
 @pytest.mark.parametrize("period_s", PERIODS_S)
 def test_no_more_commands_are_repeated_than_a_queue_holds(period_s: float) -> None:
     """What lies in the queue of a dead bus is replayed when power returns."""
-    world, _ = moving(period_s)
+    world, _ = moving(period_s=period_s)
     mute(world)
     world.tick()
     since_s = world.now_s - period_s / 2
@@ -58,8 +47,7 @@ def test_no_more_commands_are_repeated_than_a_queue_holds(period_s: float) -> No
 
 @pytest.mark.parametrize("period_s", PERIODS_S)
 def test_an_enabling_without_answers_leaves_no_more_in_a_queue(period_s: float) -> None:
-    world = World(period_s=period_s).start()
-    client = world.client()
+    world, client = found_world(period_s=period_s)
     world.run(0.2)
     since_s = world.now_s
     world.lose_from_motor = lambda frame: frame.data[2] != 0x33  # all but the registers
@@ -71,7 +59,7 @@ def test_an_enabling_without_answers_leaves_no_more_in_a_queue(period_s: float) 
 
 @pytest.mark.parametrize(("period_s", "frames"), [(0.01, 1), (0.005, 2), (0.002, 7), (0.001, 14)])
 def test_positions_in_doubt_for_less_than_15_ms_end_nothing(period_s: float, frames: int) -> None:
-    world, client = moving(period_s)
+    world, client = moving(period_s=period_s)
     jump(world, 1.0, frames)
     world.run(0.3)
     assert world.machine.motor.counters.implausible_frames == frames
@@ -82,7 +70,7 @@ def test_positions_in_doubt_for_less_than_15_ms_end_nothing(period_s: float, fra
 
 @pytest.mark.parametrize("period_s", PERIODS_S)
 def test_a_position_in_doubt_for_15_ms_is_a_fault(period_s: float) -> None:
-    world, client = moving(period_s)
+    world, client = moving(period_s=period_s)
     began_s = world.now_s
     jump(world, 1.0)
     world.run_until(lambda: world.in_phase(MotorPhase.DISABLING, MotorPhase.DISABLED), 0.1)

@@ -9,7 +9,16 @@ from hypothesis import strategies as st
 from litegripd.model.calibration import Calibration
 from litegripd.model.motor import CanFrame, Feedback, MotorPhase, Status
 from litegripd.motor.exchange import IMPLAUSIBLE_FRAMES, Plausibility
-from tests.world import CAN_ID, PERIOD_S, Client, World
+from tests.motor.helpers import replace_answers
+from tests.world import (
+    CAN_ID,
+    PERIOD_S,
+    Client,
+    World,
+    enabled_world,
+    found_world,
+    reason_of,
+)
 
 MOVED_BY_ITSELF_MM = 15.0
 """What the motor does with all its torque in the period before it reports the jump, and in the one
@@ -27,29 +36,23 @@ def shifted(frame: CanFrame, by_rad: float) -> CanFrame:
 
 def jump(world: World, by_rad: float, frames: float = float("inf")) -> None:
     """From now on the motor reports a wrong position, for `frames` frames."""
-    left = frames
 
-    def replaced(frame: CanFrame) -> bool:
-        nonlocal left
-        if left <= 0 or frame.data[0] & 0x0F != CAN_ID or frame.data[2] in (0x33, 0x55):
-            return False
-        left -= 1
-        world.inject(shifted(frame, by_rad))
-        return True
+    def other(frame: CanFrame) -> CanFrame | None:
+        is_feedback = frame.data[0] & 0x0F == CAN_ID and frame.data[2] not in (0x33, 0x55)
+        return shifted(frame, by_rad) if is_feedback else None
 
-    world.lose_from_motor = replaced
+    replace_answers(world, other, frames)
 
 
-def holding(world: World) -> Client:
-    client = world.enabled()
+def holding() -> tuple[World, Client]:
+    world, client = enabled_world()
     client.result("motion.move", opening_mm=60)
-    return client
+    return world, client
 
 
 @pytest.mark.parametrize("by_rad", [0.25, -0.25, 0.5, 6.283, -6.283, 12.5])
 def test_a_jump_that_stays_ends_in_a_disabled_motor_and_moves_nothing(by_rad: float) -> None:
-    world = World()
-    client = holding(world)
+    world, client = holding()
     before_mm = world.gripper.opening_mm
     since_s = world.now_s
     world.gripper.jump(by_rad)
@@ -74,29 +77,24 @@ def test_a_jump_that_stays_ends_in_a_disabled_motor_and_moves_nothing(by_rad: fl
 
 @pytest.mark.parametrize("frames", [1, IMPLAUSIBLE_FRAMES - 1])
 def test_a_disturbed_frame_or_two_end_nothing(frames: int) -> None:
-    world = World()
-    client = holding(world)
+    world, client = holding()
     number = client.send("motion.open")
     world.run(0.2)
     jump(world, 1.0, frames)
-    world.run_until(lambda: client.has_answer(number))
-    assert client.answers[number]["result"]["ok"]
+    assert client.wait(number)["result"]["ok"]
     assert world.machine.motor.counters.implausible_frames == frames
 
 
 def test_a_motion_that_ends_by_a_jump_says_so() -> None:
-    world = World()
-    client = holding(world)
+    world, client = holding()
     number = client.send("motion.close")
     world.run(0.2)
     jump(world, 1.0)
-    world.run_until(lambda: client.has_answer(number), 1.0)
-    assert client.answers[number]["error"]["data"]["reason"] == "implausible_feedback"
+    assert reason_of(client.wait(number, 1.0)) == "implausible_feedback"
 
 
 def test_jaws_that_a_hand_moves_fast_are_plausible() -> None:
-    world = World()
-    holding(world)
+    world, _ = holding()
     for torque_nm in (8.0, -8.0, 5.0, 0.0):
         world.gripper.push(torque_nm)
         world.run(0.15)
@@ -139,20 +137,41 @@ def test_whatever_torque_can_do_in_a_gap_is_plausible_by_two_frames(
     assert judge.refusal is None
 
 
-def test_a_motor_that_is_not_enabled_may_be_anywhere() -> None:
-    judge = Plausibility()
-    assert accepts(judge, reported(0.0, 0.0, 0.0))
-    assert accepts(judge, reported(0.005, 6.28, 0.0, status=0))
-    assert accepts(judge, reported(0.010, 0.0, 0.0, status=0xD))
-    assert not accepts(judge, reported(0.015, 6.28, 0.0))
+COURSES: dict[str, list[tuple[bool, Feedback]]] = {
+    "a motor that is not enabled may be anywhere": [
+        (True, reported(0.0, 0.0, 0.0)),
+        (True, reported(0.005, 6.28, 0.0, status=0)),
+        (True, reported(0.010, 0.0, 0.0, status=0xD)),
+        (False, reported(0.015, 6.28, 0.0)),
+    ],
+    "a speed beyond what a frame can tell is not judged": [
+        (True, reported(0.0, 0.0, 30.0)),
+        (True, reported(0.005, 0.4, 30.0)),
+        (True, reported(0.010, 0.5, 5.0)),
+        (False, reported(0.015, 0.9, 5.0)),
+    ],
+    "a jump after a gap is believed by two frames that agree": [
+        (True, reported(0.0, 0.0, 0.0)),
+        (False, reported(0.020, 0.3, 0.0)),  # it may be disturbed
+        (True, reported(0.025, 0.01, 0.0)),  # it was
+        (False, reported(0.045, 0.3, 0.0)),
+        (True, reported(0.050, 0.3, 0.0)),
+    ],
+    # A little off in its position, and in its speed the other way.
+    "a disturbed frame that was believed does not put the true ones in doubt for long": [
+        (True, reported(0.0, 0.0, 0.0)),
+        (True, reported(0.005, 0.08, 25.0)),
+        (False, reported(0.010, 0.0, 0.0)),
+        (True, reported(0.015, 0.0, 0.0)),
+    ],
+}
 
 
-def test_a_speed_beyond_what_a_frame_can_tell_is_not_judged() -> None:
+@pytest.mark.parametrize("course", COURSES.values(), ids=COURSES)
+def test_frame_by_frame(course: list[tuple[bool, Feedback]]) -> None:
     judge = Plausibility()
-    assert accepts(judge, reported(0.0, 0.0, 30.0))
-    assert accepts(judge, reported(0.005, 0.4, 30.0))
-    assert accepts(judge, reported(0.010, 0.5, 5.0))
-    assert not accepts(judge, reported(0.015, 0.9, 5.0))
+    assert [accepts(judge, feedback) for _, feedback in course] == [taken for taken, _ in course]
+    assert judge.refusal is None
 
 
 def test_a_jump_of_slack_jaws_is_believed_when_it_stays() -> None:
@@ -163,15 +182,6 @@ def test_a_jump_of_slack_jaws_is_believed_when_it_stays() -> None:
     ]
     assert answers == [False, False, True]
     assert judge.refusal is None
-
-
-def test_a_jump_after_a_gap_is_believed_by_two_frames_that_agree() -> None:
-    judge = Plausibility()
-    assert accepts(judge, reported(0.0, 0.0, 0.0))
-    assert not accepts(judge, reported(0.020, 0.3, 0.0))  # it may be disturbed
-    assert accepts(judge, reported(0.025, 0.01, 0.0))  # it was
-    assert not accepts(judge, reported(0.045, 0.3, 0.0))
-    assert accepts(judge, reported(0.050, 0.3, 0.0))
 
 
 def accepts(judge: Plausibility, feedback: Feedback) -> bool:
@@ -187,21 +197,14 @@ def off_once(world: World) -> None:
 
 
 def test_a_disturbed_frame_that_confirms_the_enabling_is_not_held_on_to() -> None:
-    world = World().start()
-    client = world.client()
+    world, client = found_world()
     before_mm = world.gripper.opening_mm
-    number = client.send("motor.enable")
 
-    def disturb(frame: CanFrame) -> bool:
-        is_feedback = frame.data[2] not in (0x33, 0x55) or frame.data[0] >> 4
-        if is_feedback and frame.data[0] >> 4 == Status.ENABLED:
-            world.lose_from_motor = lambda _frame: False
-            world.inject(shifted(frame, 0.3))
-            return True
-        return False
+    def other(frame: CanFrame) -> CanFrame | None:
+        return shifted(frame, 0.3) if frame.data[0] >> 4 == Status.ENABLED else None
 
-    world.lose_from_motor = disturb
-    world.run_until(lambda: client.has_answer(number))
+    replace_answers(world, other, 1)
+    client.call("motor.enable")
     world.run(0.5)
     assert world.gripper.opening_mm == pytest.approx(before_mm, abs=DISTURBED_MM)
     assert world.in_phase(MotorPhase.ENABLED)
@@ -209,8 +212,7 @@ def test_a_disturbed_frame_that_confirms_the_enabling_is_not_held_on_to() -> Non
 
 @pytest.mark.parametrize("silent_ticks", [2, 4, 8])
 def test_a_disturbed_frame_after_a_silence_is_not_held_on_to(silent_ticks: int) -> None:
-    world = World()
-    holding(world)
+    world, _ = holding()
     before_mm = world.gripper.opening_mm
     world.lose_from_motor = lambda _frame: True
     world.run(silent_ticks * PERIOD_S)
@@ -221,8 +223,7 @@ def test_a_disturbed_frame_after_a_silence_is_not_held_on_to(silent_ticks: int) 
 
 
 def test_a_disturbed_frame_of_slack_jaws_is_not_held_on_to() -> None:
-    world = World()
-    client = holding(world)
+    world, client = holding()
     client.result("motion.zero_gravity")
     world.run(0.1)
     before_mm = world.gripper.opening_mm
@@ -236,21 +237,20 @@ def test_a_disturbed_frame_of_slack_jaws_is_not_held_on_to() -> None:
 GRIPPED_NM = 1.0
 
 
-def gripping(world: World) -> tuple[Client, int]:
+def gripping() -> tuple[World, Client, int]:
     """Begin to hold something by force; return the request, too."""
-    client = world.enabled()
+    world, client = enabled_world()
     world.gripper.put_object(width_mm=55.0)
     number = client.send("motion.grasp", force_n=10.0 * GRIPPED_NM)
     world.run_until(lambda: world.state.is_grasped)
     world.run(1.0)
-    return client, number
+    return world, client, number
 
 
 @pytest.mark.parametrize("by_rad", [0.3, -0.3, 0.75, 1.5, -1.5, 6.283])
 @pytest.mark.parametrize("frames", [1, IMPLAUSIBLE_FRAMES - 1])
 def test_disturbed_frames_do_not_end_a_grip(by_rad: float, frames: int) -> None:
-    world = World()
-    client, number = gripping(world)
+    world, client, number = gripping()
     jump(world, by_rad, frames)
     for _ in range(200):
         world.tick()
@@ -264,61 +264,39 @@ def test_disturbed_frames_do_not_end_a_grip(by_rad: float, frames: int) -> None:
 @pytest.mark.parametrize("by_rad", [0.3, -0.3, 1.5, -1.5, 6.283, -6.283])
 def test_a_jump_that_stays_ends_a_grip(by_rad: float) -> None:
     """It may not hold on by a torque that nobody knows: the motor turns by its encoder."""
-    world = World()
-    client, number = gripping(world)
+    world, client, number = gripping()
     world.gripper.jump(by_rad)
-    world.run_until(lambda: client.has_answer(number), 1.0)
-    assert client.answers[number]["error"]["data"]["reason"] == "implausible_feedback"
+    assert reason_of(client.wait(number, 1.0)) == "implausible_feedback"
     world.run_until(lambda: world.in_phase(MotorPhase.DISABLED), 1.0)
     assert client.refusal("motor.enable") == "implausible_feedback"
 
 
-def test_a_jump_is_told_as_an_event_once() -> None:
-    world = World()
-    client = holding(world)
+def test_a_jump_is_told_as_an_event_once_even_after_the_motor_was_away() -> None:
+    world, client = holding()
     client.result("events.subscribe", kinds=["implausible"])
     world.gripper.jump(0.5)
     world.run(1.0)
-    client.read()
-    reported_of = [n["params"] for n in client.notifications if n["method"] == "event"]
-    assert [event["kind"] for event in reported_of] == ["implausible"]
-    assert 0.2 < reported_of[0]["data"]["jump_rad"] < 0.6  # the jaws have followed it meanwhile
-    assert "motor.clear_fault" in reported_of[0]["message"]
-
-
-def test_a_jump_is_told_once_even_after_the_motor_was_away() -> None:
-    world = World()
-    client = holding(world)
-    client.result("events.subscribe", kinds=["implausible"])
-    world.gripper.jump(0.5)
-    world.run(1.0)
+    (event,) = client.told("event")
+    assert 0.2 < event["data"]["jump_rad"] < 0.6  # the jaws have followed it meanwhile
+    assert "motor.clear_fault" in event["message"]
     world.gripper.power_off()
     world.run(2.0)
     world.gripper.power_on()
     world.run(2.0)
     assert client.refusal("motor.enable") == "implausible_feedback"
-    assert len([n for n in client.notifications if n["method"] == "event"]) == 1
+    assert client.told("event") == [event]
 
 
 @pytest.mark.parametrize("by_rad", [-0.5, 1.5, 6.283])
 def test_without_damping_a_jump_that_stays_disables_the_motor_all_the_same(by_rad: float) -> None:
-    world = World()
+    world, client = found_world()
     geometry = world.controller.geometry
     assert geometry is not None
     world.controller.use_calibration(Calibration(geometry, kp_nm_rad=100.0, kd_nm_s_rad=0.0), None)
-    holding(world)
+    client.result("motor.enable")
+    client.result("motion.move", opening_mm=60)
     world.gripper.jump(by_rad)
     world.run_until(lambda: world.in_phase(MotorPhase.DISABLED), 1.0)
-
-
-def test_a_disturbed_frame_that_was_believed_does_not_put_the_true_ones_in_doubt_for_long() -> None:
-    """A little off in its position, and in its speed the other way."""
-    judge = Plausibility()
-    assert accepts(judge, reported(0.0, 0.0, 0.0))
-    assert accepts(judge, reported(0.005, 0.08, 25.0))
-    assert not accepts(judge, reported(0.010, 0.0, 0.0))
-    assert accepts(judge, reported(0.015, 0.0, 0.0))
-    assert judge.refusal is None
 
 
 def test_late_answers_that_come_together_are_no_jump() -> None:
@@ -357,8 +335,7 @@ def test_a_motor_in_doubt_is_braked_by_no_more_than_its_peak(
 
 def test_fast_jaws_whose_position_is_in_doubt_are_braked_by_no_more_than_their_peak() -> None:
     """The speed that was believed last counts: a hand throws them, and a hold is to catch them."""
-    world = World()
-    client = holding(world)
+    world, client = holding()
     client.result("motion.zero_gravity")
     world.gripper.push(2.0)
     world.run_until(lambda: abs(world.gripper.velocity_rad_s) > 9.6, 1.0)

@@ -18,7 +18,7 @@ from litegripd.motor import codec as reg
 from litegripd.motor.identity import LONGEST_WATCHDOG_S, RegisterScan, unsuitable, warnings
 from litegripd.motor.motor import Motor
 from litegripd.sim.plant import SimulatorParameters
-from tests.motor.helpers import MASTER_ID, Registers, world_with
+from tests.motor.helpers import MASTER_ID, Registers, replace_answers, world_with
 from tests.world import CAN_ID, World
 
 
@@ -33,9 +33,7 @@ def test_the_first_frames_only_read() -> None:
 @pytest.mark.parametrize("master_id", [0x00, 0x18, 0x11, 0x7FE])
 def test_the_master_id_is_found(master_id: int) -> None:
     world = World(parameters=SimulatorParameters(master_id=master_id)).start()
-    identity = world.machine.motor.view().identity
-    assert identity is not None
-    assert identity.master_id == master_id
+    assert world.identity.master_id == master_id
     assert world.client().result("motor.enable")["ok"]
 
 
@@ -57,13 +55,11 @@ def test_a_configured_master_id_that_is_right_is_accepted() -> None:
 def test_the_motors_own_ranges_are_used() -> None:
     world = world_with(21, struct.pack("<f", 3.14))
     client = world.enabled()
-    identity = world.machine.motor.view().identity
-    assert identity is not None
-    assert identity.ranges.position_rad == pytest.approx(3.14)
+    assert world.identity.ranges.position_rad == pytest.approx(3.14)
     assert world.state.position_rad == pytest.approx(world.gripper.position_rad, abs=1e-3)
     assert client.result("motion.open")["ok"]
     assert client.result("motion.close")["ok"]
-    assert any("3.14" in text for text in warnings(identity))
+    assert any("3.14" in text for text in warnings(world.identity))
 
 
 def test_no_position_is_shown_before_its_range_is_known() -> None:
@@ -181,18 +177,12 @@ def test_late_and_wrong_answers_are_not_taken_for_the_awaited_one() -> None:
 
 def disturbed_once(world: World, number: int, raw: bytes) -> None:
     """Let the motor's next answer for a register come with another value."""
-    left = 1
 
-    def replaced(frame: CanFrame) -> bool:
-        nonlocal left
-        is_answer = frame.data[2] == 0x33 and frame.data[3] == number
-        if not left or not is_answer:
-            return False
-        left -= 1
-        world.inject(CanFrame(frame.can_id, frame.data[:4] + raw))
-        return True
+    def other(frame: CanFrame) -> CanFrame | None:
+        is_it = frame.data[2] == 0x33 and frame.data[3] == number
+        return CanFrame(frame.can_id, frame.data[:4] + raw) if is_it else None
 
-    world.lose_from_motor = replaced
+    replace_answers(world, other, 1)
 
 
 @pytest.mark.parametrize(
@@ -208,11 +198,9 @@ def test_one_disturbed_answer_is_not_believed(number: int, raw: bytes) -> None:
     world = World()
     disturbed_once(world, number, raw)
     assert world.start().client().result("motor.enable")["ok"]
-    identity = world.machine.motor.view().identity
-    assert identity is not None
-    assert identity.ranges == DM4310.ranges
-    assert identity.control_mode == 1
-    assert identity.timeout_s == pytest.approx(0.1)
+    assert world.identity.ranges == DM4310.ranges
+    assert world.identity.control_mode == 1
+    assert world.identity.timeout_s == pytest.approx(0.1)
 
 
 def test_a_motor_whose_registers_were_set_meanwhile_is_usable_after_clear_fault() -> None:

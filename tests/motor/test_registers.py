@@ -25,61 +25,23 @@ def test_request_frames_byte_for_byte() -> None:
         assert made == CanFrame(0x7FF, bytes.fromhex(expected))
 
 
+MAKERS = """
+0 UV_Value f, 1 KT_Value f, 2 OT_Value f, 3 OC_Value f, 4 ACC f, 5 DEC f, 6 MAX_SPD f,
+7 MST_ID u, 8 ESC_ID u, 9 TIMEOUT u, 10 CTRL_MODE u, 11 Damp f, 12 Inertia f, 13 hw_ver u,
+14 sw_ver u, 15 SN u, 16 NPP u, 17 Rs f, 18 Ls f, 19 Flux f, 20 Gr f, 21 PMAX f, 22 VMAX f,
+23 TMAX f, 24 I_BW f, 25 KP_ASR f, 26 KI_ASR f, 27 KP_APR f, 28 KI_APR f, 29 OV_Value f,
+30 GREF f, 31 Deta f, 32 V_BW f, 33 IQ_c1 f, 34 VL_c1 f, 35 can_br u, 36 sub_ver u,
+50 u_off f, 51 v_off f, 52 k1 f, 53 k2 f, 54 m_off f, 55 dir f, 56 m_off_56 f, 59 Imax f,
+60 VBus f, 61 Tpcb f, 62 Tmtr f, 63 Iu_off f, 64 Iv_off f, 65 Iw_off f, 80 p_m f,
+81 xout f
+"""
+"""Number, name and kind: a float, or an unsigned integer."""
+
+
 def test_the_registers_have_the_makers_numbers_and_kinds() -> None:
-    assert {r.number: (r.name, r.kind) for r in reg.REGISTERS.values()} == {
-        0: ("UV_Value", "f"),
-        1: ("KT_Value", "f"),
-        2: ("OT_Value", "f"),
-        3: ("OC_Value", "f"),
-        4: ("ACC", "f"),
-        5: ("DEC", "f"),
-        6: ("MAX_SPD", "f"),
-        7: ("MST_ID", "u"),
-        8: ("ESC_ID", "u"),
-        9: ("TIMEOUT", "u"),
-        10: ("CTRL_MODE", "u"),
-        11: ("Damp", "f"),
-        12: ("Inertia", "f"),
-        13: ("hw_ver", "u"),
-        14: ("sw_ver", "u"),
-        15: ("SN", "u"),
-        16: ("NPP", "u"),
-        17: ("Rs", "f"),
-        18: ("Ls", "f"),
-        19: ("Flux", "f"),
-        20: ("Gr", "f"),
-        21: ("PMAX", "f"),
-        22: ("VMAX", "f"),
-        23: ("TMAX", "f"),
-        24: ("I_BW", "f"),
-        25: ("KP_ASR", "f"),
-        26: ("KI_ASR", "f"),
-        27: ("KP_APR", "f"),
-        28: ("KI_APR", "f"),
-        29: ("OV_Value", "f"),
-        30: ("GREF", "f"),
-        31: ("Deta", "f"),
-        32: ("V_BW", "f"),
-        33: ("IQ_c1", "f"),
-        34: ("VL_c1", "f"),
-        35: ("can_br", "u"),
-        36: ("sub_ver", "u"),
-        50: ("u_off", "f"),
-        51: ("v_off", "f"),
-        52: ("k1", "f"),
-        53: ("k2", "f"),
-        54: ("m_off", "f"),
-        55: ("dir", "f"),
-        56: ("m_off_56", "f"),
-        59: ("Imax", "f"),
-        60: ("VBus", "f"),
-        61: ("Tpcb", "f"),
-        62: ("Tmtr", "f"),
-        63: ("Iu_off", "f"),
-        64: ("Iv_off", "f"),
-        65: ("Iw_off", "f"),
-        80: ("p_m", "f"),
-        81: ("xout", "f"),
+    rows = [row.split() for row in MAKERS.split(",")]
+    assert {r.number: [r.name, r.kind] for r in reg.REGISTERS.values()} == {
+        int(number): rest for number, *rest in rows
     }
     names = [register.name.lower() for register in reg.REGISTERS.values()]
     assert len(set(names)) == len(names)

@@ -2,19 +2,23 @@
 
 import random
 import struct
+from collections.abc import Callable
 from itertools import pairwise
 
 import pytest
 
 from litegripd.model.motor import (
     CanFrame,
+    DisableMotor,
     EnableMotor,
     MotorPhase,
     RegisterReply,
     RegisterRequest,
     SetZero,
+    Status,
     ZeroView,
 )
+from litegripd.motor import codec
 from litegripd.motor.procedures import ZERO_RETRY_S, ZERO_TRIES, ZERO_WITHIN_RAD
 from tests.motor.bench import (
     CAN_ID,
@@ -112,8 +116,7 @@ def test_a_motor_that_never_takes_it_has_certainly_kept_its_zero() -> None:
     bench.lose_to_motor = is_zero
     before_rad = bench.feedback.position_rad
     zero = set_zero(bench)
-    assert reason(zero) == "not_confirmed"
-    assert not zero.is_uncertain
+    assert (reason(zero), zero.is_uncertain) == ("not_confirmed", False)
     assert len(bench.times_of(is_zero)) == ZERO_TRIES
     assert bench.feedback.position_rad == pytest.approx(before_rad, abs=CODE_RAD)
     bench.lose_to_motor = nothing
@@ -126,8 +129,7 @@ def test_without_an_answer_afterwards_nobody_knows_and_nothing_is_repeated() -> 
     bench.lose_from_motor = everything
     bench.lose_in_flight()
     zero = ended(bench)
-    assert reason(zero) == "not_confirmed"
-    assert zero.is_uncertain
+    assert (reason(zero), zero.is_uncertain) == ("not_confirmed", True)
     assert zero.failure is not None
     assert "does not answer" in zero.failure.message
     assert len(bench.times_of(is_zero)) == 1
@@ -143,8 +145,7 @@ def test_jaws_that_are_moved_before_it_is_confirmed_leave_it_uncertain() -> None
     bench.run(0.08)
     bench.lose_from_motor = nothing
     zero = ended(bench)
-    assert reason(zero) == "not_confirmed"
-    assert zero.is_uncertain
+    assert (reason(zero), zero.is_uncertain) == ("not_confirmed", True)
     assert "moved" in (zero.failure.message if zero.failure else "")
     assert len(bench.times_of(is_zero)) == 1
 
@@ -267,3 +268,156 @@ def test_a_lost_frame_near_the_old_zero_does_no_harm(near_rad: float) -> None:
     assert zero.state == "done"
     assert zero.position_rad == pytest.approx(near_rad, abs=2 * CODE_RAD)
     assert zero.shift_rad == pytest.approx(0.0, abs=2 * CODE_RAD)
+
+
+# When none is set: the motor does not say that it is disabled, or the jaws move
+
+
+def test_nothing_is_sent_to_a_motor_that_does_not_say_that_it_is_disabled() -> None:
+    """It was disabled when it last answered, which is not enough."""
+    bench = Bench().started()
+    bench.lose_from_motor = everything
+    bench.tick()
+    zero = set_zero(bench)
+    assert reason(zero) == "motor_silent"
+    assert not zero.is_uncertain
+    assert not bench.times_of(is_zero)
+
+
+@pytest.mark.parametrize("status", [1, 8, 9, 13, 2, 15])
+@pytest.mark.parametrize("after", [0.0, 0.03])
+def test_a_motor_that_says_anything_but_disabled_gets_no_frame(status: int, after: float) -> None:
+    bench = Bench().started()
+    bench.tick(SetZero())
+    bench.run(after)
+    bench.lose_to_motor = everything
+    bench.receive()
+    bench.step()
+    bench.inject(feedback_frame(-0.5, status))
+    zero = ended(bench)
+    assert reason(zero) == "not_confirmed"
+    assert "disabled" in (zero.failure.message if zero.failure else "")
+    assert not zero.is_uncertain
+    bench.run(0.5)
+    assert not bench.times_of(is_zero)
+
+
+def test_it_is_refused_while_the_motor_is_enabled() -> None:
+    bench = Bench().enabled()
+    since_s = bench.now_s + PERIOD_S / 2
+    bench.tick(SetZero())
+    assert reason(bench.view.zero) == "not_confirmed"
+    assert not bench.view.zero.is_uncertain
+    bench.run(0.5)
+    assert bench.view.phase is MotorPhase.ENABLED
+    assert not bench.times_of(is_zero)
+    assert len(bench.times_of(lambda frame: frame.can_id == CAN_ID, since_s)) == 101
+
+
+def being_enabled() -> Bench:
+    bench = Bench().started()
+    bench.tick(EnableMotor(3, 0.2))
+    return bench
+
+
+def being_disabled() -> Bench:
+    bench = Bench().enabled()
+    bench.lose_to_motor = LosesFirst(5, lambda frame: frame.data == codec.DISABLE)
+    bench.tick(DisableMotor())
+    return bench
+
+
+def silent() -> Bench:
+    bench = Bench().started()
+    bench.lose_to_motor = everything
+    bench.run(0.5)
+    return bench
+
+
+def unsuitable() -> Bench:
+    bench = Bench()
+    assert bench.gripper.motor.registers.write(10, struct.pack("<I", 2))
+    return bench.started()
+
+
+@pytest.mark.parametrize(
+    ("made", "phase", "why"),
+    [
+        (Bench, MotorPhase.UNKNOWN, "motor_silent"),
+        (silent, MotorPhase.SILENT, "motor_silent"),
+        (unsuitable, MotorPhase.DISABLED, "motor_unsuitable"),
+        (being_enabled, MotorPhase.ENABLING, "not_confirmed"),
+        (being_disabled, MotorPhase.DISABLING, "not_confirmed"),
+        (lambda: Bench().faulty(), MotorPhase.FAULT, "motor_fault"),
+    ],
+)
+def test_it_is_refused_unless_the_motor_is_known_to_be_off(
+    made: Callable[[], Bench], phase: MotorPhase, why: str
+) -> None:
+    bench = made()
+    bench.tick(SetZero())
+    assert (bench.view.phase, reason(bench.view.zero)) == (phase, why)
+    bench.lose_to_motor = nothing
+    bench.run(0.5)
+    assert not bench.times_of(is_zero)
+
+
+def test_jaws_that_move_get_no_zero() -> None:
+    bench = Bench().started()
+    bench.gripper.push(0.6)
+    bench.run(0.05)
+    zero = set_zero(bench)
+    assert (reason(zero), zero.is_uncertain) == ("not_confirmed", False)
+    assert "keep them still" in (zero.failure.message if zero.failure else "")
+    assert not bench.times_of(is_zero)
+
+
+def test_jaws_that_come_to_rest_are_waited_for() -> None:
+    bench = Bench().started()
+    bench.gripper.push(1.0)
+    bench.run(0.1)
+    bench.tick(SetZero())
+    bench.run(0.2)
+    assert not bench.times_of(is_zero)
+    bench.gripper.push(0.0)
+    zero = ended(bench)
+    assert zero.state == "done"
+    shift_rad = bench.gripper.position_rad  # counted from the mechanical zero until now
+    assert zero.shift_rad == pytest.approx(shift_rad, abs=2 * CODE_RAD)
+
+
+def test_enabling_waits_until_it_is_over() -> None:
+    bench = Bench().started()
+    bench.tick(SetZero())
+    bench.tick(EnableMotor(3, 0.2))
+    view = bench.view
+    assert view.phase is MotorPhase.DISABLED
+    assert view.failure is not None
+    assert view.failure.reason == "busy"
+    assert ended(bench).state == "done"
+    bench.tick(EnableMotor(3, 0.2))
+    bench.run_until(lambda: bench.view.phase is MotorPhase.ENABLED)
+
+
+@pytest.mark.parametrize("is_sent", [False, True])
+def test_disabling_ends_it_at_once(is_sent: bool) -> None:
+    bench = Bench().started()
+    bench.tick(SetZero())
+    if is_sent:
+        bench.run_until(lambda: bool(bench.times_of(is_zero)), 0.5)
+    bench.tick(DisableMotor())
+    assert reason(bench.view.zero) == "not_confirmed"
+    assert bench.view.zero.is_uncertain is is_sent
+    bench.run(0.5)
+    assert bench.view.phase is MotorPhase.DISABLED
+    assert len(bench.times_of(is_zero)) == is_sent
+
+
+def test_a_motor_that_somebody_else_enables_meanwhile_is_disabled_and_gets_no_zero() -> None:
+    bench = Bench().started()
+    bench.tick(SetZero())
+    bench.gripper.receive(bench.now_s, CanFrame(CAN_ID, codec.ENABLE))
+    assert reason(ended(bench)) == "not_confirmed"
+    bench.run(0.2)
+    assert bench.gripper.motor.status == Status.DISABLED
+    assert not bench.times_of(is_zero)

@@ -1,5 +1,7 @@
 """Setting the zero as an action: disabled first, asked once, and an honest outcome."""
 
+from collections.abc import Callable
+
 import pytest
 
 from litegripd.control.motions.base import SetZero as SetZeroAction
@@ -15,7 +17,8 @@ from litegripd.model.motor import (
 )
 from litegripd.model.state import SetZeroResult
 from litegripd.motor import codec
-from tests.motor.bench import CAN_ID, PERIOD_S, Bench, LosesFirst, everything, is_zero
+from tests.motor.bench import CAN_ID, PERIOD_S, Bench, everything, is_zero
+from tests.motor.test_set_zero import silent
 
 DISABLED = MotorView(MotorPhase.DISABLED, Feedback(0, 0.5, 0.0, 0.0, 30, 30, 0.0))
 
@@ -108,27 +111,14 @@ def test_a_motor_that_does_not_confirm_that_it_is_disabled_gets_no_zero() -> Non
     assert not bench.times_of(is_zero)
 
 
-def test_a_lost_frame_is_sent_again_and_then_confirmed() -> None:
-    bench = Bench().enabled()
-    bench.lose_to_motor = LosesFirst(2, is_zero)
-    assert isinstance(Run(bench).outcome, SetZeroResult)
-    assert len(bench.times_of(is_zero)) == 3
-
-
-def test_a_fault_is_said_and_nothing_is_sent() -> None:
-    bench = Bench().faulty()
-    run = Run(bench)
-    assert run.requests == []
-    assert run.refusal == "motor_fault"
-
-
-def test_a_silent_motor_is_said_to_be_silent() -> None:
-    bench = Bench().started()
-    bench.lose_to_motor = everything
-    bench.run(1.0)
-    run = Run(bench)
-    assert run.requests == []
-    assert run.refusal == "motor_silent"
+@pytest.mark.parametrize(
+    ("made", "why"), [(lambda: Bench().faulty(), "motor_fault"), (silent, "motor_silent")]
+)
+def test_a_fault_and_a_silence_are_said_and_nothing_is_sent(
+    made: Callable[[], Bench], why: str
+) -> None:
+    run = Run(made())
+    assert (run.requests, run.refusal) == ([], why)
 
 
 @pytest.mark.parametrize("is_uncertain", [False, True])

@@ -1,6 +1,7 @@
 """A motor that stops answering, comes back, faults, or is replaced."""
 
 from itertools import pairwise
+from typing import Any
 
 import pytest
 
@@ -8,7 +9,7 @@ from litegripd.model.motor import CanFrame, MotorPhase, Status
 from litegripd.motor import codec
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.plant import SimulatorParameters
-from tests.world import CAN_ID, PERIOD_S, Client, World
+from tests.world import CAN_ID, PERIOD_S, Client, World, enabled_world
 
 
 def deaf(world: World) -> None:
@@ -24,16 +25,15 @@ def mute(world: World) -> None:
     world.lose_from_motor = lambda _frame: True
 
 
-def moving(world: World) -> Client:
-    client = world.enabled()
+def moving(**options: Any) -> tuple[World, Client]:
+    world, client = enabled_world(**options)
     client.send("motion.open")
     world.run(0.5)
-    return client
+    return world, client
 
 
 def test_three_unanswered_commands_are_repeated_without_feed_forward_and_then_withheld() -> None:
-    world = World()
-    moving(world)
+    world, _ = moving()
     mute(world)
     since_s = world.now_s + PERIOD_S / 2
     world.tick()  # takes the last answer, sends the first command that stays unanswered
@@ -55,8 +55,7 @@ def test_three_unanswered_commands_are_repeated_without_feed_forward_and_then_wi
 
 
 def test_after_a_short_silence_the_measured_position_is_held() -> None:
-    world = World()
-    client = moving(world)
+    world, client = moving()
     deaf(world)
     world.run(0.05)
     assert world.in_phase(MotorPhase.SILENT)
@@ -79,8 +78,7 @@ def test_after_a_short_silence_the_measured_position_is_held() -> None:
 
 def test_jaws_that_were_slack_stay_slack_after_a_silence() -> None:
     """A hand may be between them: that is why they were let go."""
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     client.result("stop", level="relax")
     world.run(0.05)
     deaf(world)
@@ -94,8 +92,7 @@ def test_jaws_that_were_slack_stay_slack_after_a_silence() -> None:
 
 
 def test_a_stop_is_in_force_by_the_next_tick_though_answers_fail() -> None:
-    world = World()
-    client = moving(world)
+    world, client = moving()
     mute(world)
     world.run(2 * PERIOD_S)
     client.send("stop", level="relax")
@@ -105,8 +102,7 @@ def test_a_stop_is_in_force_by_the_next_tick_though_answers_fail() -> None:
 
 
 def test_a_motor_that_disarmed_itself_in_a_silence_is_looked_at_again_and_not_enabled() -> None:
-    world = World()
-    moving(world)
+    world, _ = moving()
     deaf(world)
     world.run(0.3)  # its watchdog trips at 0.1 s
     hears(world)
@@ -117,8 +113,7 @@ def test_a_motor_that_disarmed_itself_in_a_silence_is_looked_at_again_and_not_en
 
 
 def test_a_motor_that_lost_power_in_a_silence_is_looked_at_again() -> None:
-    world = World()
-    client = moving(world)
+    world, client = moving()
     deaf(world)
     world.run(0.05)
     world.gripper.power_cycle()
@@ -155,9 +150,7 @@ def test_another_motor_with_another_master_id_may_come_in_the_place_of_a_silent_
     hears(world)
     world.run(0.5)
     assert world.in_phase(MotorPhase.DISABLED)
-    identity = world.machine.motor.view().identity
-    assert identity is not None
-    assert identity.master_id == 0x22
+    assert world.identity.master_id == 0x22
 
 
 def test_a_motor_that_is_exchanged_while_it_is_looked_at_is_found() -> None:
@@ -197,8 +190,7 @@ def test_no_motor_at_all_is_silent_from_the_start() -> None:
 
 
 def test_a_fault_while_enabled_ends_the_job_and_is_not_cleared_by_itself() -> None:
-    world = World()
-    client = moving(world)
+    world, client = moving()
     world.gripper.set_supply(40.0)
     world.run(0.05)
     world.gripper.set_supply(24.0)
@@ -216,8 +208,7 @@ def test_a_fault_while_enabled_ends_the_job_and_is_not_cleared_by_itself() -> No
 
 @pytest.mark.parametrize("status", [0x8, 0x9, 0xA, 0xB, 0xC, 0xD, 0xE, 0x2, 0x7, 0xF])
 def test_every_status_but_two_is_a_fault(status: int) -> None:
-    world = World()
-    moving(world)
+    world, _ = moving()
     world.lose_from_motor = lambda _frame: True
     reported = CanFrame(0x18, bytes([status << 4 | CAN_ID, 0x79, 0xDA, 0x7F, 0xF7, 0xFF, 30, 30]))
     for phase in (MotorPhase.ENABLED, MotorPhase.FAULT):  # a second frame must agree
@@ -230,8 +221,7 @@ def test_every_status_but_two_is_a_fault(status: int) -> None:
 
 
 def test_foreign_and_malformed_frames_are_ignored_and_counted() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     counters = world.machine.motor.counters
     before = counters.ignored_frames
     foreign = [
@@ -254,13 +244,11 @@ def test_foreign_and_malformed_frames_are_ignored_and_counted() -> None:
 
 
 def test_one_lost_answer_is_counted_and_disturbs_nothing() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     number = client.send("motion.open")
     world.run(0.5)
     mute(world)
     world.tick()
     hears(world)
-    world.run_until(lambda: client.has_answer(number))
-    assert client.answers[number]["result"]["ok"]
+    assert client.wait(number)["result"]["ok"]
     assert world.machine.motor.counters.missed_replies == 1

@@ -4,7 +4,7 @@ import pytest
 
 from litegripd.model.motor import MotorPhase, Status
 from litegripd.sim.plant import SimulatorParameters
-from tests.world import PERIOD_S, Client, World
+from tests.world import PERIOD_S, Client, World, enabled_world
 
 
 def stand_still(world: World, duration_s: float) -> None:
@@ -28,16 +28,14 @@ def cut_off(world: World, duration_s: float) -> None:
 
 
 def test_a_daemon_that_stood_still_says_so_and_for_how_long() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     client.result("events.subscribe")
     moving = client.send("motion.open", speed_mm_s=20)
     world.run(0.5)
     stand_still(world, 0.312)
     world.run_until(lambda: world.in_phase(MotorPhase.FAULT), 0.1)
     assert world.gripper.motor.status == Status.COMMUNICATION_LOST
-    world.run_until(lambda: client.has_answer(moving))
-    error = client.answers[moving]["error"]
+    error = client.wait(moving)["error"]
     assert "the daemon itself stood still for 312 ms" in error["message"]
     assert "wiring" not in error["message"]
     assert error["data"]["stood_still_s"] == pytest.approx(0.312)
@@ -50,16 +48,14 @@ def test_a_daemon_that_stood_still_says_so_and_for_how_long() -> None:
 
 
 def test_a_bus_that_was_cut_is_still_the_wiring() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     cut_off(world, 0.3)
     world.run_until(lambda: world.in_phase(MotorPhase.FAULT), 1.0)
     assert "check the CAN wiring" in message_of(client)
 
 
 def test_a_standstill_explains_one_loss_and_not_a_later_one() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     stand_still(world, 0.312)
     world.run(0.5)
     assert client.result("motor.enable")["ok"]
@@ -75,8 +71,9 @@ def test_how_long_is_too_long_is_for_the_motor_to_say_and_not_for_its_register(
     units: int, loss_s: float, is_cause: bool
 ) -> None:
     """Three tenths of a second are nothing to a motor that waits for four."""
-    world = World(parameters=SimulatorParameters(watchdog_s=units * 50e-6, comm_loss_s=loss_s))
-    client = world.enabled()
+    world, client = enabled_world(
+        parameters=SimulatorParameters(watchdog_s=units * 50e-6, comm_loss_s=loss_s)
+    )
     stand_still(world, 0.3)
     assert world.in_phase(MotorPhase.ENABLED)
     cut_off(world, loss_s + 0.1)
@@ -85,8 +82,7 @@ def test_how_long_is_too_long_is_for_the_motor_to_say_and_not_for_its_register(
 
 
 def test_the_first_answer_after_a_standstill_may_get_lost() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     stand_still(world, 0.15)
     cut_off(world, 0.05)
     world.run_until(lambda: world.in_phase(MotorPhase.FAULT), 1.0)
@@ -94,8 +90,7 @@ def test_the_first_answer_after_a_standstill_may_get_lost() -> None:
 
 
 def test_other_faults_are_not_explained_by_a_standstill() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     stand_still(world, 0.09)
     world.gripper.set_supply(40.0)
     world.run_until(lambda: world.in_phase(MotorPhase.FAULT), 1.0)

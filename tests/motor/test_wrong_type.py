@@ -25,18 +25,6 @@ def world_of(configured: MotorType, on_the_bus: MotorType) -> World:
     return World(motor_type=configured, parameters=SimulatorParameters().of_motor(on_the_bus))
 
 
-def answers_no(number: int) -> "type[World]":
-    """Return a world whose motor does not know a register."""
-
-    class Silent(World):
-        def exchange(self) -> None:
-            super().exchange()
-            is_it = [f.data[2] == 0x33 and f.data[3] == number for f in self._in_flight]
-            self._in_flight = [f for f, no in zip(self._in_flight, is_it, strict=True) if not no]
-
-    return Silent
-
-
 @BOTH_WAYS
 def test_it_is_refused_with_what_was_read_against_what_the_type_has(
     configured: MotorType, on_the_bus: MotorType
@@ -62,9 +50,9 @@ def test_it_is_refused_with_what_was_read_against_what_the_type_has(
 def test_one_that_does_not_answer_its_ratio_is_told_by_its_ranges(
     configured: MotorType, on_the_bus: MotorType
 ) -> None:
-    parameters = SimulatorParameters().of_motor(on_the_bus)
-    world = answers_no(GR)(motor_type=configured, parameters=parameters).start()
-    refused = world.client().call("motor.enable")["error"]
+    world = world_of(configured, on_the_bus)
+    world.lose_from_motor = lambda frame: frame.data[2:4] == bytes([0x33, GR])
+    refused = world.start().client().call("motor.enable")["error"]
     assert refused["data"]["register"] == "TMAX"
     assert refused["data"]["fits"] == [on_the_bus.name]
     assert "unknown, 12.5" in refused["message"]
@@ -134,9 +122,7 @@ def test_ranges_that_somebody_has_set_do_not_make_another_type() -> None:
     world = World(motor_type=DM4340)
     set_register(world, 23, struct.pack("<f", 20.0))
     assert world.enabled()
-    identity = world.machine.motor.view().identity
-    assert identity is not None
-    assert identity.ranges.torque_nm == 20.0
+    assert world.identity.ranges.torque_nm == 20.0
 
 
 def test_one_disturbed_answer_does_not_make_another_type() -> None:

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, Literal, NewType, TypedDict
 
@@ -18,7 +19,7 @@ from litegripd.rpc.method import Schemas, Shape
 from litegripd.rpc.openrpc import NOTIFICATIONS
 from tests.answers import Described, described, mutations
 from tests.rpc.transcripts import talk
-from tests.world import World
+from tests.world import World, enabled_world, found_world
 
 STAND_IN = {"health"}
 """Answered in a `World` by fixed facts, which have another figure than a daemon's."""
@@ -37,6 +38,7 @@ OPTIONAL = {
 Message = Mapping[str, Any]
 
 
+@cache
 def scenes() -> list[tuple[str, Message]]:
     """Return all that a session has been sent which uses every method, and some more."""
     told: list[tuple[str, Message]] = []
@@ -69,8 +71,7 @@ def subscriptions() -> list[tuple[str, Message]]:
 
 def refused_stream() -> list[tuple[str, Message]]:
     """Return what tells that a set-point, or a frame, without an id was refused."""
-    world = World().start()
-    client = world.client()
+    world, client = found_world()
     for line in (
         b'{"jsonrpc":"2.0","method":"stream.set","params":{"opening_mm":30}}',
         b'{"jsonrpc":"2.0","method":"teleop.receive","params":{"topic":"a","payload":"00"}}',
@@ -86,8 +87,7 @@ def unusual() -> list[tuple[str, Message]]:
     told: list[tuple[str, Message]] = [
         (method, bare.call(method)) for method in ("state.get", "calibration.get", "teleop.status")
     ]
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     world.gripper.put_object(width_mm=30.0)
     told.append(("motion.grasp", client.call("motion.grasp", force_n=5, until="verdict")))
     told.append(("state.get", client.call("state.get")))
@@ -97,12 +97,11 @@ def unusual() -> list[tuple[str, Message]]:
     return told
 
 
-SCENES = scenes()
-NAMES = sorted({name for name, _message in SCENES} - STAND_IN)
+NAMES = sorted({"no.such.method", *(one.name for one in (*METHODS, *NOTIFICATIONS))} - STAND_IN)
 
 
 def of(name: str) -> list[Message]:
-    return [message for method, message in SCENES if method == name]
+    return [message for method, message in scenes() if method == name]
 
 
 def facts_of(world: World) -> DaemonFacts:
@@ -110,8 +109,8 @@ def facts_of(world: World) -> DaemonFacts:
 
 
 def test_the_scenes_have_every_method_and_notification() -> None:
-    answered = {name for name, message in SCENES if "result" in message}
-    sent = {message["method"] for _name, message in SCENES if "method" in message}
+    answered = {name for name, message in scenes() if "result" in message}
+    sent = {message["method"] for _name, message in scenes() if "method" in message}
     refused = {"lease.resume"}  # in the conversation; it answers as lease.acquire does
     assert answered | refused >= {method.name for method in METHODS}
     assert sent == {kind.name for kind in NOTIFICATIONS}

@@ -7,7 +7,7 @@ import pytest
 from litegripd.rpc.jsonrpc import encode
 from litegripd.rpc.methods.reading import STATE_FIELDS
 from litegripd.rpc.subscriptions import MAX_BATCH
-from tests.world import PERIOD_S, Client, World
+from tests.world import PERIOD_S, Client, World, enabled_world, found_world
 
 FIELDS = ["monotonic_s", "seq", "position_rad"]
 
@@ -34,8 +34,7 @@ def subscribed(world: World, **params: Any) -> Client:
 
 
 def test_a_batch_has_a_header_and_a_row_for_each_sample() -> None:
-    world = World().start()
-    client = world.client()
+    world, client = found_world()
     answer = client.result("state.subscribe", hz=200, batch=10, fields=FIELDS)
     assert set(answer["state"]) == set(STATE_FIELDS)
     world.run(9 * PERIOD_S)
@@ -67,8 +66,7 @@ def test_no_sample_is_missing_between_batches(hz: float, size: int) -> None:
 
 
 def test_the_rows_hold_the_same_values_as_samples() -> None:
-    world = World()
-    mover = world.enabled()
+    world, mover = enabled_world()
     fields = [name for name in STATE_FIELDS if name != "monotonic_s"]
     one = subscribed(world, hz=200, fields=fields)
     many = subscribed(world, hz=200, fields=fields, batch=5)
@@ -172,8 +170,7 @@ def test_two_orders_of_the_same_fields_are_two_choices() -> None:
 
 
 def test_an_ended_subscription_sends_no_begun_batch() -> None:
-    world = World().start()
-    client = world.client()
+    world, client = found_world()
     number = client.result("state.subscribe", hz=200, batch=3, fields=FIELDS)["subscription"]
     world.run(2 * PERIOD_S)
     client.result("state.unsubscribe", subscription=number)

@@ -1,6 +1,6 @@
-"""What a calibration file says besides limits and scale: where `open` goes, and N per N·m.
+"""What a calibration file says besides limits and scale, and what of it survives a measurement.
 
-And what of it, and of the units that were seen, survives a measurement.
+Where `open` goes by it is tried in tests/control/test_work_stroke.py.
 """
 
 from typing import Any
@@ -10,48 +10,27 @@ import pytest
 from litegripd.model.calibration import NOMINAL
 from litegripd.model.gripper import SPAN_INSET_MM, STROKE_MM
 from litegripd.sim.plant import SimulatorParameters
-from tests.world import Client, World
+from tests.world import Client, World, enabled_world, found_world
 
 CONTENT: dict[str, Any] = {
     "zero_position_rad": NOMINAL[0].closed_rad,
     "max_position_rad": NOMINAL[0].open_rad,
     "rad_to_mm": NOMINAL[0].rad_to_mm,
 }
-NEAR_MM = 1.06
-"""`reach_tol` of 0.02 rad."""
 
 
 def loaded(**keys: object) -> tuple[World, Client]:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     client.result("calibration.load", content={**CONTENT, **keys})
     world.tick()
     return world, client
-
-
-def test_open_goes_to_the_work_stroke_and_not_onto_the_stop() -> None:
-    world, client = loaded(work_stroke_mm=70.0)
-    assert client.result("calibration.get")["work_stroke_mm"] == 70.0
-    assert client.result("state.get")["work_stroke_mm"] == 70.0
-    result = client.result("motion.open")
-    assert (result["ok"], result["outcome"]) == (True, "reached")
-    assert world.gripper.opening_mm == pytest.approx(70.0, abs=NEAR_MM)
-
-
-@pytest.mark.parametrize("work_mm", [None, 0.0, 87.0, 500.0])
-def test_without_one_inside_the_travel_open_presses_on_the_stop(work_mm: float | None) -> None:
-    world, client = loaded(work_stroke_mm=work_mm)
-    assert client.result("calibration.get")["work_stroke_mm"] is None
-    assert client.result("motion.open")["outcome"] == "pressed_home"
-    assert world.gripper.opening_mm == pytest.approx(NOMINAL[0].travel_mm, abs=NEAR_MM)
 
 
 @pytest.mark.parametrize(
     "wrong", [{"work_stroke_mm": -1.0}, {"nm_to_n": 4.9}, {"nm_to_n": 31}, {"nm_to_n": "19"}]
 )
 def test_what_they_cannot_be_is_refused_and_the_one_in_use_stays(wrong: dict[str, Any]) -> None:
-    world = World()
-    client = world.start().client()
+    _, client = found_world()
     before = client.result("calibration.get")
     error = client.call("calibration.load", content=CONTENT | wrong)["error"]
     assert error["data"]["reason"] == "calibration_unreadable"
@@ -62,6 +41,7 @@ def test_what_they_cannot_be_is_refused_and_the_one_in_use_stays(wrong: dict[str
 def test_a_measurement_its_file_and_a_new_scale_keep_them() -> None:
     world, client = loaded(work_stroke_mm=70.0, nm_to_n=19.0, note="mine")
     kept = {"work_stroke_mm": 70.0, "nm_to_n": 19.0, "note": "mine"}
+    assert client.result("calibration.get")["work_stroke_mm"] == 70.0
     measured = client.result("calibration.zero")
     assert measured["ok"], measured
     saved = world.disk.saved["calibration.save"]["content"]
@@ -118,8 +98,7 @@ def test_units_that_were_seen_are_measured_after_a_template(mount: str, travel_r
 @pytest.mark.parametrize("is_measured", [False, True])
 def test_with_something_between_the_jaws_no_travel_is_measured(is_measured: bool) -> None:
     """Neither after a template, nor after a measurement."""
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     client.result("calibration.load", template="normal")
     if is_measured:
         assert client.result("calibration.zero", save=False)["ok"]

@@ -6,7 +6,7 @@ import pytest
 
 from litegripd.rpc.sessions import Counters
 from tests.rpc.raw import Raw, request
-from tests.world import Client, World
+from tests.world import Client, World, enabled_world, found_world
 
 MEMBERS = {
     "client",
@@ -49,8 +49,7 @@ def test_all_clients_are_listed_and_each_finds_itself() -> None:
 
 
 def test_hello_tells_the_number_by_which_a_client_is_listed() -> None:
-    world = World().start()
-    client = world.client()
+    world, client = found_world()
     number = client.result("hello", client='a "name"\\ ü')["client"]
     entry = listed(world, client)
     assert (entry["client"], entry["program"]) == (number, 'a "name"\\ ü')
@@ -66,8 +65,7 @@ def test_who_has_gone_is_listed_no_more() -> None:
 
 
 def test_the_time_since_the_connection_is_told() -> None:
-    world = World().start()
-    client = world.client()
+    world, client = found_world()
     world.run(2.5)
     assert listed(world, client)["connected_s"] == pytest.approx(2.5)
 
@@ -94,8 +92,7 @@ def test_every_refused_set_point_is_counted_though_it_is_told_once() -> None:
 
 
 def test_a_defect_counts_as_a_refusal(monkeypatch: pytest.MonkeyPatch) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
 
     def broken(*_arguments: object) -> None:
         raise ZeroDivisionError("a defect")
@@ -107,8 +104,7 @@ def test_a_defect_counts_as_a_refusal(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_subscriptions_and_requests_that_wait_are_counted_while_they_last() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     number = client.result("state.subscribe")["subscription"]
     client.result("events.subscribe")
     motion = client.send("motion.open")
@@ -121,8 +117,7 @@ def test_subscriptions_and_requests_that_wait_are_counted_while_they_last() -> N
 
 
 def test_dropped_samples_of_all_subscriptions_are_counted() -> None:
-    world = World().start()
-    client = world.client()
+    world, client = found_world()
     client.result("state.subscribe", hz=200)
     client.result("state.subscribe", hz=100)
     client.session.congested = True
@@ -131,8 +126,7 @@ def test_dropped_samples_of_all_subscriptions_are_counted() -> None:
 
 
 def test_the_worst_latency_is_kept_and_told_in_milliseconds() -> None:
-    world = World().start()
-    client = world.client()
+    world, client = found_world()
     assert listed(world, client)["worst_latency_ms"] is None
     for latency_s in (0.001, 0.0125, 0.003):
         client.session.counters.note_latency(latency_s)

@@ -1,12 +1,11 @@
 """The daemon's defaults for motions: which ones are not taken."""
 
 from litegripd.model.gripper import FASTEST_MM_S
-from tests.world import World
+from tests.world import World, enabled_world
 
 
 def test_defaults_that_no_motion_could_use_are_refused() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     before = world.controller.config
     answer = client.call("config.set", config={"speed_mm_s": 500})
     refused = client.call("motion.open", config={"speed_mm_s": 500})

@@ -10,7 +10,7 @@ from litegripd.model.state import Event, EventKind
 from litegripd.rpc.jsonrpc import encode
 from litegripd.rpc.subscriptions import EVENT_KINDS, KEPT_EVENTS, KEPT_OF_KIND, MAX_PER_SESSION
 from tests.rpc.raw import Raw, request
-from tests.world import PERIOD_S, Client, World
+from tests.world import PERIOD_S, Client, World, enabled_world
 
 MEMBERS = {"subscription", "seq", "monotonic_s", "kind", "message", "data"}
 
@@ -68,8 +68,7 @@ def test_the_state_and_the_latest_events_come_first_and_then_what_happens() -> N
 
 
 def test_a_motion_is_told_from_its_begin_to_its_end_at_the_times_at_which_it_was() -> None:
-    world = World()
-    mover = world.enabled()
+    world, mover = enabled_world()
     watcher = watching(world)
     began_s = world.now_s
     number = mover.result("motion.close")["job"]
@@ -255,8 +254,7 @@ def flap(world: World) -> list[Event]:
 
 def test_a_day_of_flapping_hides_neither_a_stop_nor_what_was_let_go() -> None:
     """A plug that is loose for a day: who looks in the evening sees what happened at its begin."""
-    world = World()
-    actor = world.enabled()
+    world, actor = enabled_world()
     actor.result("motion.open")
     world.gripper.put_object(width_mm=40.0)
     actor.send("motion.grasp", force_n=10.0)
@@ -403,8 +401,7 @@ def test_kinds_that_are_none_are_refused(kinds: object) -> None:
 
 
 def test_the_loss_of_a_client_is_told_to_the_others() -> None:
-    world = World()
-    mover = world.enabled()
+    world, mover = enabled_world()
     watcher = watching(world)
     mover.send("motion.open")
     world.run(0.3)

@@ -5,12 +5,13 @@ import math
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from litegripd.app.build import METHODS
 from litegripd.model.errors import ERRORS, Refusal
 from litegripd.rpc import jsonrpc
+from tests.properties import examples
 from tests.rpc.raw import Raw, request
 from tests.world import World
 
@@ -187,7 +188,7 @@ REQUESTS = st.fixed_dictionaries(
 LINES = st.binary(min_size=1, max_size=300) | JSON_VALUES.map(lambda v: json.dumps(v).encode())
 
 
-@settings(deadline=None, max_examples=300)
+@examples(150)
 @given(LINES)
 def test_any_bytes_are_answered_once_and_never_raise(line: bytes) -> None:
     raw = Raw(World())
@@ -198,7 +199,7 @@ def test_any_bytes_are_answered_once_and_never_raise(line: bytes) -> None:
     assert answer.get("error", {}).get("code") != -32603
 
 
-@settings(deadline=None, max_examples=100)
+@examples(50)
 @given(st.lists(REQUESTS, min_size=1, max_size=6))
 def test_any_requests_are_each_answered_once(lines: list[bytes]) -> None:
     world = World().start()

@@ -6,7 +6,7 @@ import pytest
 
 from litegripd.app.build import load_at_start
 from litegripd.model.state import HelperTask, TaskResult
-from tests.world import Client, World
+from tests.world import Client, World, found_world, reason_of
 
 Meanwhile = Callable[[World, Client], None]
 
@@ -14,16 +14,14 @@ Meanwhile = Callable[[World, Client], None]
 def other_takes_the_lease(world: World, _client: Client) -> None:
     other = world.client()
     number = other.send("lease.take", why="it hangs")
-    assert other.has_answer(number)
-    assert "result" in other.answers[number]
+    assert "result" in other.answered(number)
 
 
 def other_had_the_lease(world: World, client: Client) -> None:
     other = world.client()
     for method, params in (("lease.take", {"why": "it hangs"}), ("lease.release", {})):
         number = other.send(method, **params)
-        assert other.has_answer(number)
-        assert "result" in other.answers[number], other.answers[number]
+        assert "result" in other.answered(number), other.answers[number]
 
 
 def somebody_stops(world: World, _client: Client) -> None:
@@ -51,25 +49,21 @@ def the_daemon_ends(world: World, _client: Client) -> None:
     ],
 )
 def test_a_calibration_found_too_late_is_not_taken(meanwhile: Meanwhile, reason: str) -> None:
-    world = World()
-    client = world.start().client()
+    world, client = found_world()
     client.result("lease.acquire")
     before = client.result("calibration.get")
     number = client.send("calibration.load", template="reverse")
     meanwhile(world, client)
-    world.run_until(lambda: client.has_answer(number))
-    assert client.answers[number]["error"]["data"]["reason"] == reason
+    assert reason_of(client.wait(number)) == reason
     assert client.result("calibration.get") == before
 
 
 def test_without_a_lease_it_is_not_taken_once_somebody_has_one() -> None:
-    world = World()
-    client = world.start().client()
+    world, client = found_world()
     number = client.send("calibration.load", template="reverse")
     other = world.client()
     assert other.has_answer(other.send("lease.acquire"))
-    world.run_until(lambda: client.has_answer(number))
-    assert client.answers[number]["error"]["data"]["reason"] == "lease_held"
+    assert reason_of(client.wait(number)) == "lease_held"
     assert client.result("calibration.get")["mount"] == "normal"
 
 
@@ -85,15 +79,13 @@ def test_who_is_gone_has_nothing_loaded(has_left: bool) -> None:
 
 
 def test_nothing_in_between_lets_it_be_taken() -> None:
-    world = World()
-    client = world.start().client()
+    _, client = found_world()
     client.result("lease.acquire")
     assert client.result("calibration.load", template="reverse")["mount"] == "reverse"
 
 
 def test_defaults_that_could_not_be_saved_are_as_before() -> None:
-    world = World()
-    client = world.start().client()
+    world, client = found_world()
     before = client.result("config.get")
     world.disk.error = "the disk is full"
     answer = client.call("config.set", config={"force_n": 7.5}, keep=True)
@@ -106,12 +98,10 @@ def test_defaults_that_could_not_be_saved_are_as_before() -> None:
 
 
 def test_defaults_are_not_changed_while_others_are_being_saved() -> None:
-    world = World()
-    client = world.start().client()
+    world, client = found_world()
     number = client.send("config.set", config={"force_n": 7.5}, keep=True)
     other = client.send("config.set", config={"force_n": 9.0})
-    assert client.has_answer(other)
-    data = client.answers[other]["error"]["data"]
+    data = client.answered(other)["error"]["data"]
     assert (data["reason"], data["retryable"]) == ("too_many_requests", True)
     world.run_until(lambda: client.has_answer(number))
     assert client.result("config.get")["config"]["force_n"] == 7.5

@@ -7,21 +7,14 @@ import pytest
 from litegripd.control.authority import MOST_WAITING, Lease, LeaseOptions
 from litegripd.model.state import JobState, Owner
 from litegripd.rpc.sessions import Role
-from tests.world import Client, World
+from tests.world import Client, World, enabled_world, found_world, reason_of
 
 
 def pair(**options: Any) -> tuple[World, Client, Client, str]:
     """Return a world, the holder of its lease, another client, and the token."""
-    world = World()
-    holder = world.enabled()
+    world, holder = enabled_world()
     token = str(holder.result("lease.acquire", **options)["lease"])
     return world, holder, world.client(), token
-
-
-def told(client: Client, method: str) -> list[dict[str, Any]]:
-    """Return the notifications of one kind that a client has got."""
-    client.read()
-    return [one["params"] for one in client.notifications if one["method"] == method]
 
 
 MOVING: dict[str, dict[str, Any]] = {
@@ -69,8 +62,7 @@ def test_reads_and_the_stop_need_no_lease() -> None:
 
 
 def test_a_free_gripper_needs_no_lease_for_a_single_motion() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     client.send("motion.open")
     world.run(0.2)
     other = world.client()
@@ -85,8 +77,7 @@ def test_release_lets_others_in_and_leaves_the_motion() -> None:
     number = holder.send("motion.open")
     world.run(0.3)
     assert holder.result("lease.release", lease=token) == {"released": True}
-    world.run_until(lambda: holder.has_answer(number))
-    assert holder.answers[number]["result"]["ok"]
+    assert holder.wait(number)["result"]["ok"]
     other.result("lease.acquire")
     assert holder.refusal("lease.release") == "lease_held"
     assert holder.refusal("lease.release", lease=token) == "lease_lost"
@@ -107,8 +98,7 @@ def test_waiting_is_first_come_first_served() -> None:
     assert not second.has_answer(numbers[1])
     first.leave()
     world.run(0.02)
-    assert second.has_answer(numbers[1])
-    assert second.answers[numbers[1]]["result"]["number"] == 3
+    assert second.answered(numbers[1])["result"]["number"] == 3
 
 
 def test_waiting_ends_in_time_and_with_the_connection() -> None:
@@ -149,10 +139,9 @@ def test_a_holder_that_hangs_loses_it(on_lost: str) -> None:
     world.run(0.95)
     assert not holder.has_answer(number)
     world.run(0.1)
-    assert holder.has_answer(number)
-    error = holder.answers[number]["error"]["data"]
+    error = holder.answered(number)["error"]["data"]
     assert (error["reason"], error["cause"]) == ("lease_lost", "expired")
-    assert told(holder, "lease.lost")[0]["cause"] == "expired"
+    assert holder.told("lease.lost")[0]["cause"] == "expired"
     world.run(0.1)
     assert world.state.enabled is (on_lost != "disable")
     assert (world.state.mode == "relaxed") is (on_lost == "relax")
@@ -166,37 +155,6 @@ def test_every_request_of_the_holder_renews_it() -> None:
         holder.result("state.get")
         other.result("state.get")
     assert other.refusal("motion.open") == "lease_held"
-
-
-def test_taking_over_tells_the_loser_and_ends_its_motion() -> None:
-    world, holder, other, token = pair(on_lost="hold")
-    number = holder.send("motion.open")
-    world.run(0.3)
-    other.result("lease.take", why="it opens on my hand", purpose="rescue")
-    world.run(0.01)
-    assert (
-        holder.answers[number]["error"]["data"]["cause"] == "taken"
-        if holder.has_answer(number)
-        else False
-    )
-    (loss,) = told(holder, "lease.lost")
-    assert (loss["cause"], loss["why"]) == ("taken", "it opens on my hand")
-    assert loss["by"]["pid"] == other.session.peer.pid
-    assert holder.refusal("motion.open") == "lease_lost"
-    assert holder.refusal("motion.open", lease=token) == "lease_lost"
-    other.result("motion.close")
-    other.leave()
-    world.run(0.1)
-    assert not holder.result("lease.get")["mine"]  # nothing is retaken by itself
-
-
-def test_only_the_same_user_or_an_admin_takes_over() -> None:
-    world, _, _, _ = pair()
-    other = world.client(uid=1001, role="operator")
-    assert other.refusal("lease.take", why="I want it") == "not_permitted"
-    other.session.role = "admin"
-    other.result("lease.take", why="maintenance")
-    assert world.controller.lease.holder is not None
 
 
 @pytest.mark.parametrize("how", ["connection", "expired"])
@@ -222,16 +180,9 @@ def test_the_token_lets_another_connection_of_the_holder_move() -> None:
     assert job.grant == world.controller.lease.holder.number
     holder.leave()
     world.run(0.01)
-    assert other.has_answer(number)
-    error = other.answers[number]["error"]
+    error = other.answered(number)["error"]
     assert error["data"]["reason"] == "client_lost"
     assert error["message"] == "the client under whose lease it ran went away"
-
-
-@pytest.mark.parametrize("token", ["", "1", "0:1", "0", "null", "é", "9" * 40])
-def test_what_is_no_token_of_this_daemon_is_refused(token: str) -> None:
-    _, holder, _, _ = pair()
-    assert holder.refusal("motion.open", lease=token) == "lease_lost"
 
 
 def test_after_a_reconnect_the_old_token_works_if_nobody_has_had_it_since() -> None:
@@ -252,9 +203,17 @@ def test_after_a_reconnect_the_old_token_works_if_nobody_has_had_it_since() -> N
     assert late.refusal("lease.resume", lease=fresh) == "lease_lost"
 
 
-def test_before_the_first_lease_no_token_is_one() -> None:
-    client = World().enabled()
-    assert client.refusal("motion.open", lease="of an earlier daemon") == "lease_lost"
+@pytest.mark.parametrize("token", ["", "1", "0:1", "0", "null", "é", "9" * 40, "x" * 43])
+def test_what_is_no_token_of_this_daemon_neither_moves_nor_resumes(token: str) -> None:
+    holder = World().enabled()
+    assert holder.refusal("motion.open", lease=token) == "lease_lost"  # nobody has had a lease
+    own = holder.result("lease.acquire")["lease"]
+    assert holder.refusal("motion.open", lease=token) == "lease_lost"
+    holder.leave()
+    other = holder.world.client()
+    assert other.refusal("lease.resume", lease=token) == "lease_lost"
+    assert holder.world.controller.lease.holder is None
+    other.result("lease.resume", lease=own)
 
 
 def test_only_a_holder_renews() -> None:
@@ -281,18 +240,8 @@ def test_a_motion_is_replaced_by_who_shows_the_token_that_it_runs_under() -> Non
     assert other.refusal("motion.close", if_busy="replace") == "lease_held"
     second = other.send("motion.close", if_busy="replace", lease=token)
     world.run_until(lambda: other.has_answer(second))
-    assert holder.has_answer(first)
-    assert holder.answers[first]["error"]["data"]["reason"] == "replaced"
+    assert reason_of(holder.answered(first)) == "replaced"
     assert other.answers[second]["result"]["outcome"] == "pressed_home"
-
-
-@pytest.mark.parametrize("guess", ["", "0", "1", "x" * 43])
-def test_a_lost_lease_is_resumed_by_its_token_alone(guess: str) -> None:
-    world, holder, other, token = pair()
-    holder.leave()
-    assert other.refusal("lease.resume", lease=guess) == "lease_lost"
-    assert world.controller.lease.holder is None
-    other.result("lease.resume", lease=token)
 
 
 def test_so_many_may_wait() -> None:
@@ -313,8 +262,7 @@ def test_a_lease_is_not_resumed_while_anothers_motion_runs() -> None:
     back = world.client()
     error = back.call("lease.resume", lease=token)["error"]["data"]
     assert (error["reason"], error["owner"]["pid"]) == ("busy", other.session.peer.pid)
-    world.run_until(lambda: other.has_answer(number))
-    assert "result" in other.answers[number]
+    assert "result" in other.wait(number)
     back.result("lease.resume", lease=token)
 
 
@@ -340,8 +288,7 @@ def test_a_lease_is_resumed_again_and_again_while_its_own_motion_runs_on() -> No
     ],
 )
 def test_roles_say_who_may_do_what(role: Role, allowed: list[str], refused: list[str]) -> None:
-    world = World().start()
-    client = world.client()
+    _, client = found_world()
     client.session.role = role
     params: dict[str, dict[str, Any]] = {"config.set": {"config": {}}}
     for method in allowed:
@@ -355,15 +302,13 @@ def test_roles_say_who_may_do_what(role: Role, allowed: list[str], refused: list
 
 
 def test_the_same_key_is_the_same_job() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     first = client.send("motion.open", key="run-7")
     world.run(0.3)
     back = world.client(pid=client.session.peer.pid)
     second = back.send("motion.open", key="run-7")
     world.run_until(lambda: client.has_answer(first))
-    world.run_until(lambda: back.has_answer(second))
-    assert back.answers[second]["result"]["job"] == client.answers[first]["result"]["job"]
+    assert back.wait(second)["result"]["job"] == client.answers[first]["result"]["job"]
     assert back.result("motion.open", key="run-7")["job"] == 2  # also when it is over
     error = back.call("motion.close", key="run-7")["error"]["data"]
     assert (error["reason"], error["parameter"], error["job"]) == ("invalid_params", "key", 2)
@@ -371,8 +316,7 @@ def test_the_same_key_is_the_same_job() -> None:
 
 
 def test_a_replacement_ends_the_callers_own_motion_without_a_step() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     client.result("motion.close")
     first = client.send("motion.open")
     world.run(0.8)
@@ -383,10 +327,8 @@ def test_a_replacement_ends_the_callers_own_motion_without_a_step() -> None:
     world.run(0.01)
     after = world.commands_since(world.now_s)[-1][1].position_rad
     assert abs(after - before) < 0.06  # of 1.6 rad: no more than the lead over the jaws
-    assert client.has_answer(first)
-    assert client.answers[first]["error"]["data"]["reason"] == "replaced"
-    world.run_until(lambda: client.has_answer(second))
-    assert client.answers[second]["result"]["outcome"] == "pressed_home"
+    assert reason_of(client.answered(first)) == "replaced"
+    assert client.wait(second)["result"]["outcome"] == "pressed_home"
 
 
 def test_a_queued_motion_runs_when_its_turn_comes() -> None:
@@ -432,12 +374,10 @@ def test_a_queued_motion_may_never_run(how: str) -> None:
 
 
 def test_a_queued_motion_that_is_refused_by_then_says_why() -> None:
-    world = World()
-    client = world.enabled()
+    _, client = enabled_world()
     client.send("motion.open", wait=False)
     number = client.send("motion.move", opening_mm=500, if_busy="queue")
-    world.run_until(lambda: client.has_answer(number))
-    assert client.answers[number]["error"]["data"]["reason"] == "out_of_limits"
+    assert reason_of(client.wait(number)) == "out_of_limits"
 
 
 def test_the_queue_is_bounded() -> None:
@@ -450,18 +390,8 @@ def test_the_queue_is_bounded() -> None:
 
 def test_what_a_holder_does_not_name_anew_stays_as_it_was() -> None:
     world, holder, _, _ = pair(purpose="sorting", ttl_s=30, on_lost="relax")
-    while world.service.take_events():
-        pass
+    world.take_log()
     holder.result("lease.acquire", on_lost="disable")
     owner = holder.result("lease.get")["owner"]
     assert (owner["purpose"], owner["ttl_s"], owner["on_lost"]) == ("sorting", 30, "disable")
     assert not [event for event in world.service.take_events() if event.kind == "lease"]
-
-
-def test_a_disabling_that_has_not_begun_goes_on_when_the_lease_is_taken() -> None:
-    world, holder, other, _ = pair()
-    number = holder.send("motor.disable")
-    other.send("lease.take", why="between its request and the next tick")
-    world.run_until(lambda: holder.has_answer(number))
-    assert holder.answers[number]["result"]["ok"]
-    assert world.gripper.motor.status == 0

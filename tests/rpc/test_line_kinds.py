@@ -4,7 +4,7 @@ import pytest
 
 from litegripd.rpc.jsonrpc import asked_stop, stops_in
 from tests.rpc.raw import Raw
-from tests.world import World
+from tests.world import World, reason_of
 
 SPELLINGS: dict[bytes, str] = {
     b'{"jsonrpc":"2.0","id":1,"method":"stop","params":[]}': "hold",
@@ -38,8 +38,7 @@ def test_a_stop_that_is_refused_stops_all_the_same(line: bytes) -> None:
     assert latched is not None
     assert latched.level == SPELLINGS[line]
     assert answer["error"]["message"].endswith(f"; stopped ({latched.level}) all the same")
-    world.run_until(lambda: mover.has_answer(motion))
-    assert mover.answers[motion]["error"]["data"]["reason"] == "stopped"
+    assert reason_of(mover.wait(motion)) == "stopped"
 
 
 @pytest.mark.parametrize(

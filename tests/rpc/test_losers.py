@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from litegripd.rpc.sessions import Role
-from tests.rpc.test_lease import MOVING, told
-from tests.world import Client, World
+from tests.rpc.test_lease import MOVING
+from tests.world import Client, World, reason_of
 
 HALF_OPEN_MM = 50.0
 
@@ -31,12 +31,8 @@ class Scene:
         """Let somebody act, and check that nothing has come of it; return what the act returned."""
         world, controller = self.world, self.world.controller
         world.run(0.1)
-        jobs, idle, calibration = (
-            list(controller.jobs),
-            controller.idle,
-            controller.calibrated.calibration,
-        )
-        opening_mm, phase = world.state.opening_mm, world.phase
+        jobs, idle, phase = list(controller.jobs), controller.idle, world.phase
+        calibration, opening_mm = controller.calibrated.calibration, world.state.opening_mm
         answer = act()
         world.run(0.5)
         assert [job.number for job in controller.jobs] == [job.number for job in jobs]
@@ -53,6 +49,10 @@ class Scene:
         assert "error" in answer, answer
         error: dict[str, Any] = answer["error"]
         return error
+
+    def refusal(self, client: Client, method: str, **params: Any) -> str:
+        """Let a client ask for what it is refused; return why, once nothing has come of it."""
+        return str(self.error(client, method, **params)["data"]["reason"])
 
 
 def wish_of(leased: bool) -> dict[str, Any]:
@@ -116,11 +116,16 @@ def test_who_has_lost_the_lease_is_told_unasked_what_became_of_the_jaws(way: str
     lose, cause = WAYS[way]
     scene = Scene(ttl_s=0.1, on_lost="disable")
     lose(scene)
-    (loss,) = told(scene.first, "lease.lost")
+    (loss,) = scene.first.told("lease.lost")
     left = "hold" if cause == "taken" else "disable"
     assert (loss["cause"], loss["on_lost"]) == (cause, left)
+    if cause == "taken":
+        assert (loss["why"], loss["by"]["pid"]) == ("it hangs", scene.second.session.peer.pid)
+    scene.second.leave()
     scene.world.run(0.1)
     assert scene.world.state.enabled is (left == "hold")
+    assert scene.first.refusal("motion.open", lease=scene.token) == "lease_lost"
+    assert not scene.first.result("lease.get")["mine"]  # nothing is retaken by itself
 
 
 def test_asking_again_ends_it_and_a_refusal_does_not() -> None:
@@ -160,11 +165,9 @@ def test_a_take_over_holds_what_is_held_unless_the_taker_says_otherwise(
 ) -> None:
     scene = Scene(on_lost=on_lost)
     world = scene.world
-    while world.service.take_events():
-        pass
-    answer = scene.second.result(
-        "lease.take", why="mine", **({} if jaws is None else {"jaws": jaws})
-    )
+    world.take_log()
+    wanted = {} if jaws is None else {"jaws": jaws}
+    answer = scene.second.result("lease.take", why="mine", **wanted)
     left = jaws or "hold"
     assert answer["jaws"] == left
     assert answer["taken_from"]["pid"] == scene.first.session.peer.pid
@@ -204,8 +207,7 @@ def test_whose_motion_runs_loses_it_to_who_takes_the_gripper(leased: bool, detac
     opening_mm = scene.world.state.opening_mm
     scene.world.run(0.5)
     assert scene.world.state.opening_mm == pytest.approx(opening_mm, abs=1.0)
-    assert scene.first.has_answer(number)
-    data = scene.first.answers[number]["error"]["data"]
+    data = scene.first.answered(number)["error"]["data"]
     assert (data["reason"], data["cause"], data["why"]) == ("lease_lost", "taken", "my turn")
     assert data["by"]["pid"] == scene.second.session.peer.pid
     assert scene.second.result("motion.close")["ok"]
@@ -228,8 +230,7 @@ def test_what_others_have_queued_never_begins_after_a_take_over(
     scene.world.run(0.5)
     assert scene.world.state.opening_mm == pytest.approx(opening_mm, abs=1.0)
     assert scene.world.controller.jobs.running is None
-    assert scene.first.has_answer(number)
-    reason = scene.first.answers[number]["error"]["data"]["reason"]
+    reason = reason_of(scene.first.answered(number))
     assert reason == ("lease_lost" if leased else "lease_held")
 
 
@@ -248,12 +249,13 @@ def test_an_operator_takes_nothing_from_another_user(leased: bool) -> None:
     assert scene.first.has_answer(number)
 
 
-def test_a_disabling_is_not_broken_off_by_a_take_over() -> None:
-    scene = Scene()
+@pytest.mark.parametrize("leased", [False, True])
+def test_a_disabling_that_has_not_begun_is_not_broken_off_by_a_take_over(leased: bool) -> None:
+    scene = Scene(**wish_of(leased))
     number = scene.first.send("motor.disable")
     assert scene.second.result("lease.take", why="my turn")["ended_job"] is None
-    scene.world.run_until(lambda: scene.first.has_answer(number))
-    assert scene.first.answers[number]["result"]["ok"]
+    assert scene.first.wait(number)["result"]["ok"]
+    assert scene.world.gripper.motor.status == 0
 
 
 # A token: a name for the lease
@@ -267,12 +269,10 @@ def test_what_a_stranger_can_read_shows_it_no_token() -> None:
     assert not any(scene.token in str(note) for note in scene.second.notifications)
     number = scene.second.result("lease.get")["owner"]["number"]
     guesses = [f"0:{number}", str(number), scene.token[:-1], scene.token.swapcase()]
+    methods = ("motion.open", "motor.disable", "lease.release", "lease.renew", "lease.resume")
     for guess in guesses:
-        for method in ("motion.open", "motor.disable", "lease.release", "lease.renew"):
-            assert scene.error(scene.second, method, lease=guess)["data"]["reason"] == "lease_lost"
-        assert (
-            scene.error(scene.second, "lease.resume", lease=guess)["data"]["reason"] == "lease_lost"
-        )
+        for method in methods:
+            assert scene.refusal(scene.second, method, lease=guess) == "lease_lost"
     assert scene.first.result("lease.get")["mine"]
 
 
@@ -286,14 +286,13 @@ def test_each_grant_has_a_secret_of_its_own() -> None:
     assert len({scene.token, taken, fresh}) == 3
     assert all(len(token) >= 20 for token in (scene.token, taken, fresh))
     for old in (scene.token, taken):
-        assert scene.error(scene.second, "motion.open", lease=old)["data"]["reason"] == "lease_lost"
+        assert scene.refusal(scene.second, "motion.open", lease=old) == "lease_lost"
 
 
 def test_the_log_names_who_acted_under_the_lease_of_another() -> None:
     scene = Scene(purpose="sorting")
     helper = scene.world.client(uid=1001, role="operator")
-    while scene.world.service.take_events():
-        pass
+    scene.world.take_log()
     helper.result("motion.open", lease=scene.token)
     helper.result("lease.release", lease=scene.token)
     log = [event.message for event in scene.world.service.take_events()]
@@ -309,15 +308,13 @@ def test_a_release_that_is_refused_changes_nothing() -> None:
     helper = scene.world.client()
     number = helper.send("motion.open", speed_mm_s=10, lease=scene.token)
     scene.world.run(0.2)
-    while scene.world.service.take_events():
-        pass
+    scene.world.take_log()
     assert scene.second.refusal("lease.release") == "lease_held"
     log = [event.message for event in scene.world.service.take_events()]
     assert not [text for text in log if "given back" in text]
     scene.first.leave()  # the motion runs under its lease
     scene.world.run(0.1)
-    assert helper.has_answer(number)
-    assert helper.answers[number]["error"]["data"]["reason"] == "client_lost"
+    assert reason_of(helper.answered(number)) == "client_lost"
 
 
 # A race
@@ -341,8 +338,7 @@ def test_a_motion_that_comes_second_leaves_the_first_alone(if_busy: str) -> None
     assert running is not None
     assert (error["reason"], error["job"]) == ("busy", running.number)
     assert error["owner"]["pid"] == scene.first.session.peer.pid
-    scene.world.run_until(lambda: scene.first.has_answer(number))
-    assert scene.first.answers[number]["result"]["outcome"] == "pressed_home"
+    assert scene.first.wait(number)["result"]["outcome"] == "pressed_home"
 
 
 @pytest.mark.parametrize(
@@ -362,8 +358,7 @@ def test_a_replacement_that_is_refused_leaves_the_running_motion(
     scene.world.run(0.3)
     assert scene.first.refusal(method, if_busy="replace", **params) == reason
     assert not scene.first.has_answer(number)
-    scene.world.run_until(lambda: scene.first.has_answer(number))
-    assert scene.first.answers[number]["result"]["outcome"] == "pressed_home"
+    assert scene.first.wait(number)["result"]["outcome"] == "pressed_home"
 
 
 def test_a_replacement_before_the_first_tick_of_a_motion_does_not_crush_what_is_held() -> None:
@@ -386,8 +381,7 @@ def test_what_a_stop_has_broken_off_says_so_and_nothing_follows_it() -> None:
     scene.second.result("stop", why="a hand")
     scene.world.run(0.1)
     for number in (running, queued):
-        assert scene.first.has_answer(number)
-        assert scene.first.answers[number]["error"]["data"]["reason"] == "stopped"
+        assert reason_of(scene.first.answered(number)) == "stopped"
     for method in ("motor.enable", "motion.open", "motion.hold", "motion.zero_gravity"):
         error = scene.error(scene.first, method)
         assert error["data"]["reason"] == "stopped"
@@ -399,9 +393,9 @@ def test_what_was_sent_before_a_stop_is_void_though_the_stop_is_cleared() -> Non
     generation = scene.first.result("state.get")["stop_generation"]
     scene.second.result("stop")
     known = {"stop_generation": generation}
-    assert scene.error(scene.first, "stop.clear", **known)["data"]["reason"] == "sent_before_stop"
+    assert scene.refusal(scene.first, "stop.clear", **known) == "sent_before_stop"
     scene.second.result("stop.clear")
-    assert scene.error(scene.first, "motion.open", **known)["data"]["reason"] == "sent_before_stop"
+    assert scene.refusal(scene.first, "motion.open", **known) == "sent_before_stop"
 
 
 def test_who_has_stopped_clears_though_another_has_the_lease() -> None:
@@ -471,11 +465,11 @@ def test_an_observer_clears_only_what_nobody_else_has_stopped() -> None:
         scene.second.result("stop")
     scene.second.result("stop.clear")
     assert scene.world.state.stop is None
-    assert scene.error(scene.second, "stop.clear")["data"]["reason"] == "not_permitted"
+    assert scene.refusal(scene.second, "stop.clear") == "not_permitted"
     scene.first.result("stop")
-    assert scene.error(scene.second, "stop.clear")["data"]["reason"] == "not_permitted"
+    assert scene.refusal(scene.second, "stop.clear") == "not_permitted"
     scene.second.result("stop")
-    assert scene.error(scene.second, "stop.clear")["data"]["reason"] == "not_permitted"
+    assert scene.refusal(scene.second, "stop.clear") == "not_permitted"
     assert scene.world.state.stop is not None
 
 
@@ -544,8 +538,7 @@ def test_who_takes_what_it_waits_for_has_it() -> None:
     number = scene.second.send("lease.acquire", wait_s=1, on_lost="relax")
     scene.second.result("lease.take", why="it hangs", on_lost="disable")
     scene.world.run(0.1)
-    assert scene.second.has_answer(number)
-    assert "result" in scene.second.answers[number]
+    assert "result" in scene.second.answered(number)
     assert scene.second.result("lease.get")["owner"]["on_lost"] == "disable"
 
 
@@ -580,8 +573,7 @@ def test_whose_turn_comes_when_the_gripper_is_anothers_does_not_move() -> None:
     third = scene.world.client()
     third.result("lease.take", why="my turn")
     scene.nothing_of(lambda: None)
-    assert scene.second.has_answer(number)
-    assert scene.second.answers[number]["error"]["data"]["reason"] == "lease_held"
+    assert reason_of(scene.second.answered(number)) == "lease_held"
 
 
 # A name

@@ -8,7 +8,7 @@ from litegripd.app.build import BY_NAME, GROUPS, METHODS
 from litegripd.rpc.method import Call, Method, functions_of, methods_of
 from litegripd.rpc.methods.lease import Tokens
 from litegripd.rpc.service import Requests
-from tests.world import World
+from tests.world import World, enabled_world
 
 
 class _Group:
@@ -51,8 +51,7 @@ def test_methods_without_an_object_are_found_at_the_start() -> None:
 
 @pytest.mark.parametrize("if_busy", ["replace", "queue"])
 def test_what_a_function_raises_is_a_refusal_whenever_its_turn_comes(if_busy: str) -> None:
-    world = World()
-    client = world.enabled()
+    _, client = enabled_world()
     running = client.result("motion.open", wait=False)["job"]
     both = {"opening_mm": 30, "openness": 0.5}
     error = client.call("motion.move", if_busy=if_busy, **both)["error"]

@@ -65,19 +65,10 @@ def test_every_reason_is_documented_once_with_its_code() -> None:
     for kind in ERROR_TABLE:
         assert errors[kind.reason]["code"] == kind.code
         assert errors[kind.reason]["message"] == kind.meaning
-        assert errors[kind.reason]["data"] == {
-            "reason": kind.reason,
-            "retryable": kind.retryable,
-        }
+        assert errors[kind.reason]["data"] == {"reason": kind.reason, "retryable": kind.retryable}
 
 
 def test_a_range_is_told_in_words() -> None:
-    at_most = Param("x", "number", "", maximum=3).problem(4)
-    at_least = Param("x", "number", "", minimum=3).problem(2)
-    between = Param("x", "integer", "", minimum=1, maximum=3).problem(4)
-    assert at_most is not None
-    assert at_least is not None
-    assert between is not None
-    assert "at most 3" in at_most
-    assert "at least 3" in at_least
-    assert "1 to 3" in between
+    assert "at most 3" in (Param("x", "number", "", maximum=3).problem(4) or "")
+    assert "at least 3" in (Param("x", "number", "", minimum=3).problem(2) or "")
+    assert "1 to 3" in (Param("x", "integer", "", minimum=1, maximum=3).problem(4) or "")

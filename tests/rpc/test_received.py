@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from tests.world import PERIOD_S, Client, World
+from tests.world import PERIOD_S, Client, World, enabled_world
 
 MOVES: tuple[tuple[str, dict[str, Any]], ...] = (
     ("stop.clear", {}),
@@ -75,8 +75,7 @@ def test_what_says_that_it_was_sent_later_than_it_came_is_void_all_the_same() ->
 
 
 def test_a_clear_behind_the_clients_own_stop_clears_though_both_came_at_once() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     received_s = world.now_s
     world.run(0.02)
     assert "result" in send(client, "stop", received_s)
@@ -108,8 +107,7 @@ def test_what_only_reads_or_stops_is_carried_out_whenever_it_came() -> None:
 
 @pytest.mark.parametrize("mark", ["received", "sent"])
 def test_a_set_point_that_is_older_than_it_counts_moves_nothing(mark: str) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     before_mm, old_s = world.gripper.opening_mm, world.now_s
     world.run(0.2)
     came_s, marks = (old_s, {}) if mark == "received" else (world.now_s, {"sent_s": old_s})
@@ -124,8 +122,7 @@ def test_a_set_point_that_is_older_than_it_counts_moves_nothing(mark: str) -> No
 
 @pytest.mark.parametrize("mark", ["received", "sent"])
 def test_a_set_point_counts_from_when_it_was_sent_or_else_received(mark: str) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     old_s = world.now_s
     world.run(0.1)
     came_s, marks = (old_s, {}) if mark == "received" else (world.now_s, {"sent_s": old_s})
@@ -136,8 +133,7 @@ def test_a_set_point_counts_from_when_it_was_sent_or_else_received(mark: str) ->
 
 def test_an_older_set_point_does_not_prolong_a_newer_one() -> None:
     """The latest that is carried out wins, with its own end."""
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     began_s = world.now_s
     send(client, "stream.set", began_s, opening_mm=10.0, valid_s=0.5)
     world.run(0.1)
@@ -147,8 +143,7 @@ def test_an_older_set_point_does_not_prolong_a_newer_one() -> None:
 
 
 def test_a_time_in_the_future_makes_no_set_point_last_longer() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     began_s = world.now_s
     send(client, "stream.set", began_s, opening_mm=10.0, valid_s=0.1, sent_s=began_s + 1e6)
     world.run_until(lambda: world.controller.jobs.running is None)

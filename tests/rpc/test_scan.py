@@ -8,7 +8,7 @@ from litegripd.model.motor import BusCondition, MotorPhase
 from litegripd.motor.codec import MASTER_ID, read_request
 from litegripd.motor.exchange import LOST_GIVES_UP_S
 from litegripd.sim.plant import SimulatorParameters
-from tests.world import World
+from tests.world import World, enabled_world, found_world, reason_of
 
 ASKED = list(range(1, 17))
 
@@ -31,8 +31,7 @@ def test_a_motor_at_another_id_is_found_where_it_is(can_id: int, master_id: int)
 
 
 def test_a_motor_that_is_found_by_its_configured_id_is_known_as_before() -> None:
-    world = World().start()
-    client = world.client()
+    world, client = found_world()
     before = client.result("state.get")["position_rad"]
     ignored = world.machine.motor.counters.ignored_frames
     began_s = world.now_s
@@ -65,8 +64,7 @@ def test_each_id_is_asked_at_0x7ff_for_its_mst_id_and_nothing_else_is_sent_to_it
 
 
 def test_while_the_motor_is_enabled_no_other_id_is_asked() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     before = len(world.sent)
     error = client.call("motor.scan")["error"]
     assert (error["data"]["reason"], "disable it first" in error["message"]) == ("busy", True)
@@ -77,8 +75,7 @@ def test_while_the_motor_is_enabled_no_other_id_is_asked() -> None:
 
 def test_one_that_was_enabled_and_fell_silent_is_given_the_time_to_let_go() -> None:
     """After LOST_GIVES_UP_S its own watchdog has disarmed it; then it is looked for."""
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     world.lose_from_motor = lambda _frame: True
     world.run(LOST_GIVES_UP_S / 2.0)
     assert client.refusal("motor.scan") == "busy"
@@ -93,8 +90,7 @@ def test_who_enables_the_motor_meanwhile_ends_it() -> None:
     world.run(0.1)
     enabling.result("motor.enable")
     assert world.phase is MotorPhase.ENABLED
-    assert scanning.has_answer(number)
-    assert scanning.answers[number]["error"]["data"]["reason"] == "busy"
+    assert reason_of(scanning.answered(number)) == "busy"
 
 
 def test_without_a_bus_nothing_is_asked() -> None:

@@ -8,7 +8,7 @@ from litegripd.control.snapshot import GripperState
 from litegripd.rpc.jsonrpc import encode
 from litegripd.rpc.methods.reading import STATE_FIELDS
 from litegripd.rpc.subscriptions import MAX_PER_SESSION
-from tests.world import Client, World
+from tests.world import Client, World, found_world
 
 
 def samples(client: Client) -> list[dict[str, Any]]:
@@ -20,8 +20,7 @@ def samples(client: Client) -> list[dict[str, Any]]:
 
 
 def test_the_present_state_comes_first() -> None:
-    world = World().start()
-    client = world.client()
+    world, client = found_world()
     client.send("state.subscribe", hz=200)
     assert len(client.session.outgoing) == 1
     client.read()
@@ -39,8 +38,7 @@ def test_the_present_state_comes_first() -> None:
 
 @pytest.mark.parametrize("hz", [0.5, 20, 33, 200])
 def test_the_rate_is_kept_over_time(hz: float) -> None:
-    world = World().start()
-    client = world.client()
+    world, client = found_world()
     client.result("state.subscribe", hz=hz)
     world.run(4.0)
     found = samples(client)
@@ -50,16 +48,14 @@ def test_the_rate_is_kept_over_time(hz: float) -> None:
 
 
 def test_twenty_times_a_second_unless_asked_otherwise() -> None:
-    world = World().start()
-    client = world.client()
+    world, client = found_world()
     client.result("state.subscribe")
     world.run(2.0)
     assert len(samples(client)) == 40
 
 
 def test_only_the_chosen_fields_are_sent() -> None:
-    world = World().start()
-    client = world.client()
+    world, client = found_world()
     client.result("state.subscribe", hz=200, fields=["enabled", "position_rad"])
     world.tick()
     (sample,) = samples(client)
@@ -67,8 +63,7 @@ def test_only_the_chosen_fields_are_sent() -> None:
 
 
 def test_a_congested_client_misses_samples_and_is_told_how_many() -> None:
-    world = World().start()
-    client = world.client()
+    world, client = found_world()
     client.result("state.subscribe", hz=200)
     world.tick()
     client.session.congested = True
@@ -81,8 +76,7 @@ def test_a_congested_client_misses_samples_and_is_told_how_many() -> None:
 
 
 def test_a_sample_that_was_not_sent_in_its_period_is_dropped_and_counted() -> None:
-    world = World().start()
-    client = world.client()
+    world, client = found_world()
     client.result("state.subscribe", hz=200)
     service = world.service
     for _ in range(3):  # three ticks in which the transport has no time for samples
@@ -151,8 +145,7 @@ def test_only_the_own_subscription_can_be_ended() -> None:
 
 
 def test_a_closed_connection_is_sent_nothing_more() -> None:
-    world = World().start()
-    client = world.client()
+    world, client = found_world()
     client.result("state.subscribe", hz=200)
     world.client().result("events.subscribe")
     world.now_s += 0.005

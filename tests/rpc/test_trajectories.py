@@ -13,7 +13,7 @@ from litegripd.rpc.sessions import Peer
 from litegripd.trajectories.file_methods import MOST_BYTES, MOST_PER_CONNECTION, MOST_PIECES
 from litegripd.trajectories.store import Limits
 from tests.trajectories import PIECE_BYTES, fetched, lgt, pieces, sampled, send, swing, uploaded
-from tests.world import Client, World
+from tests.world import Client, World, enabled_world
 
 SHORT = lgt(sampled(swing(), 1.0))
 LONG = lgt(sampled(swing(), 10.0))
@@ -220,8 +220,7 @@ def test_one_name_is_meant(method: str, meant: dict[str, Any]) -> None:
 
 
 def test_a_client_of_0_1_0_calls_what_it_sent_and_recorded_by_numbers() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = enabled_world()
     client.result("trajectory.record_start", zero_gravity=False)
     world.run(0.5)
     recorded = client.result("trajectory.record_stop")

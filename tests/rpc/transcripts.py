@@ -8,6 +8,7 @@ is by addition, so an answer may grow but not shrink.
 
 import json
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from litegripd.app.build import METHODS
 from litegripd.model.calibration import SUPERSEDED
 from litegripd.model.state import Restarted
 from tests.trajectories import lgt, pieces
-from tests.world import Client, World
+from tests.world import Client, found_world
 
 TAUGHT_THEN: dict[str, Any] = {
     "closed_rad": SUPERSEDED[0].closed_rad,
@@ -128,10 +129,10 @@ def trajectories(client: Client) -> Iterator[tuple[str, Params]]:
     yield "trajectory.delete", {"name": "a test"}
 
 
+@cache
 def talk() -> dict[str, list[dict[str, Any]]]:
     """Hold the conversation with today's daemon; return the exchanges by method."""
-    world = World().start()
-    client = world.client()
+    _, client = found_world()
     exchanges: dict[str, list[dict[str, Any]]] = {}
     for method, params in conversation(client):
         seen = len(client.notifications)
