@@ -296,7 +296,7 @@ def begin_again(running: DaemonProcess) -> None:
     It has no trajectory, and a template of its mount. What it has counted and configured stays.
     """
     with running.connect() as client:
-        client.until(lambda _state: len(client.result("clients.list")["clients"]) == 1)
+        client.until(lambda _state: not _others(client))
         client.result("stop", level="disable")
         client.result("sim.reset")
         client.result("stop.clear")
@@ -306,6 +306,12 @@ def begin_again(running: DaemonProcess) -> None:
             client.result("trajectory.delete", name=kept["name"])
         client.despite_silence("motion.move", opening_mm=START_MM, speed_mm_s=140)
         disable(client)
+
+
+def _others(client: Client) -> list[dict[str, Any]]:
+    """Return the daemon's other clients, but for a gateway's own connection."""
+    clients: list[dict[str, Any]] = client.result("clients.list")["clients"]
+    return [one for one in clients if not one["is_me"] and one["program"] != "gateway"]
 
 
 def disable(client: Client) -> None:

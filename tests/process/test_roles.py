@@ -5,7 +5,6 @@ import json
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -43,11 +42,3 @@ def test_users_and_groups_have_the_roles_that_the_configuration_gives() -> None:
         assert role(running, ALICE, NO_GROUP, lab.gr_gid) == "admin"
         assert role(running, BOB, NO_GROUP) == "observer"
         assert role(running, BOB, lab.gr_gid) == "admin"
-
-
-def test_an_entry_that_names_nobody_ends_the_start(tmp_path: Path) -> None:
-    config = tmp_path / "c.toml"
-    config.write_text('[access]\nadmins = ["@no-such-group"]\n', encoding="utf-8")
-    running = DaemonProcess(tmp_path, f"roles-{os.getpid()}", "--simulate", "--config", str(config))
-    assert running.exit_code() == 2
-    assert f"{config}: [access] admins: there is no group 'no-such-group'; allowed" in running.log

@@ -16,7 +16,23 @@ def gripper(shared: DaemonProcess) -> DaemonProcess:
     return shared
 
 
-@pytest.fixture
-def lab(tmp_path: Path, certificates: Path, gripper: DaemonProcess) -> Iterator[Fleet]:
-    with fleet(tmp_path / "fleet", certificates, {"left": gripper.socket_path}) as running:
+@pytest.fixture(scope="module")
+def site(
+    request: pytest.FixtureRequest,
+    tmp_path_factory: pytest.TempPathFactory,
+    certificates: Path,
+    shared: DaemonProcess,
+) -> Iterator[Fleet]:
+    """One fleet for all tests of a module, which says in FLEET what it has to be like."""
+    shared.connect().close()
+    options = getattr(request.module, "FLEET", {})
+    sockets = {"left": shared.socket_path}
+    with fleet(tmp_path_factory.mktemp("site"), certificates, sockets, **options) as running:
         yield running
+
+
+@pytest.fixture
+def lab(site: Fleet, gripper: DaemonProcess) -> Fleet:
+    """Return the module's fleet; whatever a test has killed or frozen in it runs again."""
+    site.mend()
+    return site
