@@ -275,11 +275,11 @@ def fleet(
         yield made
 
 
-def reach(lab: Fleet, gripper: str = "left") -> Client:
-    """Connect by the portal as soon as the daemon answers there."""
-    path, ends_s = lab.socket_path(gripper), time.monotonic() + DEADLINE_S
+def reach(lab: Fleet, gripper: str = "left", portal: str = "portal") -> Client:
+    """Connect by a portal as soon as the daemon answers there."""
+    path, ends_s = lab.socket_path(gripper, portal), time.monotonic() + DEADLINE_S
     while True:
-        assert time.monotonic() < ends_s, lab.portal.log
+        assert time.monotonic() < ends_s, lab.parts[portal].log
         message: dict[str, Any] = {}
         with contextlib.suppress(FileNotFoundError, ConnectionRefusedError):  # none listens yet
             client = Client(path)
@@ -290,7 +290,7 @@ def reach(lab: Fleet, gripper: str = "left") -> Client:
                 return client
             client.close()
         assert not message or message["error"]["data"]["reason"] == "unreachable", message
-        wait_a_moment(lab.portal.process)
+        wait_a_moment(lab.parts[portal].process)
 
 
 def _free_port() -> int:
