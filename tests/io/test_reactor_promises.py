@@ -16,8 +16,6 @@ from litegripd.io.loop import (
     Reactor,
 )
 
-pytestmark = pytest.mark.alone
-
 PERIOD_S = 0.005
 TIMER_FD, HANDLED_FD = 1000, 7
 EPSILON_S = 1e-9

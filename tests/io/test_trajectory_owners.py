@@ -186,9 +186,12 @@ def test_the_limits_go_to_the_helper_process_as_its_arguments() -> None:
 
 
 def test_a_page_of_the_longest_names_still_fits_into_a_packet(tmp_path: Path) -> None:
-    rig = Rig(tmp_path / "trajectories")
-    for number in range(300):
-        rig.put(TAUGHT, f"{'ü' * 60}{number}", uid=2**32 - 2)
+    folder = tmp_path / "trajectories"
+    rig = Rig(folder)
+    rig.put(TAUGHT, "ü" * 60, uid=2**32 - 2)
+    for kept in list(folder.iterdir()):
+        for number in range(300):
+            (folder / f"{kept.stem}{number}{kept.suffix}").write_bytes(kept.read_bytes())
     answer = rig.do("list", after=None)  # the rig looks at the size
     assert answer["more"]
     assert json.dumps(answer["usage"])

@@ -1,6 +1,7 @@
 """Runs `litegripd` as a process of its own, and speaks to it over raw sockets."""
 
 import contextlib
+import io
 import json
 import os
 import re
@@ -9,11 +10,13 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from litegrip_client.ctl.main import main
 from litegripd.io.helper.files import DATA
 from litegripd.model.calibration import parse_calibration
 
@@ -51,6 +54,9 @@ MODULE = ("-m", "litegripd.app.main")
 
 CTL = (sys.executable, "-m", "litegrip_client.ctl.main")
 """`litegripctl`, by this interpreter."""
+
+START_MM = 60.0
+"""Where the simulated gripper's jaws are when it begins."""
 
 DEADLINE_S = 30.0
 
@@ -259,6 +265,77 @@ def daemon(folder: Path, *arguments: str, on: tuple[str, ...] = ()) -> Iterator[
         running.end()
     finally:
         running.kill()
+
+
+@contextlib.contextmanager
+def daemon_for_all(
+    name: str, config: str = SIMULATED, prepare: Callable[[Path], object] = lambda _folder: None
+) -> Iterator[DaemonProcess]:
+    """Run a daemon to which every user of this machine may connect; root is its admin.
+
+    `prepare` is given its folder before it starts.
+    """
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        folder.chmod(0o755)
+        path = folder / "c.toml"
+        path.write_text(config, encoding="utf-8")
+        prepare(folder)
+        with daemon(folder, name, "--config", str(path)) as running:
+            with running.connect() as client:
+                client.until(lambda state: bool(state["motor"] == "disabled"))
+                client.until(lambda state: bool(state["calibrated"]))
+            for socket_path in folder.glob("*.sock"):
+                socket_path.chmod(0o666)
+            yield running
+
+
+def begin_again(running: DaemonProcess) -> None:
+    """Have a daemon be as at its beginning: no client, nothing stopped, disabled, half open.
+
+    It has no trajectory, and a template of its mount. What it has counted and configured stays.
+    """
+    with running.connect() as client:
+        client.until(lambda _state: not _others(client))
+        client.result("stop", level="disable")
+        client.result("sim.reset")
+        client.result("stop.clear")
+        mount = client.until(lambda state: bool(state["calibrated"]))["mount"]
+        client.result("calibration.load", template=mount)
+        for kept in client.result("trajectory.list")["trajectories"]:
+            client.result("trajectory.delete", name=kept["name"])
+        client.despite_silence("motion.move", opening_mm=START_MM, speed_mm_s=140)
+        disable(client)
+
+
+def _others(client: Client) -> list[dict[str, Any]]:
+    """Return the daemon's other clients, but for a gateway's own connection."""
+    clients: list[dict[str, Any]] = client.result("clients.list")["clients"]
+    return [one for one in clients if not one["is_me"] and one["program"] != "gateway"]
+
+
+def disable(client: Client) -> None:
+    """Disable the motor, also one that a busy machine has let fall silent meanwhile."""
+    methods = {"enabled": "motor.disable", "fault": "motor.clear_fault"}
+
+    def is_disabled(state: dict[str, Any]) -> bool:
+        if state["motor"] in methods:
+            client.call(methods[state["motor"]])
+        return bool(state["motor"] == "disabled")
+
+    client.until(is_disabled)
+
+
+def litegripctl(running: DaemonProcess, *arguments: str) -> tuple[int, str]:
+    """Run `litegripctl` in this process; return its exit code, and what it shows.
+
+    It must not complain, unless what it was asked for cannot be done.
+    """
+    shown, complaint = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(shown), contextlib.redirect_stderr(complaint):
+        code = main(["--socket", str(running.socket_path), *arguments])
+    assert not complaint.getvalue() or code > 1
+    return code, shown.getvalue()
 
 
 def wait_a_moment(process: "subprocess.Popen[Any]") -> None:

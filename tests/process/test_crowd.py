@@ -8,11 +8,6 @@ from bench.crowd.audit import Audit, Death, Sample
 from bench.crowd.run import survive
 from tests.process.daemon_process import DaemonProcess
 
-pytestmark = [
-    pytest.mark.alone,
-    pytest.mark.local_only("it knows its clients by the pids that the daemon sees"),
-]
-
 CLIENTS = 12
 SECONDS = 4.0
 CROWDS = 8
@@ -20,6 +15,8 @@ OWNER = {"client": 3, "pid": 33}
 OTHER = {"client": 4, "pid": 44}
 
 
+@pytest.mark.alone
+@pytest.mark.local_only("it knows its clients by the pids that the daemon sees")
 def test_a_crowd_that_hangs_and_dies_leaves_the_daemon_as_it_was(simulated: DaemonProcess) -> None:
     """Chance decides what a crowd does: so crowds come until each kind of thing has happened."""
     simulated.connect().close()

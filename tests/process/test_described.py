@@ -1,5 +1,7 @@
 """What a running daemon tells of itself is what its own OpenRPC document says."""
 
+import json
+
 import pytest
 
 from tests.answers import Described
@@ -12,6 +14,7 @@ READS = (
     "state.get",
     "info.get",
     "clients.list",
+    "job.list",
     "calibration.get",
     "calibration.templates",
     "config.get",
@@ -26,7 +29,9 @@ def test_a_daemons_answers_are_as_it_describes_them(simulated: DaemonProcess, cl
         described = Described(client.result("rpc.discover"), closed=closed)
         client.enabled()
         for method in READS:
-            described.check({"result": client.result(method)}, method)
+            result = client.result(method)
+            described.check({"result": result}, method)
+            json.dumps(result, allow_nan=False)
         described.check({"result": client.result("calibration.save")}, "calibration.save")
         health = client.result("health")
         del health["control"]["lateness"]["p99_us"]

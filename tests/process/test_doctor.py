@@ -1,7 +1,6 @@
 """litegripctl doctor, health and metrics on a real daemon with the simulated gripper."""
 
 import json
-import subprocess
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -12,7 +11,7 @@ from prometheus_client.openmetrics.parser import text_string_to_metric_families
 
 from litegrip_client.ctl import metrics
 from litegrip_client.ctl.doctor import gather
-from tests.process.daemon_process import CTL, DEADLINE_S, DaemonProcess
+from tests.process.daemon_process import DEADLINE_S, DaemonProcess, litegripctl
 
 NO_METRICS = {
     "control.cpus",
@@ -27,15 +26,6 @@ NO_METRICS = {
 """Figures of health that are no quantities."""
 
 
-def litegripctl(running: DaemonProcess, *arguments: str) -> tuple[int, str]:
-    command = [*CTL, "--socket", str(running.socket_path)]
-    done = subprocess.run(
-        [*command, *arguments], capture_output=True, text=True, timeout=DEADLINE_S, check=False
-    )
-    assert done.stderr == ""
-    return done.returncode, done.stdout
-
-
 def findings(running: DaemonProcess) -> dict[str, dict[str, Any]]:
     code, out = litegripctl(running, "doctor", "--json")
     found = {row["check"]: row for row in json.loads(out)["findings"]}
@@ -47,12 +37,12 @@ def levels(running: DaemonProcess) -> dict[str, str]:
     return {name: row["level"] for name, row in findings(running).items()}
 
 
-def test_doctor(simulated: DaemonProcess) -> None:
-    with simulated.connect() as client:
+def test_doctor(own: DaemonProcess) -> None:
+    with own.connect() as client:
         client.until(lambda state: bool(state["motor"] == "disabled" and state["calibrated"]))
-        found = levels(simulated)
+        found = levels(own)
         # The other machine's device is not here; the way to it is.
-        way = "protection" if simulated.remote_as else "device"
+        way = "protection" if own.remote_as else "device"
         well = ("daemon", "version", "sockets", "bus", "motor", "other-master", way)
         registers = ("control-mode", "can-br", "ids", "watchdog", "ranges")
         assert {name: found[name] for name in well + registers} == dict.fromkeys(
@@ -62,22 +52,22 @@ def test_doctor(simulated: DaemonProcess) -> None:
         assert "link" not in found
         assert "channel" not in found
         client.result("calibration.save")  # which measures nothing
-        found = levels(simulated)
+        found = levels(own)
         assert (found["calibration"], found["channel"]) == ("warning", "ok")
         old = {"zero_position_rad": 0.1, "max_position_rad": -1.5, "rad_to_mm": 75.0}
         client.result("calibration.load", content=old)
         client.result("calibration.save")
         client.until(lambda state: bool(state["scale_doubt"] == "superseded"))
-        row = findings(simulated)["calibration"]
+        row = findings(own)["calibration"]
         assert row["level"] == "warning"
         assert "which took the travel for 120 mm" in row["text"]
         assert row["command"].endswith(" calibration rescale")  # and that alone corrects it
-        assert litegripctl(simulated, "calibration", "rescale")[0] == 0
+        assert litegripctl(own, "calibration", "rescale")[0] == 0
         client.until(lambda state: bool(state["scale_doubt"] is None))
-        found = levels(simulated)
+        found = levels(own)
         assert (found["calibration"], found["channel"]) == ("ok", "ok")
         client.result("stop", level="disable")
-        assert levels(simulated)["motor"] == "ok"
+        assert levels(own)["motor"] == "ok"
 
 
 @pytest.mark.parametrize(

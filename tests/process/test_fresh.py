@@ -8,7 +8,6 @@ import socket
 import statistics
 import subprocess
 import sys
-import tempfile
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -17,9 +16,10 @@ import pytest
 
 from tests.process.daemon_process import (
     DEADLINE_S,
+    SIMULATED,
     Client,
     DaemonProcess,
-    daemon,
+    daemon_for_all,
     kill_and_wait,
     line_of,
 )
@@ -27,16 +27,7 @@ from tests.process.daemon_process import (
 pytestmark = pytest.mark.skipif(os.getuid() != 0, reason="only root can become other users")
 
 MOVER, *OBSERVERS = (30_001, 30_002, 30_003, 30_004)
-CONFIG = """
-[bus]
-interface = "litegrip_sim"
-watchdog_s = 0.4
-[gripper]
-mount = "normal"
-[access]
-operators = [30001]
-default = "observer"
-"""
+CONFIG = f'{SIMULATED}operators = [{MOVER}]\ndefault = "observer"\n'
 READS = 280
 SPEED_MM_S = 20.0
 LEFT_BEHIND = 1500  # set-points
@@ -66,16 +57,8 @@ sys.stdin.read()
 
 @pytest.fixture(scope="module")
 def running() -> Iterator[DaemonProcess]:
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        folder.chmod(0o755)  # for other users, as are the sockets
-        config = folder / "c.toml"
-        config.write_text(CONFIG, encoding="utf-8")
-        with daemon(folder, f"fresh-{os.getpid()}", "--config", str(config)) as process:
-            process.connect().close()
-            for path in (process.socket_path, stop_path(process)):
-                path.chmod(0o666)
-            yield process
+    with daemon_for_all(f"fresh-{os.getpid()}", CONFIG) as process:
+        yield process
 
 
 def stop_path(daemon: DaemonProcess) -> Path:

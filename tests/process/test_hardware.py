@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from tests.process.daemon_process import SLCAN, WORK_MM, Client, DaemonProcess, daemon
+from tests.process.daemon_process import SLCAN, WORK_MM, Client, DaemonProcess, daemon, disable
 from tests.sim.simulator_process import SimulatorProcess, simulator
 
 
@@ -49,24 +49,6 @@ def test_a_bus_that_is_down_from_the_start_is_in_the_log_once(tmp_path: Path) ->
         assert "CAN bus: down: cannot be opened: " in lines[0]
 
 
-@pytest.mark.parametrize(
-    ("content", "told"),
-    [
-        ("[motor]\ncan_id = 0x800\n", "[motor] can_id"),
-        ("[control]\nrate = 200\n", "[control] rate is unknown"),
-        ("[rpc\n", "not valid TOML"),
-    ],
-)
-def test_a_configuration_error_is_told(tmp_path: Path, content: str, told: str) -> None:
-    path = tmp_path / "wrong.toml"
-    path.write_text(content, encoding="utf-8")
-    running = DaemonProcess(tmp_path, "can0", "--config", str(path))
-    assert running.exit_code() == 2
-    assert told in running.log
-    assert str(path) in running.log
-    assert "Traceback" not in running.log
-
-
 def test_the_journal_has_a_configuration_error_as_an_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -82,16 +64,7 @@ def test_the_journal_has_a_configuration_error_as_an_error(
         assert journal.read_text().startswith(f"{in_front}{path}: [control] rate is unknown")
 
 
-@pytest.mark.parametrize(
-    "arguments", [(), ("../x",), ("can0.stop",), ("can0", "--config", "/no/such/file.toml")]
-)
-def test_wrong_usage_is_told(tmp_path: Path, arguments: tuple[str, ...]) -> None:
-    running = DaemonProcess(tmp_path, *arguments)
-    assert running.exit_code() == 2
-    assert "Traceback" not in running.log
-
-
-@pytest.fixture
+@pytest.fixture(scope="module")
 def adapter() -> Iterator[SimulatorProcess]:
     with simulator("--pty") as process:
         yield process
@@ -107,9 +80,19 @@ def slcan_daemon(
     return daemon(folder, f"{folder.name}{os.getpid()}", "--config", str(config))
 
 
+@pytest.fixture(scope="module")
+def attached(
+    tmp_path_factory: pytest.TempPathFactory, adapter: SimulatorProcess
+) -> Iterator[DaemonProcess]:
+    with slcan_daemon(tmp_path_factory.mktemp("slcan"), adapter.first_line) as running:
+        yield running
+
+
 @pytest.fixture
-def client(tmp_path: Path, adapter: SimulatorProcess) -> Iterator[Client]:
-    with slcan_daemon(tmp_path, adapter.first_line) as running, running.connect() as connected:
+def client(attached: DaemonProcess) -> Iterator[Client]:
+    """A client of the module's daemon, with its motor off."""
+    with attached.connect() as connected:
+        disable(connected)
         yield connected
 
 
@@ -186,13 +169,12 @@ def test_a_killed_pump_is_a_bus_that_is_down_and_up_again(client: Client) -> Non
     assert client.result("health")["control"]["tick_errors"] == 0
 
 
-def test_a_second_path_to_an_adapter_is_no_second_owner(
-    adapter: SimulatorProcess, tmp_path: Path
-) -> None:
+def test_a_second_path_to_an_adapter_is_no_second_owner(tmp_path: Path) -> None:
     """Who comes second leaves the adapter alone, says why, and opens it once it is free."""
     link = tmp_path / "link"
-    link.symlink_to(adapter.first_line)
     with contextlib.ExitStack() as stack:
+        adapter = stack.enter_context(simulator("--pty"))
+        link.symlink_to(adapter.first_line)
         with slcan_daemon(tmp_path / "first", adapter.first_line) as one, one.connect() as first:
             first.enabled()
             two = stack.enter_context(slcan_daemon(tmp_path / "second", link))

@@ -4,13 +4,12 @@ import contextlib
 import os
 import subprocess
 import sys
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.process.daemon_process import Client, DaemonProcess, daemon, line_of
+from tests.process.daemon_process import SIMULATED, Client, DaemonProcess, daemon_for_all, line_of
 
 pytestmark = pytest.mark.alone
 
@@ -38,31 +37,15 @@ while True:
             pass
 """
 OTHER = 30001
-CONFIG = """
-[bus]
-interface = "litegrip_sim"
-watchdog_s = 0.4
-[gripper]
-mount = "normal"
-[access]
-default = "observer"
-operators = ["root"]
-"""
+CONFIG = f'{SIMULATED}default = "observer"\noperators = ["root"]\n'
 
 
 @pytest.fixture
 def crowded() -> Iterator[DaemonProcess]:
     if os.getuid() != 0:
         pytest.skip("only root can let another user's process flood")
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        folder.chmod(0o755)
-        config = folder / "c.toml"
-        config.write_text(CONFIG, encoding="utf-8")
-        with daemon(folder, f"flood-{os.getpid()}", "--config", str(config)) as running:
-            running.connect().close()
-            running.socket_path.chmod(0o666)
-            yield running
+    with daemon_for_all(f"flood-{os.getpid()}", CONFIG) as running:
+        yield running
 
 
 def keep_many(client: Client, folder: Path) -> None:

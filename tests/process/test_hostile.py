@@ -5,7 +5,6 @@ import json
 import os
 import subprocess
 import sys
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ from typing import Any
 import pytest
 
 from bench.hostile.polite import Polite
-from tests.process.daemon_process import DEADLINE_S, DaemonProcess, daemon, line_of
+from tests.process.daemon_process import DEADLINE_S, DaemonProcess, daemon_for_all, line_of
 
 pytestmark = pytest.mark.alone
 
@@ -21,21 +20,13 @@ READS, MOTIONS = 200, 1
 TURNED_AWAY = 1000
 UIDS = ("30001", "30002", "30003", "30004") if os.getuid() == 0 else ()
 MAX_CONNECTIONS, MAX_PER_UID = 256, 64
-CONFIG = '[bus]\ninterface = "litegrip_sim"\nwatchdog_s = 0.4\n[gripper]\nmount = "normal"\n'
 
 
 @pytest.fixture(scope="module")
 def running() -> Iterator[DaemonProcess]:
     """One daemon for all, so that what one kind leaves behind meets the next one."""
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        folder.chmod(0o755)  # for other users, as is the socket
-        config = folder / "c.toml"
-        config.write_text(CONFIG, encoding="utf-8")
-        with daemon(folder, f"hostile-{os.getpid()}", "--config", str(config)) as process:
-            process.connect().close()
-            process.socket_path.chmod(0o666)
-            yield process
+    with daemon_for_all(f"hostile-{os.getpid()}") as process:
+        yield process
 
 
 class HostileProcess:

@@ -7,9 +7,9 @@ from collections.abc import Callable
 import pytest
 
 from tests.process.daemon_process import Client, DaemonProcess
-from tests.process.test_whose import ALICE, BOB, said, script, shared, wake
+from tests.process.test_whose import ALICE, BOB, one, said, script, shared, wake
 
-__all__ = ["shared"]
+__all__ = ["one", "shared"]
 
 pytestmark = pytest.mark.skipif(os.getuid() != 0, reason="only root can become another user")
 

@@ -24,11 +24,11 @@ def holding(simulated: DaemonProcess) -> DaemonProcess:
     return simulated
 
 
-@pytest.fixture
-def cpp(tmp_path: Path) -> list[str]:
+@pytest.fixture(scope="module")
+def cpp(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
     if shutil.which("g++") is None:
         pytest.skip("g++ is not installed: apt-get install g++")
-    program = str(tmp_path / "grasp")
+    program = str(tmp_path_factory.mktemp("cpp") / "grasp")
     options = ["-std=c++17", "-Wall", "-Wextra", "-Werror"]
     subprocess.run(["g++", *options, "-o", program, str(CLIENTS / "grasp.cpp")], check=True)
     return [program]

@@ -10,15 +10,9 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
-from tests.process.daemon_process import CTL, DEADLINE_S, DaemonProcess, daemon
+from tests.process.daemon_process import DEADLINE_S, DaemonProcess, daemon, litegripctl
 
 PNG = b"\x89PNG\r\n\x1a\n"
-
-
-def ctl(*arguments: str) -> "subprocess.CompletedProcess[str]":
-    return subprocess.run(
-        [*CTL, *arguments], check=False, capture_output=True, text=True, timeout=2 * DEADLINE_S
-    )
 
 
 def ticks_in(path: Path) -> list[dict[str, object]]:
@@ -27,14 +21,14 @@ def ticks_in(path: Path) -> list[dict[str, object]]:
         return [json.loads(m.data) for _s, channel, m in found if channel.topic.endswith("/tick")]
 
 
-def test_a_dump_is_written_copied_and_drawn(simulated: DaemonProcess, tmp_path: Path) -> None:
-    with simulated.connect() as client:
+def test_a_dump_is_written_copied_and_drawn(own: DaemonProcess, tmp_path: Path) -> None:
+    with own.connect() as client:
         client.enabled()
         client.despite_silence("motion.move", opening_mm=40)
-    socket, copy, picture = str(simulated.socket_path), tmp_path / "a.mcap", tmp_path / "a.png"
-    done = ctl("--socket", socket, "--json", "dump", "--note", "a test", "-o", str(copy))
-    assert done.returncode == 0, done
-    result = json.loads(done.stdout)
+    copy, picture = tmp_path / "a.mcap", tmp_path / "a.png"
+    code, shown = litegripctl(own, "--json", "dump", "--note", "a test", "-o", str(copy))
+    assert code == 0, shown
+    result = json.loads(shown)
     path = Path(result["path"])
     assert path.parent.parent == tmp_path / "dumps"
     assert copy.read_bytes() == path.read_bytes()
@@ -42,12 +36,11 @@ def test_a_dump_is_written_copied_and_drawn(simulated: DaemonProcess, tmp_path: 
     assert len(ticks) == result["ticks"]
     assert {"moving", "holding", "disabled"} <= {tick["mode"] for tick in ticks}
     assert all(tick["sent"] == "command" for tick in ticks if tick["mode"] == "moving")
-    drawn = ctl("plot", str(copy))
-    assert (drawn.returncode, drawn.stdout) == (0, f"drawn in {picture}\n"), drawn
+    assert litegripctl(own, "plot", str(copy)) == (0, f"drawn in {picture}\n")
     assert picture.read_bytes().startswith(PNG)
-    assert ctl("--socket", socket, "dump", "-o", str(copy)).returncode == 4  # it is there already
+    assert litegripctl(own, "dump", "-o", str(copy))[0] == 4  # it is there already
     assert list(path.parent.glob("*-demand.mcap")) == [path]  # a silence makes one of its own
-    assert str(path) in simulated.log
+    assert str(path) in own.log
 
 
 @pytest.fixture

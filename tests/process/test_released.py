@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from tests.client.ctl_commands import LINES
-from tests.process.daemon_process import SIMULATED, DaemonProcess, daemon
+from tests.process.daemon_process import SIMULATED, DaemonProcess, begin_again, daemon
 from tests.process.test_ctl_json import CODES
 from tests.versions import steps
 from tests.versions.released import RELEASED, Release, is_later, unpacked
@@ -27,13 +27,14 @@ IS_NIGHT = os.environ.get("LITEGRIPD_PROPERTIES") == "nightly"
 WHERE = "import litegripd, litegrip_client; print(litegripd.__file__, litegrip_client.__file__)"
 
 
-@pytest.fixture(params=RELEASED)
-def release(request: pytest.FixtureRequest, tmp_path: Path) -> Release:
+@pytest.fixture(scope="module", params=RELEASED)
+def release(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Release:
     """Unpack a version, and see that Python finds it there."""
-    release = unpacked(request.param, tmp_path / "released")
+    folder = tmp_path_factory.mktemp("released")
+    release = unpacked(request.param, folder / "released")
     command = [sys.executable, "-c", WHERE]
     found = subprocess.run(
-        command, env=release.environment(), cwd=tmp_path, capture_output=True, text=True, check=True
+        command, env=release.environment(), cwd=folder, capture_output=True, text=True, check=True
     )
     assert all(Path(one).is_relative_to(release.folder) for one in found.stdout.split())
     return release
@@ -71,22 +72,18 @@ def told_by_client(socket: Path, packages: Path, folder: Path, **wanted: object)
     return told
 
 
-@pytest.fixture
-def config(tmp_path: Path) -> str:
-    path = tmp_path / "simulated.toml"
-    path.write_text(SIMULATED, encoding="utf-8")
-    return str(path)
-
-
-@pytest.fixture(params=["released daemon", "released client"])
+@pytest.fixture(scope="module", params=["released daemon", "released client"])
 def pair(
-    request: pytest.FixtureRequest, release: Release, config: str, tmp_path: Path
+    request: pytest.FixtureRequest, release: Release, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[tuple[DaemonProcess, Path]]:
     """Run a daemon; give it, and the packages of the client that is to use it."""
+    folder = tmp_path_factory.mktemp("pair")
+    config = folder / "simulated.toml"
+    config.write_text(SIMULATED, encoding="utf-8")
     is_daemon = request.param == "released daemon"
     daemons = release.folder if is_daemon else ROOT
     on = ("env", f"--chdir={daemons}", f"PYTHONPATH={daemons}")
-    with daemon(tmp_path / "daemon", CHANNEL, "--config", config, on=on) as running:
+    with daemon(folder / "daemon", CHANNEL, "--config", str(config), on=on) as running:
         with running.connect() as client:
             client.until(lambda state: bool(state["motor"] == "disabled" and state["calibrated"]))
             helper = client.until_health(lambda health: bool(health["helper"]["pid"]))["helper"]
@@ -97,6 +94,7 @@ def pair(
 
 def test_every_call(release: Release, pair: tuple[DaemonProcess, Path], tmp_path: Path) -> None:
     running, packages = pair
+    begin_again(running)
     names = [name for name in steps.STEPS if not is_later(name, release.version)]
     names = [name for name in names if name not in steps.LONG]  # `litegripctl zero` is tried below
     told = told_by_client(running.socket_path, packages, tmp_path / "c", steps=names)
@@ -107,6 +105,7 @@ def test_every_command(release: Release, pair: tuple[DaemonProcess, Path], tmp_p
     running, packages = pair
     if packages == release.folder and not IS_NIGHT:
         pytest.skip("the released client's commands take half a minute: make nightly tries them")
+    begin_again(running)
     lines = [line for line in LINES if not is_later(line, release.version)]
     lines = [line for line in lines if not line.startswith("restart")]  # it has no parent to be of
     if (

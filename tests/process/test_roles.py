@@ -5,12 +5,10 @@ import json
 import os
 import subprocess
 import sys
-import tempfile
-from pathlib import Path
 
 import pytest
 
-from tests.process.daemon_process import DEADLINE_S, DaemonProcess, daemon
+from tests.process.daemon_process import DEADLINE_S, SIMULATED, DaemonProcess, daemon_for_all
 
 ASK = """
 import os, socket, sys
@@ -37,27 +35,10 @@ def role(running: DaemonProcess, uid: int, *gids: int) -> str:
 @pytest.mark.skipif(os.getuid() != 0, reason="only root can become another user")
 def test_users_and_groups_have_the_roles_that_the_configuration_gives() -> None:
     lab = grp.getgrgid(1)
-    content = f'[access]\ndefault = "observer"\noperators = [{ALICE}]\nadmins = ["@{lab.gr_name}"]'
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        folder.chmod(0o755)
-        config = folder / "c.toml"
-        config.write_text(content, encoding="utf-8")
-        with daemon(
-            folder, f"roles-{os.getpid()}", "--simulate", "--config", str(config)
-        ) as running:
-            running.connect().close()
-            running.socket_path.chmod(0o666)
-            assert role(running, 0, 0) == "admin"
-            assert role(running, ALICE, NO_GROUP) == "operator"
-            assert role(running, ALICE, NO_GROUP, lab.gr_gid) == "admin"
-            assert role(running, BOB, NO_GROUP) == "observer"
-            assert role(running, BOB, lab.gr_gid) == "admin"
-
-
-def test_an_entry_that_names_nobody_ends_the_start(tmp_path: Path) -> None:
-    config = tmp_path / "c.toml"
-    config.write_text('[access]\nadmins = ["@no-such-group"]\n', encoding="utf-8")
-    running = DaemonProcess(tmp_path, f"roles-{os.getpid()}", "--simulate", "--config", str(config))
-    assert running.exit_code() == 2
-    assert f"{config}: [access] admins: there is no group 'no-such-group'; allowed" in running.log
+    content = f'default = "observer"\noperators = [{ALICE}]\nadmins = ["@{lab.gr_name}"]'
+    with daemon_for_all(f"roles-{os.getpid()}", SIMULATED + content) as running:
+        assert role(running, 0, 0) == "admin"
+        assert role(running, ALICE, NO_GROUP) == "operator"
+        assert role(running, ALICE, NO_GROUP, lab.gr_gid) == "admin"
+        assert role(running, BOB, NO_GROUP) == "observer"
+        assert role(running, BOB, lab.gr_gid) == "admin"

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.process.daemon_process import DaemonProcess, daemon
+from tests.process.daemon_process import DaemonProcess, begin_again, daemon
 from tests.process.teleop_pair import CONFIG
 
 PROGRAMS = Path(__file__).parents[1] / "sdk" / "programs"
@@ -60,66 +60,79 @@ def run(folder: Path, program: str, *arguments: str, answers: str = "") -> str:
     raise AssertionError(said)
 
 
-@pytest.fixture
-def one(tmp_path: Path) -> Iterator[DaemonProcess]:
-    with gripper(tmp_path, NAMES[0]) as running:
+@pytest.fixture(scope="module")
+def places(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder in which programs find the daemons, and keep what they save."""
+    return tmp_path_factory.mktemp("places")
+
+
+@pytest.fixture(scope="module")
+def shared(places: Path) -> Iterator[DaemonProcess]:
+    with gripper(places, NAMES[0]) as running:
         yield running
 
 
-def test_strokes_and_a_taught_motion(one: DaemonProcess, tmp_path: Path) -> None:
-    out = run(tmp_path, "stroke", "--channel", NAMES[0], "--speed", "100", "--kp", "90")
+@pytest.fixture
+def one(shared: DaemonProcess) -> DaemonProcess:
+    """Return the module's daemon as it was at its beginning."""
+    begin_again(shared)
+    return shared
+
+
+def test_strokes_and_a_taught_motion(one: DaemonProcess, places: Path) -> None:
+    out = run(places, "stroke", "--channel", NAMES[0], "--speed", "100", "--kp", "90")
     assert out.count("True") >= 4
-    out = run(tmp_path, "taught", "--channel", NAMES[0], "--record", "0.5", "--save", "still")
+    out = run(places, "taught", "--channel", NAMES[0], "--record", "0.5", "--save", "still")
     assert out.endswith(" still.lgt\n")
-    assert "True" in run(tmp_path, "taught", "--channel", NAMES[0], "--play", "still")
+    assert "True" in run(places, "taught", "--channel", NAMES[0], "--play", "still")
 
 
-def test_a_force_of_40_n(one: DaemonProcess, tmp_path: Path) -> None:
+def test_a_force_of_40_n(one: DaemonProcess, places: Path) -> None:
     with one.connect() as client:
         client.result("sim.object", width_mm=40.0)
-    out = run(tmp_path, "hold_force", "--channel", NAMES[0], "--force", "40", "--hold-s", "2")
+    out = run(places, "hold_force", "--channel", NAMES[0], "--force", "40", "--hold-s", "2")
     assert out.startswith("2.0 s")
 
 
-def test_a_grasp_and_what_serves_a_motor(one: DaemonProcess, tmp_path: Path) -> None:
-    out = run(tmp_path, "grasp", "--channel", NAMES[0], "--hold-s", "1", "--skip-loaded")
+def test_a_grasp_and_what_serves_a_motor(one: DaemonProcess, places: Path) -> None:
+    out = run(places, "grasp", "--channel", NAMES[0], "--hold-s", "1", "--skip-loaded")
     assert "empty True True False 5 5" in out
-    run(tmp_path, "service", "open", "--channel", NAMES[0])
+    run(places, "service", "open", "--channel", NAMES[0])
     with one.connect() as client:
         client.result("sim.object", width_mm=30.0)
     arguments = ("--channel", NAMES[0], "--hold-s", "1", "--skip-empty")
-    assert "loaded True False True 5 5" in run(tmp_path, "grasp", *arguments, answers="\n")
+    assert "loaded True False True 5 5" in run(places, "grasp", *arguments, answers="\n")
     for what in ("status", "release"):
-        out = run(tmp_path, "service", what, "--channel", NAMES[0], "--duration", "0.3")
+        out = run(places, "service", what, "--channel", NAMES[0], "--duration", "0.3")
         assert "mst 0x18" in out
 
 
-def test_a_bench_program_with_an_emergency_stop(one: DaemonProcess, tmp_path: Path) -> None:
-    out = run(tmp_path, "bench_window", NAMES[0], str(tmp_path / "saved.json"))
+def test_a_bench_program_with_an_emergency_stop(one: DaemonProcess, places: Path) -> None:
+    out = run(places, "bench_window", NAMES[0], str(places / "saved.json"))
     assert "enabled False failed 0" in out
     assert "reports True" in out
     assert "saved True" in out
     assert "force True" in out
 
 
-def test_a_node(one: DaemonProcess, tmp_path: Path) -> None:
-    out = run(tmp_path, "node", NAMES[0])
+def test_a_node(one: DaemonProcess, places: Path) -> None:
+    out = run(places, "node", NAMES[0])
     assert out.splitlines() == ["idle False", "there True False", "slack False"]
 
 
-def test_a_mirror(one: DaemonProcess, tmp_path: Path) -> None:
-    out = run(tmp_path, "mirror", NAMES[0])
+def test_a_mirror(one: DaemonProcess, places: Path) -> None:
+    out = run(places, "mirror", NAMES[0])
     assert out.splitlines() == ["from factory_calibration.json True", "held True", "there True"]
 
 
-def test_two_grippers_in_one_process(tmp_path: Path) -> None:
-    with gripper(tmp_path, NAMES[0]), gripper(tmp_path, NAMES[1], "reverse"):
-        assert run(tmp_path, "two_at_once", *NAMES) == "[True, True] True True\n"
-        assert "100 frames" in run(tmp_path, "hand_and_twin", *NAMES)
+def test_two_grippers_in_one_process(one: DaemonProcess, places: Path) -> None:
+    with gripper(places, NAMES[1], "reverse"):
+        assert run(places, "two_at_once", *NAMES) == "[True, True] True True\n"
+        assert "100 frames" in run(places, "hand_and_twin", *NAMES)
 
 
-def test_a_fake_leader(one: DaemonProcess, tmp_path: Path) -> None:
-    out = run(tmp_path, "follow", "--channel", NAMES[0], "--mode", "slave", "--fake-leader")
+def test_a_fake_leader(one: DaemonProcess, places: Path) -> None:
+    out = run(places, "follow", "--channel", NAMES[0], "--mode", "slave", "--fake-leader")
     *_, last, final = out.splitlines()
     assert final.startswith("frames ")
     assert int(final.split()[1]) > 50

@@ -4,17 +4,15 @@ import json
 import os
 import select
 import signal
-import subprocess
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from litegrip_client.ctl.plot.drawing import draw, read
-from tests.process.daemon_process import CTL, DEADLINE_S, Client, DaemonProcess, daemon
+from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess, daemon, litegripctl
 
 STOOD_STILL_S = 0.4
 
@@ -36,14 +34,6 @@ def stand_still(running: DaemonProcess) -> None:
     finally:
         running.process.send_signal(signal.SIGCONT)
         os.close(pidfd)
-
-
-def ctl(running: DaemonProcess, *arguments: str) -> Any:
-    command = [*CTL, "--socket", str(running.socket_path)]
-    done = subprocess.run(
-        [*command, "--json", *arguments], capture_output=True, timeout=DEADLINE_S, check=False
-    )
-    return json.loads(done.stdout)
 
 
 def dumped(client: Client) -> Path:
@@ -76,7 +66,8 @@ def test_a_stopped_daemon_is_not_taken_for_bad_wiring(usual: DaemonProcess) -> N
         path = dumped(client)
     assert health["control"]["lateness"]["worst_us"] >= (STOOD_STILL_S - 0.005) * 1e6
     assert any("stood still" in reason for reason in health["reasons"])
-    rows = {row["check"]: row for row in ctl(usual, "doctor")["findings"]}
+    _, found = litegripctl(usual, "doctor", "--json")
+    rows = {row["check"]: row for row in json.loads(found)["findings"]}
     assert "the daemon itself stood still for" in rows["real-time"]["text"]
     assert "the daemon itself stood still for" in rows["health"]["text"]
     assert "wiring" not in json.dumps(list(rows.values()))

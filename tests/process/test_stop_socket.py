@@ -126,6 +126,7 @@ def test_the_next_command_after_a_stop_holds(simulated: DaemonProcess, flooded: 
     with simulated.connect() as mover, simulated.connect() as second:
         mover.enabled().result("motion.close")
         watcher = Watcher(second)
+        before = mover.result("state.get")["stop_generation"]
         around = flood(simulated.socket_path) if flooded else contextlib.nullcontext()
         with around, connect(stop_path(simulated)) as stopper:
             for number in range(1, ROUNDS + 1):
@@ -137,7 +138,7 @@ def test_the_next_command_after_a_stop_holds(simulated: DaemonProcess, flooded: 
                 assert json.loads(stopper.recv(4096)) == {
                     "jsonrpc": "2.0",
                     "id": "s",
-                    "result": {"level": "hold", "generation": number},
+                    "result": {"level": "hold", "generation": before + number},
                 }
                 assert mover.answer(motion)["error"]["data"]["reason"] == "stopped"
                 mover.result("stop.clear")
@@ -210,12 +211,13 @@ def test_bare_text_as_echo_and_socat_send_it(
 ) -> None:
     with simulated.connect() as mover:
         motion = moving(mover)
+        generation = mover.result("state.get")["stop_generation"] + 1
         with connect(stop_path(simulated)) as stopper:
             stopper.sendall(said)
             stopper.shutdown(socket.SHUT_WR)
             with stopper.makefile("rb") as lines:
                 (answer,) = lines.readlines()
-        assert json.loads(answer)["result"] == {"level": level, "generation": 1}
+        assert json.loads(answer)["result"] == {"level": level, "generation": generation}
         assert mover.answer(motion)["error"]["data"]["reason"] == "stopped"
         mover.until(lambda state: bool(state["mode"] == mode))
         assert mover.refusal("motion.close") == "stopped"
@@ -224,11 +226,11 @@ def test_bare_text_as_echo_and_socat_send_it(
 
 def test_a_level_can_only_be_raised_until_it_is_cleared(simulated: DaemonProcess) -> None:
     with simulated.connect() as client, connect(stop_path(simulated)) as stopper:
-        client.enabled()
+        before = client.enabled().result("state.get")["stop_generation"]
         for level, latched in (("relax", "relax"), ("hold", "relax"), ("disable", "disable")):
             stopper.sendall(stop_line(level=level))
             assert json.loads(stopper.recv(4096))["result"]["level"] == latched
-        assert client.result("stop.clear")["generation"] == 3
+        assert client.result("stop.clear")["generation"] == before + 3
         client.until(lambda state: bool(state["motor"] == "disabled"))
         assert client.despite_silence("motor.enable")["ok"]
 
@@ -257,9 +259,9 @@ def test_a_stop_is_taken_before_the_first_client_is(tmp_path: Path) -> None:
         running.kill()
 
 
-def test_a_flood_of_stops_delays_no_tick_and_no_stronger_stop(simulated: DaemonProcess) -> None:
-    path = stop_path(simulated)
-    with simulated.connect() as client, contextlib.ExitStack() as stack:
+def test_a_flood_of_stops_delays_no_tick_and_no_stronger_stop(own: DaemonProcess) -> None:
+    path = stop_path(own)
+    with own.connect() as client, contextlib.ExitStack() as stack:
         client.enabled()
         for _ in range(2):
             program = FLOOD.replace('{"jsonrpc":"2.0","id":1,"method":"state.get"}', "hold")
@@ -283,4 +285,4 @@ def test_a_flood_of_stops_delays_no_tick_and_no_stronger_stop(simulated: DaemonP
         assert levels[:2] == ["hold", "disable"]
         cleared = next(event for event in told if event["kind"] == "stop_cleared")
         assert cleared["data"]["repeats"] > 1000
-    assert simulated.log.count("is latched") < 10  # the flood goes on after the clearing
+    assert own.log.count("is latched") < 10  # the flood goes on after the clearing

@@ -21,7 +21,6 @@ import zenoh
 
 from litegripd.model.calibration import NOMINAL
 from litegripd.model.motion_config import MOVING_KP_NM_RAD, MotionConfig
-from tests.process.by_portal import Met
 from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess
 from tests.process.teleop_pair import (
     LossyProxy,
@@ -175,8 +174,8 @@ def test_over_a_network_that_loses_delays_and_reorders(tmp_path: Path) -> None:
     assert largest_lead_rad(samples) <= CAP_RAD + 1e-9
 
 
-def test_frames_of_a_script_are_followed_and_ours_are_read_by_one(met: Met, tmp_path: Path) -> None:
-    with gripper(tmp_path, "one") as running, met(running), running.connect() as client:
+def test_frames_of_a_script_are_followed_and_ours_are_read_by_one(simulated: DaemonProcess) -> None:
+    with simulated.connect() as client:
         client.enabled()
         port = free_port()
         client.result("teleop.start", mode="slave", host="127.0.0.1", port=port)
@@ -202,8 +201,8 @@ def test_frames_of_a_script_are_followed_and_ours_are_read_by_one(met: Met, tmp_
         assert times == sorted(set(times))
 
 
-def test_a_leader_that_is_not_there_is_told_by_status_and_health(met: Met, tmp_path: Path) -> None:
-    with gripper(tmp_path, "alone") as running, met(running), running.connect() as client:
+def test_a_leader_that_is_not_there_is_told_by_status_and_health(simulated: DaemonProcess) -> None:
+    with simulated.connect() as client:
         client.enabled()
         port = free_port()
         client.result("teleop.start", mode="slave", host="127.0.0.1", port=port)
@@ -223,15 +222,11 @@ def test_a_leader_that_is_not_there_is_told_by_status_and_health(met: Met, tmp_p
 
 
 @pytest.mark.parametrize("link", ["udp", "zenoh"])
-def test_noise_on_a_link_harms_nobody(tmp_path: Path, link: str) -> None:
+def test_noise_on_a_link_harms_nobody(simulated: DaemonProcess, link: str) -> None:
     """Payloads of any length and content, as fast as a script can, and then a leader again."""
     dice = random.Random(11)
     port = free_port(socket.SOCK_DGRAM if link == "udp" else socket.SOCK_STREAM)
-    with (
-        gripper(tmp_path, "noisy") as running,
-        running.connect() as client,
-        contextlib.ExitStack() as stack,
-    ):
+    with simulated.connect() as client, contextlib.ExitStack() as stack:
         client.enabled()
         client.result("teleop.start", mode="slave", link=link, port=port, host="127.0.0.1")
         before = client.result("state.get")["openness"]
@@ -268,20 +263,19 @@ def quiet(send: Callable[[bytes], object]) -> Callable[[bytes], object]:
     return put
 
 
-def test_a_killed_link_process_is_started_again(tmp_path: Path) -> None:
+def test_a_killed_link_process_is_started_again(own: DaemonProcess) -> None:
     port = free_port(socket.SOCK_DGRAM)
     with (
-        gripper(tmp_path, "one") as running,
-        running.connect() as client,
+        own.connect() as client,
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sending,
     ):
         client.enabled()
-        assert "litegripd.teleop.process" not in children(running.process.pid)
+        assert "litegripd.teleop.process" not in children(own.process.pid)
         sending.connect(("127.0.0.1", port))
         client.result("teleop.start", mode="slave", link="udp", port=port)
         put = quiet(sending.send)
         say_until(put, 0.55, lambda: is_at(client, 0.55))
-        os.kill(children(running.process.pid)["litegripd.teleop.process"], signal.SIGKILL)
+        os.kill(children(own.process.pid)["litegripd.teleop.process"], signal.SIGKILL)
         status = until(client, lambda s: bool(s["link_state"] == "failed"))
         assert "died" in status["link_error"]
         say_until(put, 0.6, lambda: is_at(client, 0.6))

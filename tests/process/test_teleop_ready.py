@@ -13,7 +13,7 @@ from pathlib import Path
 
 import zenoh
 
-from tests.process.daemon_process import DEADLINE_S, Client
+from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess
 from tests.process.teleop_pair import free_port, gripper, until
 from tests.process.test_teleop import KEY, is_at, peer, say
 
@@ -21,8 +21,8 @@ READY_KEY = "litearm/v4/gripA/gripper_ready"
 NOT_READY, READY = b"\x00", b"\x01"
 
 
-def test_a_script_hears_when_a_follower_is_ready_and_that_it_ends(tmp_path: Path) -> None:
-    with gripper(tmp_path, "one") as running, running.connect() as client:
+def test_a_script_hears_when_a_follower_is_ready_and_that_it_ends(simulated: DaemonProcess) -> None:
+    with simulated.connect() as client:
         client.enabled()
         port = free_port()
         with peer(listen=port) as session:
@@ -48,8 +48,8 @@ def test_a_script_hears_when_a_follower_is_ready_and_that_it_ends(tmp_path: Path
             assert set(said) <= {NOT_READY, READY}
 
 
-def test_a_script_that_is_ready_lets_a_leaders_jaws_go(tmp_path: Path) -> None:
-    with gripper(tmp_path, "one") as running, running.connect() as client:
+def test_a_script_that_is_ready_lets_a_leaders_jaws_go(simulated: DaemonProcess) -> None:
+    with simulated.connect() as client:
         client.enabled()
         port = free_port()
         client.result("teleop.start", mode="master", port=port, ready_timeout_s=0)
@@ -112,12 +112,8 @@ def test_two_daemons_over_a_link_that_a_program_carries(tmp_path: Path) -> None:
             assert client.result("health")["control"]["tick_errors"] == 0
 
 
-def test_a_flood_over_a_link_of_a_clients_own_costs_no_tick(tmp_path: Path) -> None:
-    with (
-        gripper(tmp_path, "one") as running,
-        running.connect() as client,
-        running.connect() as watching,
-    ):
+def test_a_flood_over_a_link_of_a_clients_own_costs_no_tick(simulated: DaemonProcess) -> None:
+    with simulated.connect() as client, simulated.connect() as watching:
         client.enabled().result("teleop.start", mode="slave", link="client")
         params = {"topic": KEY, "payload": "00" * 40}
         line = json.dumps({"jsonrpc": "2.0", "method": "teleop.receive", "params": params})

@@ -1,49 +1,34 @@
 """The named trajectories of two users, at the limits of the daemon's configuration."""
 
 import os
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.process.daemon_process import DaemonProcess, daemon
+from tests.process.daemon_process import SIMULATED, DaemonProcess, daemon_for_all
 from tests.process.test_whose import ALICE, BOB, CHANNEL, ctl
 from tests.trajectories import lgt, sampled, swing
 
 pytestmark = pytest.mark.skipif(os.getuid() != 0, reason="only root can become another user")
 
-CONFIG = """
-[bus]
-interface = "litegrip_sim"
-watchdog_s = 0.4
-[gripper]
-mount = "normal"
-[trajectories]
-most_per_user = 2
-most_mb_per_user = 1
-"""
+CONFIG = f"{SIMULATED}[trajectories]\nmost_per_user = 2\nmost_mb_per_user = 1\n"
+
+
+def keep(folder: Path) -> None:
+    """Keep three trajectories, as before there were owners, and lay out one short and one large."""
+    kept = folder / "trajectories"
+    kept.mkdir()
+    for number in range(3):
+        (kept / f"old {number}.lgt").write_bytes(lgt([(0.0, 0.5)]))
+    (folder / "short.lgt").write_bytes(lgt(sampled(swing(), 3.0)))
+    (folder / "large.lgt").write_bytes(lgt(sampled(swing(), 270.0)))
 
 
 @pytest.fixture
 def limited() -> Iterator[DaemonProcess]:
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        folder.chmod(0o755)
-        config = folder / "c.toml"
-        config.write_text(CONFIG, encoding="utf-8")
-        kept = folder / "trajectories"
-        kept.mkdir()
-        for number in range(3):  # from before
-            (kept / f"old {number}.lgt").write_bytes(lgt([(0.0, 0.5)]))
-        (folder / "short.lgt").write_bytes(lgt(sampled(swing(), 3.0)))
-        (folder / "large.lgt").write_bytes(lgt(sampled(swing(), 270.0)))
-        with daemon(folder, CHANNEL, "--config", str(config)) as running:
-            with running.connect() as client:
-                client.until(lambda state: bool(state["motor"] == "disabled"))
-            for path in folder.glob("*.sock"):
-                path.chmod(0o666)
-            yield running
+    with daemon_for_all(CHANNEL, CONFIG, keep) as running:
+        yield running
 
 
 def test_a_user_at_the_limits_is_refused_and_the_others_are_not(limited: DaemonProcess) -> None:

@@ -6,24 +6,23 @@ import re
 import signal
 import subprocess
 import sys
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.process.daemon_process import DEADLINE_S, DaemonProcess, daemon
+from tests.process.daemon_process import DEADLINE_S, DaemonProcess, begin_again, daemon_for_all
 
 pytestmark = pytest.mark.skipif(os.getuid() != 0, reason="only root can become another user")
 
 ALICE, BOB, CAROL = 30_001, 30_002, 30_003
-CHANNEL = f"whose-{os.getpid()}"
+CHANNEL, LONE = f"whose-{os.getpid()}", f"lone-{os.getpid()}"
 
 AS_USER = """
-import contextlib, importlib, json, logging, os, pkgutil, socket, sys
+import importlib, json, logging, os, pkgutil, socket, sys
 import litegrip_client
 for module in pkgutil.walk_packages(litegrip_client.__path__, "litegrip_client."):
-    with contextlib.suppress(ImportError):  # what draws needs libraries
+    if not any(part in module.name for part in (".plot", ".live", ".metrics")):  # with libraries
         importlib.import_module(module.name)  # another user may not read them
 from litegrip_client import LiteGrip, LeaseError
 from litegrip_client.ctl.main import main
@@ -38,10 +37,12 @@ exec(code)
 
 
 @contextlib.contextmanager
-def script(uid: int, code: str, path: Path, *arguments: str) -> Iterator["subprocess.Popen[str]"]:
+def script(
+    uid: int, code: str, path: Path, *arguments: str, channel: str = CHANNEL
+) -> Iterator["subprocess.Popen[str]"]:
     """Run code as another user; `path` is the daemon's socket."""
     process = subprocess.Popen(
-        [sys.executable, "-c", AS_USER, str(uid), code, str(path), CHANNEL, *arguments],
+        [sys.executable, "-c", AS_USER, str(uid), code, str(path), channel, *arguments],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -62,24 +63,24 @@ def ctl(running: DaemonProcess, uid: int, *arguments: str) -> tuple[int, str, st
     return process.returncode, out, err
 
 
+@pytest.fixture(scope="module")
+def one() -> Iterator[DaemonProcess]:
+    with daemon_for_all(CHANNEL) as running:
+        yield running
+
+
 @pytest.fixture
-def shared() -> Iterator[DaemonProcess]:
-    """A daemon to which everybody may connect, as operator; root is its admin."""
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        folder.chmod(0o755)
-        config = folder / "c.toml"
-        config.write_text(
-            '[bus]\ninterface = "litegrip_sim"\nwatchdog_s = 0.4\n[gripper]\nmount = "normal"\n',
-            encoding="utf-8",
-        )
-        with daemon(folder, CHANNEL, "--config", str(config)) as running:
-            with running.connect() as client:
-                client.until(lambda state: bool(state["motor"] == "disabled"))
-                client.until(lambda state: bool(state["calibrated"]))
-            for path in folder.glob("*.sock"):
-                path.chmod(0o666)
-            yield running
+def shared(one: DaemonProcess) -> DaemonProcess:
+    """The module's daemon, to which everybody may connect, as operator; root is its admin."""
+    begin_again(one)
+    return one
+
+
+@pytest.fixture
+def lone() -> Iterator[DaemonProcess]:
+    """Such a daemon for one test alone, whose log tells of nobody else; its channel is LONE."""
+    with daemon_for_all(LONE) as running:
+        yield running
 
 
 SLEEPER = """
@@ -123,20 +124,20 @@ def wake(process: "subprocess.Popen[str]") -> None:
 
 @pytest.mark.parametrize("new_user", ["holds the lease", "has given it back"])
 def test_a_script_that_slept_through_its_loss_leaves_the_gripper_to_its_new_user(
-    shared: DaemonProcess, new_user: str
+    lone: DaemonProcess, new_user: str
 ) -> None:
-    with script(ALICE, SLEEPER, shared.socket_path) as process:
+    with script(ALICE, SLEEPER, lone.socket_path, channel=LONE) as process:
         pid = said(process).removeprefix("asleep ")
-        code, out, _ = ctl(shared, 0, "lease", "take", "my turn")
+        code, out, _ = ctl(lone, 0, "lease", "take", "my turn")
         assert code == 0
         taken = rf"taken from \S+ \(pid {pid}\); the jaws hold on; nobody has the lease now\n"
         assert re.fullmatch(taken, out), out
-        with shared.connect() as client:
+        with lone.connect() as client:
             assert client.result("state.get")["enabled"]  # the script would have had it disabled
             if new_user == "holds the lease":
                 client.result("lease.acquire", purpose="my turn")
             assert client.result("motion.move", opening_mm=40)["ok"]
-            jobs = len(client.result("job.list")["jobs"])
+            jobs = client.result("job.list")["jobs"]
             wake(process)
             told = [said(process) for _ in range(5)]
             for what, line in zip(("close", "hold", "disable", "set_force"), told, strict=False):
@@ -148,10 +149,10 @@ def test_a_script_that_slept_through_its_loss_leaves_the_gripper_to_its_new_user
             state = client.result("state.get")
             assert (state["enabled"], state["mode"]) == (True, "holding")
             assert state["opening_mm"] == pytest.approx(40, abs=2)
-            assert len(client.result("job.list")["jobs"]) == jobs
-        assert f"(pid {pid}, uid {ALICE}) is lost: it was taken over by" in shared.log
-        assert "the gripper was taken over: the jaws keep their hold" in shared.log
-        assert "is gone: the jaws" not in shared.log
+            assert client.result("job.list")["jobs"] == jobs
+        assert f"(pid {pid}, uid {ALICE}) is lost: it was taken over by" in lone.log
+        assert "the gripper was taken over: the jaws keep their hold" in lone.log
+        assert "is gone: the jaws" not in lone.log
 
 
 HOLDER = """
@@ -205,17 +206,17 @@ def test_the_token_of_a_lease_is_its_holders_secret_and_the_log_names_who_acted(
         assert token not in shared.log
 
 
-def test_who_acts_by_a_token_that_it_was_given_is_named_in_the_log(shared: DaemonProcess) -> None:
-    with script(ALICE, HOLDER, shared.socket_path) as holder:
-        with script(BOB, THIEF, shared.socket_path, said(holder)) as friend:
+def test_who_acts_by_a_token_that_it_was_given_is_named_in_the_log(lone: DaemonProcess) -> None:
+    with script(ALICE, HOLDER, lone.socket_path, channel=LONE) as holder:
+        with script(BOB, THIEF, lone.socket_path, said(holder)) as friend:
             out, err = friend.communicate(timeout=DEADLINE_S)
         assert friend.returncode == 0, err
         assert out.split()[-1] == "True"
         actor = rf"given back by \S+ \(pid {friend.pid}, uid {BOB}\)"
         assert re.search(
-            rf"{actor}, in the place of \S+ \(pid {holder.pid}, uid {ALICE}\)", shared.log
+            rf"{actor}, in the place of \S+ \(pid {holder.pid}, uid {ALICE}\)", lone.log
         )
-        assert re.search(rf"hold by \S+ \(pid {friend.pid}, uid {BOB}\)", shared.log)
+        assert re.search(rf"hold by \S+ \(pid {friend.pid}, uid {BOB}\)", lone.log)
 
 
 def test_who_stops_may_clear_though_a_script_has_the_lease_and_others_are_told_who(

@@ -1,56 +1,38 @@
 """A fleet on this machine: a daemon on a simulated gripper, a gateway, a router and a portal."""
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from tests.process.daemon_process import SIMULATED, Client, DaemonProcess, daemon
+from tests.process.daemon_process import DaemonProcess, begin_again
 from tests.process.fleet.fleet_process import Fleet, fleet
 
-START_MM = 60.0
-"""Where the simulated gripper's jaws are when it begins."""
+
+@pytest.fixture
+def gripper(shared: DaemonProcess) -> DaemonProcess:
+    """Return the module's daemon as it was at its beginning."""
+    begin_again(shared)
+    return shared
 
 
 @pytest.fixture(scope="module")
-def left(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonProcess]:
-    """One daemon for all tests of a module; each takes it as `gripper`."""
-    folder = tmp_path_factory.mktemp("left")
-    config = folder / "simulated.toml"
-    config.write_text(SIMULATED, encoding="utf-8")
-    with daemon(folder, f"left-{os.getpid()}", "--config", str(config)) as running:
+def site(
+    request: pytest.FixtureRequest,
+    tmp_path_factory: pytest.TempPathFactory,
+    certificates: Path,
+    shared: DaemonProcess,
+) -> Iterator[Fleet]:
+    """One fleet for all tests of a module, which says in FLEET what it has to be like."""
+    shared.connect().close()
+    options = getattr(request.module, "FLEET", {})
+    sockets = {"left": shared.socket_path}
+    with fleet(tmp_path_factory.mktemp("site"), certificates, sockets, **options) as running:
         yield running
 
 
 @pytest.fixture
-def gripper(left: DaemonProcess) -> DaemonProcess:
-    """Return the daemon as it was at its beginning: disabled, half open, with no client."""
-    with left.connect() as client:
-        client.until(lambda _state: len(client.result("clients.list")["clients"]) == 1)
-        client.result("stop", level="disable")
-        client.result("sim.reset")
-        client.result("stop.clear")
-        client.until(lambda state: bool(state["calibrated"]))
-        client.despite_silence("motion.move", opening_mm=START_MM, speed_mm_s=140)
-        disable(client)
-    return left
-
-
-def disable(client: Client) -> None:
-    """Disable the motor, also one that a busy machine has let fall silent meanwhile."""
-    methods = {"enabled": "motor.disable", "fault": "motor.clear_fault"}
-
-    def is_disabled(state: dict[str, Any]) -> bool:
-        if state["motor"] in methods:
-            client.call(methods[state["motor"]])
-        return bool(state["motor"] == "disabled")
-
-    client.until(is_disabled)
-
-
-@pytest.fixture
-def lab(tmp_path: Path, certificates: Path, gripper: DaemonProcess) -> Iterator[Fleet]:
-    with fleet(tmp_path / "fleet", certificates, {"left": gripper.socket_path}) as running:
-        yield running
+def lab(site: Fleet, gripper: DaemonProcess) -> Fleet:
+    """Return the module's fleet; whatever a test has killed or frozen in it runs again."""
+    site.mend()
+    return site

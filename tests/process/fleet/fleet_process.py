@@ -11,8 +11,9 @@ import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
-from tests.process.daemon_process import DEADLINE_S, wait_a_moment
+from tests.process.daemon_process import DEADLINE_S, Client, wait_a_moment
 
 SITE = "lab"
 HOST = "127.0.0.1"
@@ -132,6 +133,7 @@ class Fleet:
         self.certificates = certificates
         self.parts: dict[str, Part] = {}
         self.endpoint = ""
+        self.grippers: Sequence[str] = ()
         self._host = host
         self._on = on or {}
 
@@ -204,10 +206,21 @@ class Fleet:
             f'[portal]\nuser = "{user}"\nrole = "{role}"\ngrippers = {places}\n'
             f'ttl_s = {ttl_s}\ndirectory = "{directory}"\n'
         )
+        self.grippers = grippers
         self._start("portal", name, config)
         for gripper in grippers:
             stops = self.socket_path(gripper, name).with_suffix(".stop.sock")
             self.parts[name].until_exists(stops)
+
+    def mend(self) -> None:
+        """Let all parts run, and wait until each gripper can be reached by the portal."""
+        for part in self.parts.values():
+            part.thaw()
+        for part in self.parts.values():
+            if part.process.poll() is not None:
+                part.restart()
+        for gripper in self.grippers:
+            reach(self, gripper).close()
 
     def _start(self, kind: str, name: str, config: str, **environment: str) -> None:
         on = self._on.get(name, ())
@@ -260,6 +273,24 @@ def fleet(
         for name in sockets:
             made.gateway.until_says(f"{SITE}.{name}: ")
         yield made
+
+
+def reach(lab: Fleet, gripper: str = "left", portal: str = "portal") -> Client:
+    """Connect by a portal as soon as the daemon answers there."""
+    path, ends_s = lab.socket_path(gripper, portal), time.monotonic() + DEADLINE_S
+    while True:
+        assert time.monotonic() < ends_s, lab.parts[portal].log
+        message: dict[str, Any] = {}
+        with contextlib.suppress(FileNotFoundError, ConnectionRefusedError):  # none listens yet
+            client = Client(path)
+            with contextlib.suppress(BrokenPipeError):  # the portal has already said why not
+                client.send("hello")
+            message = client.read()
+            if "result" in message:
+                return client
+            client.close()
+        assert not message or message["error"]["data"]["reason"] == "unreachable", message
+        wait_a_moment(lab.parts[portal].process)
 
 
 def _free_port() -> int:

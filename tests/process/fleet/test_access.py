@@ -4,9 +4,7 @@ What the rules cannot see, hostile and repeated messages, is tried in test_hosti
 """
 
 import json
-import os
 import subprocess
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -14,26 +12,13 @@ import zenoh
 
 from litegrip_fleet.wire.messages import Ask, Reply, packed, unpacked
 from litegrip_fleet.wire.network import the_newest
-from tests.process.daemon_process import DEADLINE_S, SIMULATED, daemon, wait_a_moment
-from tests.process.fleet.fleet_process import Fleet, fleet, make_certificates
+from tests.process.daemon_process import DEADLINE_S, wait_a_moment
+from tests.process.fleet.fleet_process import Fleet, make_certificates
 from tests.process.fleet.on_network import LEFT, answers, connected
 
-USERS = {"op1": "operator", "op2": "operator", "viewer": "observer"}
+FLEET = {"users": {"op1": "operator", "op2": "operator", "viewer": "observer"}}
 HELLO = b'{"jsonrpc":"2.0","id":1,"method":"hello"}\n'
 STOP = b'{"jsonrpc":"2.0","id":1,"method":"stop","params":{"level":"hold"}}\n'
-
-
-@pytest.fixture(scope="module")
-def shared(tmp_path_factory: pytest.TempPathFactory, certificates: Path) -> Iterator[Fleet]:
-    """One fleet for all that breaks nothing; its daemon's own fixture is for each test."""
-    folder = tmp_path_factory.mktemp("shared")
-    config = folder / "simulated.toml"
-    config.write_text(SIMULATED, encoding="utf-8")
-    with daemon(folder / "left", f"rules-{os.getpid()}", "--config", str(config)) as running:
-        running.connect().close()
-        sockets = {"left": running.socket_path}
-        with fleet(folder / "fleet", certificates, sockets, users=USERS) as lab:
-            yield lab
 
 
 def opening(session: zenoh.Session, user: str, role: str) -> Reply | None:
@@ -64,9 +49,9 @@ REFUSED = [
 
 @pytest.mark.parametrize(("certificate", "user", "role"), ALLOWED)
 def test_a_user_asks_by_his_own_name_and_up_to_his_own_role(
-    shared: Fleet, certificate: str, user: str, role: str
+    site: Fleet, certificate: str, user: str, role: str
 ) -> None:
-    with connected(shared, certificate) as session:
+    with connected(site, certificate) as session:
         reply = opening(session, user, role)
     assert reply is not None
     assert reply.about is not None
@@ -75,9 +60,9 @@ def test_a_user_asks_by_his_own_name_and_up_to_his_own_role(
 
 @pytest.mark.parametrize(("certificate", "user", "role"), REFUSED)
 def test_nobody_asks_by_anothers_name_or_above_his_own_role(
-    shared: Fleet, certificate: str, user: str, role: str
+    site: Fleet, certificate: str, user: str, role: str
 ) -> None:
-    with connected(shared, certificate) as session:
+    with connected(site, certificate) as session:
         assert opening(session, user, role) is None
 
 
@@ -94,38 +79,36 @@ def test_nobody_asks_by_anothers_name_or_above_his_own_role(
         "**",
     ],
 )
-def test_no_wildcard_reaches_further_than_its_user(shared: Fleet, key: str) -> None:
-    with connected(shared, "op1") as session:
+def test_no_wildcard_reaches_further_than_its_user(site: Fleet, key: str) -> None:
+    with connected(site, "op1") as session:
         assert answers(session, key, STOP, packed(Ask("open"))) == []
 
 
 @pytest.mark.parametrize(
     "key", [LEFT.stop("op1"), "litegripd/1/lab/*/stop/op1", "litegripd/1/*/*/stop/op1"]
 )
-def test_everybody_stops_by_his_own_name_one_gripper_or_all(shared: Fleet, key: str) -> None:
-    with connected(shared, "op1") as session:
+def test_everybody_stops_by_his_own_name_one_gripper_or_all(site: Fleet, key: str) -> None:
+    with connected(site, "op1") as session:
         (answer,) = answers(session, key, STOP)
     assert answer.key == LEFT.stop("op1")
     assert json.loads(answer.payload)["result"]["level"] == "hold"
 
 
-def test_an_observer_stops_too(shared: Fleet) -> None:
-    with connected(shared, "viewer") as session:
+def test_an_observer_stops_too(site: Fleet) -> None:
+    with connected(site, "viewer") as session:
         assert answers(session, LEFT.stop("viewer"), STOP)
 
 
-def test_a_user_who_is_in_the_table_no_more_does_nothing(shared: Fleet) -> None:
-    with connected(shared, "former") as session:
+def test_a_user_who_is_in_the_table_no_more_does_nothing(site: Fleet) -> None:
+    with connected(site, "former") as session:
         assert opening(session, "former", "observer") is None
         assert answers(session, LEFT.stop("former"), STOP) == []
         assert answers(session, LEFT.about) == []
 
 
 @pytest.mark.parametrize("certificate", ["op2", "forger"])
-def test_a_forged_gateway_is_asked_nothing_and_says_nothing(
-    shared: Fleet, certificate: str
-) -> None:
-    with connected(shared, certificate) as forger, connected(shared, "op1") as session:
+def test_a_forged_gateway_is_asked_nothing_and_says_nothing(site: Fleet, certificate: str) -> None:
+    with connected(site, certificate) as forger, connected(site, "op1") as session:
         asked = forger.declare_queryable(f"{LEFT.key}/rpc/**", the_newest())
         assert opening(session, "op1", "operator") is not None
         assert asked.try_recv() is None
@@ -135,8 +118,8 @@ def test_a_forged_gateway_is_asked_nothing_and_says_nothing(
         assert heard.try_recv() is None
 
 
-def test_nobody_hears_what_is_said_to_another(shared: Fleet) -> None:
-    with connected(shared, "op2") as spy, connected(shared, "op1") as session:
+def test_nobody_hears_what_is_said_to_another(site: Fleet) -> None:
+    with connected(site, "op2") as spy, connected(site, "op1") as session:
         heard = spy.declare_subscriber("litegripd/1/*/*/to/**", the_newest())
         key = LEFT.rpc("op1", "s-7", "operator")
         assert answers(session, key, b"", packed(Ask("open", ttl_s=1.0)))
@@ -146,22 +129,22 @@ def test_nobody_hears_what_is_said_to_another(shared: Fleet) -> None:
         assert heard.try_recv() is None
 
 
-def test_whoever_shows_no_certificate_is_not_let_in(shared: Fleet) -> None:
-    with pytest.raises(zenoh.ZError), connected(shared, None):
+def test_whoever_shows_no_certificate_is_not_let_in(site: Fleet) -> None:
+    with pytest.raises(zenoh.ZError), connected(site, None):
         pass
 
 
-def test_a_certificate_of_another_authority_is_not_let_in(shared: Fleet, tmp_path: Path) -> None:
+def test_a_certificate_of_another_authority_is_not_let_in(site: Fleet, tmp_path: Path) -> None:
     others = make_certificates(tmp_path / "others", "user:op1")
-    (others / "op1/ca.pem").write_bytes((shared.certificates / "op1/ca.pem").read_bytes())
-    with pytest.raises(zenoh.ZError), connected(shared, "op1", others):
+    (others / "op1/ca.pem").write_bytes((site.certificates / "op1/ca.pem").read_bytes())
+    with pytest.raises(zenoh.ZError), connected(site, "op1", others):
         pass
 
 
-def test_an_expired_certificate_is_not_let_in(shared: Fleet, tmp_path: Path) -> None:
+def test_an_expired_certificate_is_not_let_in(site: Fleet, tmp_path: Path) -> None:
     folder = tmp_path / "expired"
-    make_expired(shared.certificates, folder / "op1")
-    with pytest.raises(zenoh.ZError), connected(shared, "op1", folder):
+    make_expired(site.certificates, folder / "op1")
+    with pytest.raises(zenoh.ZError), connected(site, "op1", folder):
         pass
 
 
@@ -185,14 +168,14 @@ def make_expired(authority: Path, own: Path) -> None:
         subprocess.run(arguments, check=True, capture_output=True, timeout=DEADLINE_S)
 
 
-def test_a_gateway_sees_its_own_grippers_and_no_others(shared: Fleet) -> None:
+def test_a_gateway_sees_its_own_grippers_and_no_others(site: Fleet) -> None:
     def seen(session: zenoh.Session, key: str) -> list[str]:
         replies = session.liveliness().get(key, timeout=1.5)
         return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
 
-    with connected(shared, "robot1") as gateway, connected(shared, "forger") as forger:
+    with connected(site, "robot1") as gateway, connected(site, "forger") as forger:
         while not seen(gateway, LEFT.alive):  # what has just connected may not see it at once
-            wait_a_moment(shared.router.process)
+            wait_a_moment(site.router.process)
         assert seen(gateway, LEFT.alive) == [LEFT.alive]
         assert seen(gateway, f"{LEFT.key}/**") == []
         assert seen(gateway, "litegripd/1/*/*/alive") == []

@@ -16,6 +16,7 @@ from litegrip_fleet.far.gateway import LOOK_EVERY_S
 from litegrip_fleet.near.portal import STOP_WITHIN_S
 from tests.process.daemon_process import CTL, DEADLINE_S, Client, DaemonProcess
 from tests.process.fleet.cable import Fault
+from tests.process.fleet.fleet_process import reach
 from tests.process.fleet.lab import ROUTER, Lab, lab
 from tests.process.fleet.machines import missing
 
@@ -248,16 +249,7 @@ def lasts(watch: Watch, duration_s: float) -> None:
 
 def again(lab: Lab) -> Client:
     """Connect as soon as the gripper can be reached."""
-    ends_s = time.monotonic() + DEADLINE_S
-    while True:
-        client = lab.client()
-        client.send("hello")
-        answer = client.read()
-        if "result" in answer:
-            return client
-        assert reason(answer) == "unreachable"
-        assert time.monotonic() < ends_s
-        client.close()
+    return reach(lab.fleet, portal="op1")
 
 
 @pytest.mark.parametrize("machine", ["op1", "robot1"])

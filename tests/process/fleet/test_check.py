@@ -1,4 +1,4 @@
-"""litegripd-fleet check, litegripctl fleet and doctor: on a fleet that is well, on broken ones."""
+"""litegripd-fleet check, litegripctl fleet and doctor: on a fleet that is lab, on broken ones."""
 
 import contextlib
 import io
@@ -7,7 +7,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -31,16 +31,11 @@ from tests.process.fleet.fleet_process import (
 DAY_S = 86_400.0
 
 
-@pytest.fixture(scope="module")
-def well(tmp_path_factory: pytest.TempPathFactory, certificates: Path) -> Iterator[Fleet]:
-    """One fleet for all that breaks nothing."""
-    folder = tmp_path_factory.mktemp("well")
-    config = folder / "simulated.toml"
-    config.write_text(SIMULATED, encoding="utf-8")
-    with daemon(folder / "left", f"well-{os.getpid()}", "--config", str(config)) as running:
-        running.connect().close()
-        with fleet(folder / "fleet", certificates, {"left": running.socket_path}) as lab:
-            yield lab
+@pytest.fixture
+def lab(site: Fleet) -> Fleet:
+    """Return the module's fleet, whole; its daemon may be as it was left."""
+    site.mend()
+    return site
 
 
 def run(lab: Fleet, *command: str) -> "subprocess.CompletedProcess[str]":
@@ -93,15 +88,15 @@ CHECKS = {
 
 
 @pytest.mark.parametrize("kind", CHECKS)
-def test_all_is_well(well: Fleet, kind: str) -> None:
-    code, named = check(well, well.parts[kind].config_path)
+def test_all_is_well(lab: Fleet, kind: str) -> None:
+    code, named = check(lab, lab.parts[kind].config_path)
     assert (code, problems(named)) == (0, {})
     assert named.keys() == CHECKS[kind]
 
 
-def test_a_person_reads_it(well: Fleet, tmp_path: Path) -> None:
-    config = changed(well, tmp_path, 'user = "op1"', 'user = "op2"')
-    done = run(well, "litegrip_fleet", "--config", str(config), "check")
+def test_a_person_reads_it(lab: Fleet, tmp_path: Path) -> None:
+    config = changed(lab, tmp_path, 'user = "op1"', 'user = "op2"')
+    done = run(lab, "litegrip_fleet", "--config", str(config), "check")
     assert (done.returncode, done.stderr) == (1, "")
     assert "ERROR    identity      [portal] user is 'op2'" in done.stdout
     assert done.stdout.endswith("\n1 error, no warnings\n")
@@ -120,25 +115,25 @@ def test_a_person_reads_it(well: Fleet, tmp_path: Path) -> None:
     ],
 )
 def test_a_wrong_configuration_is_named(
-    well: Fleet, tmp_path: Path, old: str, new: str, name: str, says: str
+    lab: Fleet, tmp_path: Path, old: str, new: str, name: str, says: str
 ) -> None:
-    code, named = check(well, changed(well, tmp_path, old, new))
+    code, named = check(lab, changed(lab, tmp_path, old, new))
     assert code == 1
     found = problems(named)
     assert says in found[name]
     assert found.keys() <= {name}
 
 
-def test_without_a_configuration_it_says_what_brings_one(well: Fleet, tmp_path: Path) -> None:
-    code, named = check(well, tmp_path / "none.toml")
+def test_without_a_configuration_it_says_what_brings_one(lab: Fleet, tmp_path: Path) -> None:
+    code, named = check(lab, tmp_path / "none.toml")
     assert code == 1
     ((row,),) = named.values()
     assert row["command"] == "sudo litegripctl install-units --fleet"
 
 
-def test_a_router_at_another_port_is_not_found(well: Fleet, tmp_path: Path) -> None:
+def test_a_router_at_another_port_is_not_found(lab: Fleet, tmp_path: Path) -> None:
     other = f"tls/{HOST}:{_free_port()}"
-    code, named = check(well, changed(well, tmp_path, well.endpoint, other))
+    code, named = check(lab, changed(lab, tmp_path, lab.endpoint, other))
     assert code == 1
     assert problems(named) == {"network": f"{other}: connection refused"}
     assert "is the port right" in named["network"][0]["advice"]
@@ -146,24 +141,24 @@ def test_a_router_at_another_port_is_not_found(well: Fleet, tmp_path: Path) -> N
 
 
 def test_a_router_of_another_authority_is_not_believed_and_does_not_believe(
-    well: Fleet, tmp_path: Path
+    lab: Fleet, tmp_path: Path
 ) -> None:
     other = make_certificates(tmp_path / "other", "user:op1")
-    code, named = check(well, changed(well, tmp_path, str(well.certificates), str(other)))
+    code, named = check(lab, changed(lab, tmp_path, str(lab.certificates), str(other)))
     assert code == 1
     assert "its certificate is signed by another authority" in problems(named)["network"]
     # The right authority, and a certificate that it has not signed.
-    mixed = changed(well, tmp_path, f'ca = "{well.certificates}/op1', f'ca = "{other}')
-    code, named = check(well, mixed)
+    mixed = changed(lab, tmp_path, f'ca = "{lab.certificates}/op1', f'ca = "{other}')
+    code, named = check(lab, mixed)
     assert code == 1
     assert "is signed by another authority" in problems(named)["certificate"]
 
 
-def test_a_key_that_everybody_may_read_is_named(well: Fleet, tmp_path: Path) -> None:
+def test_a_key_that_everybody_may_read_is_named(lab: Fleet, tmp_path: Path) -> None:
     key = tmp_path / "own.key"
-    key.write_bytes((well.certificates / "op1/own.key").read_bytes())
+    key.write_bytes((lab.certificates / "op1/own.key").read_bytes())
     key.chmod(0o644)
-    code, named = check(well, changed(well, tmp_path, f"{well.certificates}/op1/own.key", str(key)))
+    code, named = check(lab, changed(lab, tmp_path, f"{lab.certificates}/op1/own.key", str(key)))
     assert (code, list(problems(named))) == (1, ["key"])
     assert named["key"][0]["command"] == f"sudo chmod o= {key}"
 
@@ -172,62 +167,58 @@ def test_a_key_that_everybody_may_read_is_named(well: Fleet, tmp_path: Path) -> 
     ("days", "level", "says"),
     [(336, "warning", "for 28 days"), (366, "error", "has been over"), (-1, "error", "only from")],
 )
-def test_a_date_far_off_is_seen(well: Fleet, days: float, level: str, says: str) -> None:
+def test_a_date_far_off_is_seen(lab: Fleet, days: float, level: str, says: str) -> None:
     now_s = time.time() + days * DAY_S
-    found = dict(examine(str(well.portal.config_path), now_s))
+    found = dict(examine(str(lab.portal.config_path), now_s))
     assert found["certificate"].level == level
     assert says in " ".join(finding.text for finding in found.values())
     assert found["clock"].level == ("error" if days < 0 else "ok")
 
 
-def test_a_name_that_no_table_has_is_seen_by_the_router_alone(well: Fleet, tmp_path: Path) -> None:
-    old, new = f"{well.certificates}/op1/", f"{well.certificates}/op2/"
-    code, named = check(well, changed(well, tmp_path, old, new))
+def test_a_name_that_no_table_has_is_seen_by_the_router_alone(lab: Fleet, tmp_path: Path) -> None:
+    old, new = f"{lab.certificates}/op1/", f"{lab.certificates}/op2/"
+    code, named = check(lab, changed(lab, tmp_path, old, new))
     assert code == 1
     assert "user is 'op1', the certificate is that of 'op2'" in problems(named)["identity"]
 
 
 def test_a_router_that_has_an_older_certificate_is_to_be_restarted(
-    well: Fleet, tmp_path: Path
+    lab: Fleet, tmp_path: Path
 ) -> None:
     for file in ("ca.key", "ca.pem"):
-        (tmp_path / file).write_bytes((well.certificates / file).read_bytes())
+        (tmp_path / file).write_bytes((lab.certificates / file).read_bytes())
     renewed = make_certificates(tmp_path, HOST)
-    config = changed(well, tmp_path, str(well.certificates), str(renewed), "router")
-    code, named = check(well, config)
+    config = changed(lab, tmp_path, str(lab.certificates), str(renewed), "router")
+    code, named = check(lab, config)
     assert (code, list(problems(named))) == (0, ["router"])
     assert "systemctl restart litegripd-fleet@router" in named["router"][0]["command"]
 
 
-def test_litegripctl_lists_and_stops_a_site(well: Fleet) -> None:
-    config = ["--config", str(well.portal.config_path)]
-    listed = run(well, "litegrip_client.ctl.main", "fleet", *config)
+def test_litegripctl_lists_and_stops_a_site(lab: Fleet) -> None:
+    config = ["--config", str(lab.portal.config_path)]
+    listed = run(lab, "litegrip_client.ctl.main", "fleet", *config)
     assert listed.returncode == 0, listed.stderr
     assert listed.stdout.splitlines()[1].startswith("lab.left")
-    rows = json.loads(
-        run(well, "litegrip_client.ctl.main", "fleet", SITE, "--json", *config).stdout
-    )
+    rows = json.loads(run(lab, "litegrip_client.ctl.main", "fleet", SITE, "--json", *config).stdout)
     assert [row["gripper"] for row in rows] == ["lab.left"]
-    stopped = run(
-        well, "litegrip_client.ctl.main", "fleet", "stop", SITE, "--why", "lunch", *config
-    )
+    stopped = run(lab, "litegrip_client.ctl.main", "fleet", "stop", SITE, "--why", "lunch", *config)
     assert stopped.returncode == 0, stopped.stderr
     assert stopped.stdout.startswith("lab.left: stopped")
-    with Client(well.socket_path()) as client:
+    with Client(lab.socket_path()) as client:
         assert client.result("state.get")["stop"]["why"] == "lunch"
-    again = run(well, "litegrip_client.ctl.main", "fleet", "stop", SITE, "--json", *config)
+    again = run(lab, "litegrip_client.ctl.main", "fleet", "stop", SITE, "--json", *config)
     assert json.loads(again.stdout)["confirmed"].keys() == {"lab.left"}
 
 
 def test_the_doctor_shows_what_the_fleets_check_finds(
-    well: Fleet,
+    lab: Fleet,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setattr(gather, "DIRECTORY", tmp_path)
-    changed(well, tmp_path, 'user = "op1"', 'user = "op2"').rename(tmp_path / "fleet.toml")
-    code = main(["--socket", str(well.socket_path()), "doctor", "--json"])
+    changed(lab, tmp_path, 'user = "op1"', 'user = "op2"').rename(tmp_path / "fleet.toml")
+    code = main(["--socket", str(lab.socket_path()), "doctor", "--json"])
     rows = {row["check"]: row for row in json.loads(capsys.readouterr().out)["findings"]}
     assert code == 1
     assert rows["fleet-identity"]["level"] == "error"
@@ -276,12 +267,16 @@ def test_a_user_who_is_shut_out_learns_where_to_look(lab: Fleet) -> None:
         encoding="utf-8",
     )
     lab.router.restart()
-    lab.router.until_says("listening at")
-    ends_s = time.monotonic() + DEADLINE_S
-    named: dict[str, list[dict[str, Any]]] = {}
-    while "see nothing" not in problems(named).get("portal", ""):
-        assert time.monotonic() < ends_s, problems(named)
-        _code, named = check(lab, lab.portal.config_path)  # until the portal is connected again
+    try:
+        lab.router.until_says("listening at")
+        ends_s = time.monotonic() + DEADLINE_S
+        named: dict[str, list[dict[str, Any]]] = {}
+        while "see nothing" not in problems(named).get("portal", ""):
+            assert time.monotonic() < ends_s, problems(named)
+            _code, named = check(lab, lab.portal.config_path)  # until the portal is connected again
+    finally:
+        file.write_text(text, encoding="utf-8")
+        lab.router.kill()
     assert "[router.users]" in named["gripper"][0]["advice"]
     assert "the router lets op1 see nothing" in named["portal"][0]["text"]
 
@@ -368,8 +363,8 @@ def _insecurity_is_seen(lab: Fleet, path: Path) -> None:
     assert "WARNING  protection    insecure = true" in run(lab, *ctl, "doctor").stdout
 
 
-def test_a_secure_way_says_until_when(well: Fleet) -> None:
-    with Client(well.socket_path()) as client:
+def test_a_secure_way_says_until_when(lab: Fleet) -> None:
+    with Client(lab.socket_path()) as client:
         hello, health = client.result("hello")["remote"], client.result("health")["remote"]
     assert health == {name: hello[name] for name in ("insecure", "certificate_expires_s")}
     assert hello["insecure"] is False

@@ -1,6 +1,5 @@
 """The dead man's switch with real parts: who has to be there, and what happens when he is not."""
 
-import contextlib
 import json
 import signal
 import subprocess
@@ -11,42 +10,41 @@ from typing import Any
 
 import pytest
 
-from tests.process.daemon_process import Client, DaemonProcess, line_of, spawn
+from tests.process.daemon_process import Client, DaemonProcess, begin_again, line_of, spawn
 from tests.process.fleet.fleet_process import Fleet, fleet
 
 SUPERVISOR = """
 import json, socket, sys
-connected = socket.socket(socket.AF_UNIX)
-connected.connect(sys.argv[1])
-lines = connected.makefile("rb")
-connected.sendall(b'{"jsonrpc": "2.0", "id": 1, "method": "hello"}\\n')
-print(json.loads(lines.readline())["result"]["role"], flush=True)
+answer = {}
+while "result" not in answer:  # the gateway may not be connected yet
+    connected = socket.socket(socket.AF_UNIX)
+    connected.connect(sys.argv[1])
+    lines = connected.makefile("rb")
+    connected.sendall(b'{"jsonrpc": "2.0", "id": 1, "method": "hello"}\\n')
+    answer = json.loads(lines.readline())
+print(answer["result"]["role"], flush=True)
 lines.read()
 """
-SWITCH = 'stop_when_silent = ["viewer"]'
 WHY = "viewer is silent, and has to be present"
+WATCHED: dict[str, Any] = {"user": "viewer", "role": "observer", "ttl_s": 1.0}
+FLEET: dict[str, Any] = {**WATCHED, "options": 'stop_when_silent = ["viewer"]'}
+"""The portal's user, an observer, has to be there."""
 
 
 @pytest.fixture
-def lab(tmp_path: Path, certificates: Path, gripper: DaemonProcess) -> Iterator[Fleet]:
-    """A fleet whose portal's user, an observer, has to be there."""
-    sockets = {"left": gripper.socket_path}
-    with watched(tmp_path, certificates, sockets, SWITCH) as running:
-        yield running
+def lab(site: Fleet, shared: DaemonProcess) -> Fleet:
+    """Return the module's fleet with a gateway that has heard of nobody yet."""
+    site.mend()
+    site.gateway.kill()
+    begin_again(shared)  # which a gateway that misses somebody would stop
+    site.gateway.restart()
+    site.gateway.until_says("lab.left: ")
+    return site
 
 
-def watched(
-    tmp_path: Path, certificates: Path, sockets: dict[str, Path], options: str
-) -> contextlib.AbstractContextManager[Fleet]:
-    return fleet(
-        tmp_path / "fleet",
-        certificates,
-        sockets,
-        user="viewer",
-        role="observer",
-        ttl_s=1.0,
-        options=options,
-    )
+@pytest.fixture
+def gripper(lab: Fleet, shared: DaemonProcess) -> DaemonProcess:
+    return shared
 
 
 @pytest.fixture
@@ -178,35 +176,36 @@ def test_each_gateway_has_to_hear_of_him_itself(lab: Fleet, gripper: DaemonProce
     process = connected(lab)
     with gripper.connect() as local:
         released(local)
-        lab.start_gateway({"again": gripper.socket_path}, name="other", options=SWITCH)
+        lab.start_gateway({"again": gripper.socket_path}, name="other", options=FLEET["options"])
         assert local.until(is_stopped)["stop"]["why"] == WHY
         other = lab.parts["other"]
         other.until_says("lab.again: stopped (hold)")
         assert "lab.left: stopped" not in lab.gateway.log.partition("present: viewer")[2]
-        other.kill()
+        lab.parts.pop("other").kill()
         released(local)
     process.kill()
     process.communicate()
 
 
 def test_one_of_two_who_is_silent_is_enough_and_each_gripper_is_stopped(
-    tmp_path: Path, certificates: Path, gripper: DaemonProcess
+    tmp_path: Path, certificates: Path, lab: Fleet, gripper: DaemonProcess
 ) -> None:
+    lab.gateway.kill()  # another one is at work here
     switch = 'stop_when_silent = ["viewer", "op2"]\nstop_level = "relax"'
     sockets = {"left": gripper.socket_path, "right": tmp_path / "none.sock"}
     with (
-        watched(tmp_path, certificates, sockets, switch) as lab,
+        fleet(tmp_path / "two", certificates, sockets, **WATCHED, options=switch) as two,
         gripper.connect() as local,
     ):
         first = local.until(is_stopped)["stop"]
         assert first["why"] == "viewer and op2 are silent, and have to be present"
         assert first["level"] == "relax"
-        process = spawn(SUPERVISOR, str(lab.socket_path()))
-        lab.gateway.until_says("\nsilent: op2")
+        process = spawn(SUPERVISOR, str(two.socket_path()))
+        two.gateway.until_says("\nsilent: op2")
         local.result("stop.clear")
         stop = local.until(is_stopped)["stop"]
         assert stop["why"] == "op2 is silent, and has to be present"
-        lab.gateway.until_says("lab.right is NOT stopped, although")
+        two.gateway.until_says("lab.right is NOT stopped, although")
         process.kill()
         process.communicate()
 

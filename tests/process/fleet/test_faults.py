@@ -5,15 +5,15 @@ When it happens is measured by `python -m bench.fleet.faults`; here, that it doe
 
 import signal
 import subprocess
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
 
-from tests.process.daemon_process import Client, DaemonProcess, line_of, spawn, wait_a_moment
-from tests.process.fleet.fleet_process import Fleet, fleet
+from tests.process.daemon_process import Client, DaemonProcess, line_of, spawn
+from tests.process.fleet.fleet_process import Fleet, reach
 
+FLEET = {"ttl_s": 1.0}
 OPERATOR = """
 import json, socket, sys
 connected = socket.socket(socket.AF_UNIX)
@@ -42,13 +42,6 @@ while line := lines.readline():
 print(last.decode(), flush=True)
 sys.stdin.readline()
 """
-
-
-@pytest.fixture
-def lab(tmp_path: Path, certificates: Path, gripper: DaemonProcess) -> Iterator[Fleet]:
-    sockets = {"left": gripper.socket_path}
-    with fleet(tmp_path / "fleet", certificates, sockets, ttl_s=1.0) as running:
-        yield running
 
 
 @pytest.fixture
@@ -83,24 +76,20 @@ def stays_relaxed(local: Client, samples: int = 200) -> None:
             samples -= 1
 
 
-KILLS: dict[str, Callable[[Fleet], None]] = {
-    "portal": lambda lab: lab.portal.kill(),
-    "gateway": lambda lab: lab.gateway.kill(),
-    "router": lambda lab: lab.router.kill(),
-}
+PARTS = ("portal", "gateway", "router")
 
 
-@pytest.mark.parametrize("part", KILLS)
+@pytest.mark.parametrize("part", PARTS)
 def test_when_a_part_is_killed_on_lost_follows(
     lab: Fleet, gripper: DaemonProcess, operator: "subprocess.Popen[str]", part: str
 ) -> None:
     with gripper.connect() as local:
-        KILLS[part](lab)
+        lab.parts[part].kill()
         local.until(relaxed)
         assert local.result("lease.get")["owner"] is None
 
 
-@pytest.mark.parametrize("part", ["portal", "gateway", "router"])
+@pytest.mark.parametrize("part", PARTS)
 def test_when_a_part_is_frozen_on_lost_follows_and_nothing_comes_after(
     lab: Fleet, gripper: DaemonProcess, operator: "subprocess.Popen[str]", part: str
 ) -> None:
@@ -157,7 +146,7 @@ def test_whoever_is_cut_off_is_told_and_gets_in_again(
     lab.router.until_says("listening at")
     with gripper.connect() as local:
         local.until(relaxed)
-    with again(lab) as client:
+    with reach(lab) as client:
         assert client.result("state.get")["mode"] == "relaxed"
 
 
@@ -166,19 +155,6 @@ def line_after(operator: "subprocess.Popen[str]") -> str:
     say(operator)
     assert line_of(operator) == "asked"
     return line_of(operator)
-
-
-def again(lab: Fleet) -> Client:
-    """Connect as soon as the gripper can be reached."""
-    while True:
-        client = Client(lab.socket_path())
-        client.send("hello")
-        answer = client.read()
-        if "result" in answer:
-            return client
-        assert answer["error"]["data"]["reason"] == "unreachable"
-        client.close()
-        wait_a_moment(lab.portal.process)
 
 
 def test_a_stop_that_nobody_confirms_is_said_to_be_so(lab: Fleet) -> None:

@@ -90,7 +90,7 @@ def test_hello_says_through_what(lab: Fleet) -> None:
     assert hello["role"] == "operator"
     assert hello["stop_socket"] == str(lab.socket_path().with_suffix(".stop.sock"))
     remote = hello["remote"]
-    assert remote["channel"].startswith("left-")
+    assert remote["channel"].startswith("shared-")
     assert (remote["site"], remote["gripper"]) == ("lab", "left")
     assert (remote["user"], remote["role"]) == ("op1@lab", "operator")
 

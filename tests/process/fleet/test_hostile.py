@@ -13,6 +13,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
@@ -54,6 +55,13 @@ ODD: tuple[object, ...] = (
     {"a": {}},
     "line",
 )
+
+
+@pytest.fixture
+def lab(tmp_path: Path, certificates: Path, gripper: DaemonProcess) -> Iterator[Fleet]:
+    """A fleet for each test: what one has sent may still be on its way."""
+    with fleet(tmp_path / "fleet", certificates, {"left": gripper.socket_path}) as running:
+        yield running
 
 
 class HostileMessages:

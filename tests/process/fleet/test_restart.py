@@ -1,13 +1,12 @@
 """A daemon is restarted under a remote client, and holds what it has; then the client works on."""
 
-import contextlib
 import time
 from pathlib import Path
 
 import pytest
 
-from tests.process.daemon_process import DEADLINE_S, Client, wait_a_moment
-from tests.process.fleet.fleet_process import Fleet, fleet
+from tests.process.daemon_process import DEADLINE_S
+from tests.process.fleet.fleet_process import Fleet, fleet, reach
 from tests.process.restarting import (
     Restartable,
     held,
@@ -20,22 +19,6 @@ from tests.process.restarting import (
 pytestmark = pytest.mark.alone  # what delays the simulator ends the hold
 
 
-def again(lab: Fleet) -> Client:
-    """Connect by the portal as soon as the daemon answers there."""
-    ends_s = time.monotonic() + DEADLINE_S
-    while True:
-        client = Client(lab.socket_path())
-        with contextlib.suppress(BrokenPipeError):  # the portal has already said why not
-            client.send("hello")
-        message = client.read()
-        if "result" in message:
-            return client
-        assert not message or message["error"]["data"]["reason"] == "unreachable", message
-        assert time.monotonic() < ends_s, message
-        client.close()
-        wait_a_moment(lab.portal.process)
-
-
 def held_through_a_restart(lab: Fleet, daemon: Restartable) -> bool:
     """Restart by the portal while the object is held; return True if it is held afterwards.
 
@@ -44,7 +27,7 @@ def held_through_a_restart(lab: Fleet, daemon: Restartable) -> bool:
     """
     ends_s = time.monotonic() + 2.5 * DEADLINE_S
     while time.monotonic() < ends_s:
-        with again(lab) as client:
+        with reach(lab) as client:
             held(client)
             client.result("calibration.templates")  # by now the helper has written the log
             mark, pid = len(daemon.log), daemon.pid
@@ -53,7 +36,7 @@ def held_through_a_restart(lab: Fleet, daemon: Restartable) -> bool:
             assert is_of_silence(answer), answer
             continue
         wait_for_end(pid)
-        with again(lab) as client:
+        with reach(lab) as client:
             after = client.result("state.get")
             hello = client.result("hello")
             assert (hello["channel"], hello["pid"]) == ("lab.left", daemon.pid)
@@ -71,5 +54,5 @@ def test_a_remote_client_restarts_the_daemon_and_the_object_stays_held(
         sockets = {"left": daemon.first.socket_path}
         with fleet(tmp_path / "fleet", certificates, sockets, role="admin") as lab:
             assert held_through_a_restart(lab, daemon)
-            with again(lab) as client:
+            with reach(lab) as client:
                 assert client.despite_silence("motion.open")["ok"]

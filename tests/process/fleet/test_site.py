@@ -15,34 +15,67 @@ from tests.process.daemon_process import (
     SIMULATED,
     Client,
     DaemonProcess,
+    begin_again,
     wait_a_moment,
 )
 from tests.process.fleet.fleet_process import Fleet, Part, fleet
 
 
-@pytest.fixture
-def right(tmp_path: Path) -> Iterator[DaemonProcess]:
-    config = tmp_path / "right.toml"
-    config.write_text(SIMULATED, encoding="utf-8")
-    channel = f"right-{os.getpid()}"
-    folder = tmp_path / "right"
-    folder.mkdir()
-    socket_path = folder / "rpc.sock"
-    running = DaemonProcess(folder, channel, "--config", str(config), "--socket", str(socket_path))
-    try:
+class Robot:
+    """The second robot's daemon, which can be started again where it was."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        config = folder / "right.toml"
+        config.write_text(SIMULATED, encoding="utf-8")
+        socket_path = str(folder / "rpc.sock")
+        self._arguments = ("--config", str(config), "--socket", socket_path)
+        self.daemon = self._start()
+
+    def _start(self) -> DaemonProcess:
+        running = DaemonProcess(self._folder, f"right-{os.getpid()}", *self._arguments)
         running.connect().close()
-        yield running
-    finally:
-        running.kill()
+        return running
+
+    def again(self) -> DaemonProcess:
+        """Have it be as at its beginning."""
+        if self.daemon.process.poll() is not None:
+            self.daemon = self._start()
+        begin_again(self.daemon)
+        return self.daemon
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
+    robot = Robot(tmp_path_factory.mktemp("right"))
+    yield robot
+    robot.daemon.kill()
 
 
 @pytest.fixture
-def lab(
-    tmp_path: Path, certificates: Path, gripper: DaemonProcess, right: DaemonProcess
+def right(robot: Robot) -> DaemonProcess:
+    return robot.again()
+
+
+@pytest.fixture(scope="module")
+def site(
+    tmp_path_factory: pytest.TempPathFactory,
+    certificates: Path,
+    shared: DaemonProcess,
+    robot: Robot,
 ) -> Iterator[Fleet]:
-    sockets = {"left": gripper.socket_path, "right": right.socket_path}
-    with fleet(tmp_path / "fleet", certificates, sockets) as running:
+    """A fleet of two grippers for all tests of this module."""
+    shared.connect().close()
+    sockets = {"left": shared.socket_path, "right": robot.daemon.socket_path}
+    with fleet(tmp_path_factory.mktemp("site"), certificates, sockets) as running:
         yield running
+
+
+@pytest.fixture
+def lab(site: Fleet, gripper: DaemonProcess, right: DaemonProcess) -> Fleet:
+    """Return the module's fleet; whatever a test has killed or frozen in it runs again."""
+    site.mend()
+    return site
 
 
 def run(
@@ -265,6 +298,6 @@ def test_a_gripper_that_two_gateways_offer_is_nobodys_until_one_ends(
         assert local.result("state.get")["stop"] is not None
         while len(local.result("clients.list")["clients"]) > 3:  # each gateway has its own
             wait_a_moment(second.process)
-        second.end()
+        lab.parts.pop("second").end()
         with Client(lab.socket_path("left")) as late:
             assert late.result("hello")["channel"] == "lab.left"

@@ -16,13 +16,15 @@ from typing import Any
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
+from litegrip_web.bridge import TOKEN_WITHIN_S
 from tests.process.daemon_process import DEADLINE_S, line_of
 
 CHANNEL = "can7"
 START = """
 import asyncio, contextlib, encodings.idna, os, sys
-from litegrip_web import main
-uid, *arguments = sys.argv[1:]
+from litegrip_web import bridge, main
+uid, token_within_s, *arguments = sys.argv[1:]
+bridge.TOKEN_WITHIN_S = float(token_within_s)
 @contextlib.asynccontextmanager
 async def listening(settings, whole=main.listening):
     async with whole(settings) as address:
@@ -39,18 +41,15 @@ class Page:
     """A running `litegripd-web`; `uid` is the user it runs as, if not this one."""
 
     def __init__(
-        self, *arguments: str, uid: int | None = None, channels: tuple[str, ...] = (CHANNEL,)
+        self,
+        *arguments: str,
+        uid: int | None = None,
+        channels: tuple[str, ...] = (CHANNEL,),
+        token_within_s: float = TOKEN_WITHIN_S,
     ) -> None:
+        own = (str(uid or os.getuid()), str(token_within_s))
         self.process = subprocess.Popen(
-            [
-                sys.executable,
-                "-c",
-                START,
-                str(uid or os.getuid()),
-                *channels,
-                "--port=0",
-                *arguments,
-            ],
+            [sys.executable, "-c", START, *own, *channels, "--port=0", *arguments],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -94,10 +93,9 @@ class Page:
 
 
 @contextlib.contextmanager
-def page(
-    *arguments: str, uid: int | None = None, channels: tuple[str, ...] = (CHANNEL,)
-) -> Iterator[Page]:
-    running = Page(*arguments, uid=uid, channels=channels)
+def page(*arguments: str, **more: Any) -> Iterator[Page]:
+    """Run a page, made as `Page` says, that must still be well at the end."""
+    running = Page(*arguments, **more)
     try:
         yield running
         assert "Traceback" not in running.close()
@@ -127,6 +125,13 @@ class StandIn:
         """Wait until what has come meets a condition."""
         with self._came:
             assert self._came.wait_for(lambda: condition(self), DEADLINE_S), self.lines
+
+    def forget(self) -> None:
+        """Be as at the beginning."""
+        with self._came:
+            self.lines.clear()
+            self.stops.clear()
+        self.is_stuck = False
 
     def close(self) -> None:
         for listener in self._listeners:

@@ -6,6 +6,7 @@ to it, and by whoever else is on the machine.
 
 import contextlib
 import json
+import logging
 import os
 import shutil
 import socket
@@ -17,11 +18,13 @@ from pathlib import Path
 
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
-from websockets.sync.client import connect
+from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
 from litegrip_web.allowed import ACT, READ
-from litegrip_web.bridge import MOST_BROWSERS, TOKEN_WITHIN_S, TOO_LATE, TOO_MANY, WRONG_TOKEN
+from litegrip_web.bridge import MOST_BROWSERS, TOO_LATE, TOO_MANY, WRONG_TOKEN
+from litegrip_web.main import main
+from litegrip_web.options import EXIT_USAGE
 from litegrip_web.server import SECURITY_HEADERS
 from litegripd.app.build import METHODS, SIMULATED_METHODS
 from tests.process.daemon_process import DEADLINE_S, daemon
@@ -41,21 +44,36 @@ ETC = Path(__file__).parents[3] / "etc"
 FORBIDDEN = sorted({row.name for row in (*METHODS, *SIMULATED_METHODS)} - READ - ACT - {"stop"})
 
 
-@pytest.fixture
-def daemon_there(tmp_path: Path) -> Iterator[StandIn]:
-    with stand_in(tmp_path) as running:
+@pytest.fixture(scope="module")
+def listening(tmp_path_factory: pytest.TempPathFactory) -> Iterator[StandIn]:
+    with stand_in(tmp_path_factory.mktemp("there")) as running:
         yield running
 
 
 @pytest.fixture
-def shown(daemon_there: StandIn) -> Iterator[Page]:
+def daemon_there(listening: StandIn) -> StandIn:
+    """Return what stands in for the daemon, as if nothing had reached it yet."""
+    listening.forget()
+    return listening
+
+
+@pytest.fixture(scope="module")
+def shown(listening: StandIn) -> Iterator[Page]:
+    """One page for all tests, none of which leaves it another one."""
+    with page("--socket", str(listening.path)) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def operated(listening: StandIn) -> Iterator[Page]:
+    with page("--socket", str(listening.path), "--operate") as running:
+        yield running
+
+
+@pytest.fixture
+def crowded(daemon_there: StandIn) -> Iterator[Page]:
+    """A page for one test alone, which fills it."""
     with page("--socket", str(daemon_there.path)) as running:
-        yield running
-
-
-@pytest.fixture
-def operated(daemon_there: StandIn) -> Iterator[Page]:
-    with page("--socket", str(daemon_there.path), "--operate") as running:
         yield running
 
 
@@ -126,41 +144,36 @@ def test_no_path_leads_out_of_the_page(shown: Page, path: str) -> None:
     assert shown.get(path).status == 404
 
 
-@pytest.mark.parametrize(
-    "token", ["wrong", "", "ü", None], ids=["wrong", "empty", "no_ascii", "none"]
-)
-def test_without_the_token_a_browser_is_told_nothing(
-    shown: Page, daemon_there: StandIn, token: str | None
-) -> None:
-    with shown.connect(token=None) as browser:
-        browser.send(json.dumps({"token": token}))
-        with pytest.raises(ConnectionClosed) as closed:
-            browser.recv(DEADLINE_S)
+def closed_with(browser: ClientConnection) -> int:
+    """Wait until a connection is closed before anything has come by it; return the code."""
+    with pytest.raises(ConnectionClosed) as closed:
+        browser.recv(DEADLINE_S)
     assert closed.value.rcvd is not None
-    assert closed.value.rcvd.code == WRONG_TOKEN
-    assert daemon_there.lines == []
+    return closed.value.rcvd.code
 
 
 @pytest.mark.parametrize(
-    "first", ["", "[]", "17", '{"token": 1}', request("state.get"), request("stop", level="hold")]
+    "first",
+    [
+        *(json.dumps({"token": token}) for token in ("wrong", "", "ü", None, 1)),
+        *("", "[]", "17", request("state.get"), request("stop", level="hold")),
+    ],
 )
-def test_what_comes_before_the_token_is_not_heard(
+def test_without_the_token_a_browser_is_told_nothing_and_not_heard(
     shown: Page, daemon_there: StandIn, first: str
 ) -> None:
     with shown.connect(token=None) as browser:
         browser.send(first)
-        with pytest.raises(ConnectionClosed) as closed:
-            browser.recv(DEADLINE_S)
-    assert closed.value.rcvd is not None
-    assert closed.value.rcvd.code == WRONG_TOKEN
+        assert closed_with(browser) == WRONG_TOKEN
     assert daemon_there.lines == daemon_there.stops == []
 
 
-def test_who_is_silent_about_the_token_is_closed(shown: Page) -> None:
-    with shown.connect(token=None) as browser, pytest.raises(ConnectionClosed) as closed:
-        browser.recv(TOKEN_WITHIN_S + DEADLINE_S)
-    assert closed.value.rcvd is not None
-    assert closed.value.rcvd.code == TOO_LATE
+def test_who_is_silent_about_the_token_is_closed(daemon_there: StandIn) -> None:
+    with (
+        page("--socket", str(daemon_there.path), token_within_s=0.2) as hasty,
+        hasty.connect(token=None) as browser,
+    ):
+        assert closed_with(browser) == TOO_LATE
 
 
 def test_the_token_is_another_one_each_time_and_is_in_no_page(daemon_there: StandIn) -> None:
@@ -173,7 +186,9 @@ def test_the_token_is_another_one_each_time_and_is_in_no_page(daemon_there: Stan
     assert len(tokens) == 2
 
 
-def test_a_token_file_is_made_kept_and_not_printed(tmp_path: Path, daemon_there: StandIn) -> None:
+def test_a_token_file_is_made_kept_and_not_printed(
+    tmp_path: Path, daemon_there: StandIn, capsys: pytest.CaptureFixture[str]
+) -> None:
     file = tmp_path / "token"
     arguments = ("--socket", str(daemon_there.path), "--token-file", str(file))
     for _ in range(2):
@@ -184,19 +199,14 @@ def test_a_token_file_is_made_kept_and_not_printed(tmp_path: Path, daemon_there:
                 assert welcome(browser)["channel"] == CHANNEL
     assert file.stat().st_mode & 0o007 == 0
     file.write_text("short")
-    done = run(*arguments)
-    assert done.returncode == 2
-    assert "remove it" in done.stderr
+    assert "remove it" in refusal(capsys, *arguments)
 
 
 def test_a_message_that_is_too_long_ends_the_connection(shown: Page, daemon_there: StandIn) -> None:
     with shown.connect() as browser:
         welcome(browser)
         browser.send(request("state.get", fields=["x" * 16_384]))
-        with pytest.raises(ConnectionClosed) as closed:
-            browser.recv(DEADLINE_S)
-    assert closed.value.rcvd is not None
-    assert closed.value.rcvd.code == 1009
+        assert closed_with(browser) == 1009
     assert daemon_there.lines == []
 
 
@@ -245,22 +255,22 @@ def is_turned_away(shown: Page) -> bool:
     return False
 
 
-def test_a_ninth_browser_is_turned_away_until_one_has_gone(shown: Page) -> None:
-    with contextlib.ExitStack() as others, shown.connect() as first:
+def test_a_ninth_browser_is_turned_away_until_one_has_gone(crowded: Page) -> None:
+    with contextlib.ExitStack() as others, crowded.connect() as first:
         welcome(first)
         for _ in range(MOST_BROWSERS - 1):
-            welcome(others.enter_context(shown.connect()))
-        assert is_turned_away(shown)
+            welcome(others.enter_context(crowded.connect()))
+        assert is_turned_away(crowded)
         first.close()
-        while is_turned_away(shown):
+        while is_turned_away(crowded):
             continue  # that it has gone is known when its connection to the daemon has ended
 
 
-def test_who_lacks_the_token_takes_nobodys_place(shown: Page) -> None:
+def test_who_lacks_the_token_takes_nobodys_place(crowded: Page) -> None:
     with contextlib.ExitStack() as silent:
         for _ in range(MOST_BROWSERS + 4):
-            silent.enter_context(shown.connect(token=None))
-        with shown.connect() as browser:
+            silent.enter_context(crowded.connect(token=None))
+        with crowded.connect() as browser:
             assert welcome(browser)["channel"] == CHANNEL
 
 
@@ -313,22 +323,34 @@ def test_a_stop_that_its_socket_would_not_understand_goes_by_the_connection(
     assert daemon_there.stops == []
 
 
-def run(*arguments: str) -> "subprocess.CompletedProcess[str]":
-    """Run it where it must fail at once."""
-    return subprocess.run(
-        [sys.executable, "-m", "litegrip_web", CHANNEL, *arguments],
-        capture_output=True,
-        text=True,
-        timeout=DEADLINE_S,
-        check=False,
-    )
+def refusal(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    """Run it in this process where it must refuse what it is asked for; return what it says."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(logging.getLogger(), "handlers", [])
+        patch.setattr(logging.getLogger("websockets.server"), "level", logging.NOTSET)
+        assert main([CHANNEL, *arguments]) == EXIT_USAGE
+    return capsys.readouterr().err
 
 
-@pytest.mark.parametrize("address", ["0.0.0.0", "::", "192.0.2.1", "robot.lab"])
-def test_another_address_needs_tls(address: str) -> None:
-    done = run("--address", address)
-    assert done.returncode == 2
-    assert "--certificate and --key" in done.stderr
+@pytest.mark.parametrize(
+    ("arguments", "why"),
+    [
+        *(
+            (("--address", address), "--certificate and --key")
+            for address in ("0.0.0.0", "::", "192.0.2.1", "robot.lab")
+        ),
+        (("--certificate", "/nowhere.pem"), "belong together"),
+        (("--certificate", "/nowhere.pem", "--key", "/nowhere.key"), "cannot be used"),
+        (("--port", "70000"), "0 to 65535"),
+        ((CHANNEL,), "named twice"),
+        (("can8", "--socket", "/x.sock"), "a single channel"),
+        (("../x",), "cannot be a channel"),
+    ],
+)
+def test_wrong_usage_is_said(
+    capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], why: str
+) -> None:
+    assert why in refusal(capsys, *arguments)
 
 
 def test_it_listens_on_this_machine_alone(shown: Page) -> None:
@@ -363,25 +385,14 @@ def test_with_tls_another_address_is_served_and_only_encrypted(
                 assert plain.recv(1000).startswith(b"HTTP")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "why"),
-    [
-        (("--certificate", "/nowhere.pem"), "belong together"),
-        (("--certificate", "/nowhere.pem", "--key", "/nowhere.key"), "cannot be used"),
-        (("--port", "70000"), "0 to 65535"),
-        ((CHANNEL,), "named twice"),
-        (("can8", "--socket", "/x.sock"), "a single channel"),
-        (("../x",), "cannot be a channel"),
-    ],
-)
-def test_wrong_usage_is_said(arguments: tuple[str, ...], why: str) -> None:
-    done = run(*arguments)
-    assert done.returncode == 2
-    assert why in done.stderr
-
-
 def test_a_port_that_is_taken_is_said(shown: Page) -> None:
-    done = run("--port", str(shown.port))
+    done = subprocess.run(
+        [sys.executable, "-m", "litegrip_web", CHANNEL, "--port", str(shown.port)],
+        capture_output=True,
+        text=True,
+        timeout=DEADLINE_S,
+        check=False,
+    )
     assert done.returncode == 1
     assert "--port takes another" in done.stderr
 
