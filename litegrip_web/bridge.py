@@ -126,33 +126,30 @@ class Bridge:
 
     async def _keep_daemon(self, browser: ServerConnection, link: _Link) -> None:
         """Connect to the daemon, again whenever it has gone, and pass its lines on."""
-        told = ""
+
+        async def attempt(path: str) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+            return await asyncio.open_unix_connection(path, limit=_LONGEST_ANSWER_BYTES)
+
+        told, gripper = "", self._gripper
         while True:
             try:
-                daemon, link.writer = await self._reach()
+                daemon, writer = await reach(gripper.channel, gripper.socket, attempt)
             except ConnectError as error:
                 why = error.message
             else:
-                welcome = {"channel": self._gripper.channel, "operate": self._operate}
+                link.writer = writer
+                welcome = {"channel": gripper.channel, "operate": self._operate}
                 try:
                     await _tell(browser, "web.welcome", welcome)
                     why = await _from_daemon(browser, daemon)
                 finally:
-                    link.writer.close()
+                    writer.close()
                     link.writer = None
                 told = ""
             if why != told:
                 told = why
                 await _tell(browser, "web.no_daemon", {"message": why})
             await asyncio.sleep(RECONNECT_EVERY_S)
-
-    async def _reach(self) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
-        """Connect to the daemon; raises `ConnectError` where none answers."""
-
-        async def attempt(path: str) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
-            return await asyncio.open_unix_connection(path, limit=_LONGEST_ANSWER_BYTES)
-
-        return await reach(self._gripper.channel, self._gripper.socket, attempt)
 
     async def _from_browser(self, browser: ServerConnection, link: _Link) -> None:
         """Pass a browser's requests on until it goes."""

@@ -247,10 +247,9 @@ def _by_link(scripts: Path) -> Path:
     if link.resolve() != version.resolve():
         new = f"{link}.new"
         switch = f"ln -s {versions.name}/{version.name} {new} && mv -T {new} {link}"
-        raise CommandError(
+        raise _unusable(
             f"{link} does not lead to {version}, the version that this program is of",
-            reason="wrong_usage",
-            data={"hint": f"run {link}/bin/litegripctl, or have it lead there: {switch}"},
+            f"run {link}/bin/litegripctl, or have it lead there: {switch}",
         )
     return link / scripts.name
 

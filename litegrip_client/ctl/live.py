@@ -118,7 +118,12 @@ _ALARMING = {"SCALE", "stop", "age"}
 
 def picture(scene: Scene, name: str, for_gripper: Callable[[str], str] = str) -> RenderableType:
     """Show a scene of the gripper `name`; `for_gripper` names it in what can be typed."""
-    parts: list[RenderableType] = [_head(scene, name), Text()]
+    verdict = str((scene.health or {}).get("verdict", "--"))
+    how, style = plain(verdict), _STYLES.get(verdict, "")
+    if scene.trouble is not None:
+        how, style = f"NO DAEMON, trying again: {plain(scene.trouble)}", "bold red"
+    head = Text.assemble((name, "bold"), "  ", (how, style))
+    parts: list[RenderableType] = [head, Text()]
     if scene.state is not None:
         parts += [_bar(scene.state), _figures(scene.state, for_gripper)]
         parts += [Text(), Text("the last minute", "cyan"), _traces(scene)]
@@ -138,14 +143,6 @@ def picture(scene: Scene, name: str, for_gripper: Callable[[str], str] = str) ->
             for note in told_all(scene.health, "notes", in_shell)
         ]
     return Group(*parts, Text(), *_events(scene), Text(), Text("q ends it", "dim"))
-
-
-def _head(scene: Scene, name: str) -> Text:
-    if scene.trouble is not None:
-        text = f"NO DAEMON, trying again: {plain(scene.trouble)}"
-        return Text.assemble((name, "bold"), "  ", (text, "bold red"))
-    verdict = str((scene.health or {}).get("verdict", "--"))
-    return Text.assemble((name, "bold"), "  ", (plain(verdict), _STYLES.get(verdict, "")))
 
 
 def _bar(state: dict[str, Any]) -> RenderableType:

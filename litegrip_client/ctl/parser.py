@@ -172,7 +172,9 @@ def parse(given: list[str], rows: Sequence[Row]) -> argparse.Namespace:
     is true if the command changes nothing. `call` is how the same gripper is called again.
     """
     parser = whole_parser(rows)
-    options, rest = parser.parse_known_args([protect_target(argument) for argument in given])
+    # A target below zero looks like an option; behind a space it is none.
+    words = [f" {one}" if one.startswith("-") and _TARGET.fullmatch(one) else one for one in given]
+    options, rest = parser.parse_known_args(words)
     if rest:
         message = f"unrecognized arguments: {' '.join(rest)}"
         message += _did_you_mean(rest[0].partition("=")[0], options.known)
@@ -250,11 +252,6 @@ def whole_parser(rows: Sequence[Row]) -> Parser:
     for row in rows:
         commands.add_parser(row.name, help=row.text, description=row.text, row=row)
     return parser
-
-
-def protect_target(argument: str) -> str:
-    """Mark a target below zero, which looks like an option, as something else."""
-    return f" {argument}" if argument.startswith("-") and _TARGET.fullmatch(argument) else argument
 
 
 def target(text: str) -> tuple[str, float]:

@@ -320,12 +320,7 @@ def _report(stopped: Stopped, arguments: argparse.Namespace) -> int:
             "silent": [str(place) for place in sorted(set(stopped.silent))],
         }
         print(json.dumps(data))
-    else:
-        _print_lines(stopped)
-    return EXIT_OK if stopped.ok else EXIT_FAILED
-
-
-def _print_lines(stopped: Stopped) -> None:
+        return EXIT_OK if stopped.ok else EXIT_FAILED
     for place, after_s in sorted(stopped.confirmed.items()):
         print(f"{place}: stopped ({after_s * 1e3:.0f} ms)")
     for place, problem in sorted(stopped.failed.items()):
@@ -336,6 +331,7 @@ def _print_lines(stopped: Stopped) -> None:
         print("no gripper was found")
     if not stopped.ok:
         print("This is no emergency stop: use the switch that cuts the power.", file=sys.stderr)
+    return EXIT_OK if stopped.ok else EXIT_FAILED
 
 
 def _only_by_portal(config: FleetConfig) -> PortalConfig | None:

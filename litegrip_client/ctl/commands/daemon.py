@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from argparse import ArgumentTypeError
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 
 from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.ctl.figures import Data, figure, plain
@@ -96,7 +96,7 @@ def _set(run: Run) -> int:
     return run.done(data, text)
 
 
-def _only(data: Data, names: Data | tuple[str, ...]) -> Data:
+def _only(data: Data, names: Collection[str]) -> Data:
     """Leave the named fields of a configuration."""
     return {
         **data,

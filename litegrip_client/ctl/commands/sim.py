@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from argparse import ArgumentTypeError
 
-from litegrip_client.ctl.figures import Data, figure
+from litegrip_client.ctl.figures import figure
 from litegrip_client.ctl.parser import LateParser, not_negative, number, positive
 from litegrip_client.ctl.run import Commands, Run
 from litegrip_client.values.errors import CommandError
@@ -99,10 +99,6 @@ def sim(run: Run) -> int:
         if (value := getattr(run.options, option)) is not None
     }
     data = run.connection.call("sim.get" if action == "show" else f"sim.{action}", params)
-    return run.done(data, _world_text(data))
-
-
-def _world_text(data: Data) -> str:
     what, item = "none", data["object"]
     if item is not None:
         slips = f", slips at {item['slip_mm_s']:g} mm/s" if item["slip_mm_s"] else ""
@@ -115,14 +111,13 @@ def _world_text(data: Data) -> str:
     power = "on" if data["powered"] else "off"
     share = data.get("made_share", 1.0)
     torque = f", makes {share:.0%} of its torque" if share < 1.0 else ""
-    return "\n".join(
-        (
-            f"object   {what}",
-            f"opening  {figure(data['opening_mm'], '.1f', 'mm')}",
-            f"hand     {hand}",
-            f"motor    power {power}{torque}, coil {figure(data['coil_c'], '.0f', '°C')}",
-        )
+    lines = (
+        f"object   {what}",
+        f"opening  {figure(data['opening_mm'], '.1f', 'mm')}",
+        f"hand     {hand}",
+        f"motor    power {power}{torque}, coil {figure(data['coil_c'], '.0f', '°C')}",
     )
+    return run.done(data, "\n".join(lines))
 
 
 COMMANDS: Commands = {

@@ -235,11 +235,10 @@ def ids(facts: Facts) -> Finding | None:
             f"{text}, but its ESC_ID is 0x{int(own_id):02X}",
             advice=f"set [motor] can_id = 0x{int(own_id):02X} and restart the daemon",
         )
+    advice = f"set register 7 (MST_ID) to 0x{can_id + 0x10:02X} {_SET}"
     if master_id == can_id:
-        advice = f"set register 7 (MST_ID) to 0x{can_id + 0x10:02X} {_SET}"
         return error(f"{text}: commands and answers cannot be told apart", advice=advice)
     if master_id == 0:
-        advice = f"set register 7 (MST_ID) to 0x{can_id + 0x10:02X} {_SET}"
         return warning(f"{text}: MST_ID was never set, so two motors would collide", advice=advice)
     return ok(text)
 
