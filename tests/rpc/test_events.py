@@ -394,9 +394,8 @@ def test_subscriptions_to_state_and_events_share_numbers_and_bound() -> None:
 @pytest.mark.parametrize("kinds", [[], ["stops"], "stop", [1]])
 def test_kinds_that_are_none_are_refused(kinds: object) -> None:
     client = settled().client()
-    error = client.call("events.subscribe", kinds=kinds)["error"]
-    assert error["data"]["reason"] == "invalid_params"
-    assert error["data"]["parameter"] == "kinds"
+    data = client.refused("events.subscribe", "invalid_params", kinds=kinds)
+    assert data["parameter"] == "kinds"
     assert not client.session.subscriptions
 
 

@@ -239,9 +239,12 @@ def test_an_operator_takes_nothing_from_another_user(leased: bool) -> None:
     scene = Scene(uid=1001, **wish_of(leased))
     number = scene.first.send("motion.open", speed_mm_s=10)
     scene.world.run(0.2)
-    error = scene.second.call("lease.take", why="my turn")["error"]
-    assert error["data"]["reason"] == "not_permitted"
-    assert f"pid {scene.first.session.peer.pid}, uid 1000" in error["message"]
+    scene.second.refused(
+        "lease.take",
+        "not_permitted",
+        f"pid {scene.first.session.peer.pid}, uid 1000",
+        why="my turn",
+    )
     assert not scene.first.has_answer(number)
     scene.second.session.role = "admin"
     scene.second.result("lease.take", why="maintenance")
