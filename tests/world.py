@@ -185,6 +185,15 @@ class Client:
         """Call a method that is expected to be refused; return the stable reason."""
         return reason_of(self.call(method, **params))
 
+    def refused(self, method: str, reason: str, /, *words: str, **params: Any) -> dict[str, Any]:
+        """Call a method that is expected to be refused, in these words; return the data of it."""
+        answer = self.call(method, **params)
+        assert reason_of(answer) == reason
+        for text in words:
+            assert text in answer["error"]["message"]
+        data: dict[str, Any] = answer["error"]["data"]
+        return data
+
     def leave(self) -> None:
         """End the connection, as a crash or a kill would."""
         self.world.service.closed(self.session, self.world.now_s)

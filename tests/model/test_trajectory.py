@@ -165,25 +165,21 @@ def test_each_mount_and_none_are_read(mount: bytes) -> None:
     assert header.mount == (mount.rstrip(b"\0").decode() or None)
 
 
-def test_time_may_stand_still_and_begin_anywhere() -> None:
-    _, summary = read(memoryview(lgt([(-1e9, 0.5), (-1e9, 0.5), (-1e9 + 1.0, 0.75)])))
-    assert summary.duration_s == 1.0
-    assert summary.max_rate_s == pytest.approx(0.25)
-
-
-def test_a_jump_has_an_infinite_rate() -> None:
-    _, summary = read(memoryview(lgt([(0.0, 0.5), (0.0, 0.6), (1.0, 0.6)])))
-    assert summary.max_rate_s == math.inf
-
-
-def test_the_fastest_part_is_found_in_either_direction() -> None:
-    _, summary = read(memoryview(lgt([(0.0, 0.5), (1.0, 0.6), (1.1, 0.2), (5.0, 1.0)])))
-    assert summary.max_rate_s == pytest.approx(4.0)
-
-
-def test_without_samples_it_is_whole_but_nothing() -> None:
-    header, summary = read(memoryview(lgt([])))
-    assert (header.samples, summary.duration_s, summary.max_rate_s) == (0, 0.0, 0.0)
+@pytest.mark.parametrize(
+    ("points", "duration_s", "max_rate_s"),
+    [
+        ([(-1e9, 0.5), (-1e9, 0.5), (-1e9 + 1.0, 0.75)], 1.0, 0.25),  # it may stand still
+        ([(0.0, 0.5), (0.0, 0.6), (1.0, 0.6)], 1.0, math.inf),  # a jump
+        ([(0.0, 0.5), (1.0, 0.6), (1.1, 0.2), (5.0, 1.0)], 5.0, 4.0),  # in either direction
+        ([], 0.0, 0.0),  # whole, but nothing
+    ],
+)
+def test_samples_have_a_duration_and_a_fastest_part(
+    points: list[Point], duration_s: float, max_rate_s: float
+) -> None:
+    header, summary = read(memoryview(lgt(points)))
+    assert (header.samples, summary.duration_s) == (len(points), duration_s)
+    assert summary.max_rate_s == pytest.approx(max_rate_s)
 
 
 def test_cut_off_at_any_byte_it_is_rejected() -> None:

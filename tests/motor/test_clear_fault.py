@@ -38,9 +38,8 @@ def test_a_fault_that_stays_is_the_answer() -> None:
     world, _ = moving()
     world.gripper.set_supply(0.0)
     world.run_until(lambda: world.in_phase(MotorPhase.FAULT), 1.0)
-    error = world.client().call("motor.clear_fault")["error"]
-    assert error["data"]["reason"] == "motor_fault"
-    assert error["data"]["status"] == "under_voltage"
+    data = world.client().refused("motor.clear_fault", "motor_fault")
+    assert data["status"] == "under_voltage"
     assert world.in_phase(MotorPhase.FAULT)
 
 

@@ -102,10 +102,8 @@ def test_a_fault_that_stays_is_named_and_the_motor_is_left_disabled() -> None:
     world = World().start()
     world.gripper.set_supply(5.0)
     world.run(0.2)
-    error = world.client().call("motor.enable")["error"]
-    assert error["data"]["reason"] == "motor_fault"
-    assert error["data"]["status"] == "under_voltage"
-    assert "24 V" in error["message"]
+    data = world.client().refused("motor.enable", "motor_fault", "24 V")
+    assert data["status"] == "under_voltage"
     world.run(0.1)
     assert world.in_phase(MotorPhase.DISABLED)
     assert ENABLE not in world.own_frames()
@@ -219,9 +217,7 @@ def test_a_position_that_is_off_by_a_turn_after_a_power_cycle_moves_nothing() ->
     assert client.result("motor.enable")["ok"]
     began_mm = world.gripper.opening_mm
     for method in ("motion.open", "motion.close"):
-        error = client.call(method)["error"]
-        assert error["data"]["reason"] == "out_of_limits"
-        assert "turns" in error["message"]
+        client.refused(method, "out_of_limits", "turns")
     assert world.gripper.opening_mm == pytest.approx(began_mm, abs=0.1)
 
 

@@ -22,11 +22,15 @@ def world_of_one_id() -> tuple[World, Client]:
 def test_it_is_found_and_told_in_clear_words() -> None:
     world, client = world_of_one_id()
     world.start()
-    error = client.call("motor.enable")["error"]
-    assert error["data"]["reason"] == "motor_unsuitable"
-    assert error["data"]["register"] == "MST_ID"
-    for words in ("0x08", "MST_ID and ESC_ID are equal", "maker's tool", "0x18"):
-        assert words in error["message"]
+    data = client.refused(
+        "motor.enable",
+        "motor_unsuitable",
+        "0x08",
+        "MST_ID and ESC_ID are equal",
+        "maker's tool",
+        "0x18",
+    )
+    assert data["register"] == "MST_ID"
     world.run(3.0)
     assert not [s for s in world.sent if s.frame == ENABLE]
     assert not client.told("event")

@@ -39,10 +39,7 @@ def test_the_master_id_is_found(master_id: int) -> None:
 
 def test_a_configured_master_id_that_differs_is_refused_with_the_reason() -> None:
     world = World(parameters=SimulatorParameters(master_id=0x11), master_id=0x18).start()
-    answered = world.client().call("motor.enable")["error"]
-    assert answered["data"]["reason"] == "motor_unsuitable"
-    assert "0x11" in answered["message"]
-    assert "0x18" in answered["message"]
+    world.client().refused("motor.enable", "motor_unsuitable", "0x11", "0x18")
     world.run(0.5)
     assert not [sent for sent in world.sent if sent.frame.can_id == CAN_ID]
 
@@ -77,9 +74,7 @@ def test_no_position_is_shown_before_its_range_is_known() -> None:
 @pytest.mark.parametrize("mode", [2, 3, 4])
 def test_another_control_mode_than_mit_is_refused(mode: int) -> None:
     world = world_with(10, struct.pack("<I", mode)).start()
-    answered = world.client().call("motor.enable")["error"]
-    assert answered["data"]["reason"] == "motor_unsuitable"
-    assert "CTRL_MODE" in answered["message"]
+    world.client().refused("motor.enable", "motor_unsuitable", "CTRL_MODE")
     assert not [sent for sent in world.sent if sent.frame.can_id == CAN_ID]
 
 

@@ -53,9 +53,7 @@ def test_a_watchdog_that_cannot_be_set_forbids_enabling() -> None:
     world = world_with(9, struct.pack("<I", 0))
     world.start()
     world.lose_to_motor = lambda frame: frame.data[2] == 0x55
-    answered = world.client().call("motor.enable")["error"]
-    assert answered["data"]["reason"] == "motor_unsuitable"
-    assert "TIMEOUT" in answered["message"]
+    world.client().refused("motor.enable", "motor_unsuitable", "TIMEOUT")
     assert not [s for s in world.sent if s.frame.data == b"\xff" * 7 + b"\xfc"]
     assert world.gripper.motor.status == Status.DISABLED
     world.lose_to_motor = lambda _frame: False

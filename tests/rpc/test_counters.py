@@ -91,18 +91,6 @@ def test_every_refused_set_point_is_counted_though_it_is_told_once() -> None:
     assert (entry["requests"], entry["refused"]) == (5, 5)
 
 
-def test_a_defect_counts_as_a_refusal(monkeypatch: pytest.MonkeyPatch) -> None:
-    world, client = enabled_world()
-
-    def broken(*_arguments: object) -> None:
-        raise ZeroDivisionError("a defect")
-
-    monkeypatch.setattr(world.controller, "settle", broken)
-    before = client.session.counters.refused
-    assert client.refusal("motion.hold") == "internal_error"
-    assert listed(world, client)["refused"] == before + 1
-
-
 def test_subscriptions_and_requests_that_wait_are_counted_while_they_last() -> None:
     world, client = enabled_world()
     number = client.result("state.subscribe")["subscription"]

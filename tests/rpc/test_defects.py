@@ -9,21 +9,20 @@ from tests.rpc.raw import Raw, answered, request
 from tests.world import World, enabled_world, found_world, reason_of
 
 
+def broken(*_arguments: object, **_named: object) -> None:
+    raise ZeroDivisionError("a defect")
+
+
 def test_a_defect_in_a_handler_is_told_and_logged_but_not_raised(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     world = World()
     world.enabled()
-    while world.service.take_events():
-        world.tick()
-
-    def broken(*_arguments: object, **_named: object) -> None:
-        raise ZeroDivisionError("a defect")
-
+    world.take_log()
     monkeypatch.setattr(world.controller, "settle", broken)
     raw = Raw(world)
     answer = raw.error(request("motion.hold", 5))
-    assert answer["id"] == 5
+    assert (answer["id"], raw.client.session.counters.refused) == (5, 1)
     assert answer["error"]["data"]["reason"] == "internal_error"
     assert "ZeroDivisionError" in answer["error"]["message"]
     assert raw.is_alive()
@@ -33,10 +32,6 @@ def test_a_defect_in_a_handler_is_told_and_logged_but_not_raised(
 def test_a_defect_in_the_state_is_told_to_who_asks(monkeypatch: pytest.MonkeyPatch) -> None:
     world = World().start()
     raw = Raw(world)
-
-    def broken() -> None:
-        raise ZeroDivisionError("a defect")
-
     with monkeypatch.context() as patch:
         patch.setattr(world.service.reporter, "state", broken)
         world.service.reporter.refresh()
@@ -52,10 +47,6 @@ def test_a_defect_in_one_answer_leaves_the_others(monkeypatch: pytest.MonkeyPatc
     job = world.state.job
     assert job is not None
     waits = second.send("job.wait", job=job.job)
-
-    def broken(_job: object) -> None:
-        raise ZeroDivisionError("a defect")
-
     monkeypatch.setattr(world.service.reporter, "result", broken)
     world.run_until(lambda: answered(second, waits))
     assert reason_of(first.answered(motion)) == "internal_error"
@@ -76,8 +67,7 @@ def test_a_number_that_is_not_finite_is_null_on_the_wire() -> None:
 
 def test_a_flood_of_refused_requests_is_logged_in_bounded_portions() -> None:
     world = World().start()
-    while world.service.take_events():
-        world.tick()
+    world.take_log()
     raw = Raw(world)
     for _ in range(1000):
         raw.error(b"flood")

@@ -239,9 +239,12 @@ def test_an_operator_takes_nothing_from_another_user(leased: bool) -> None:
     scene = Scene(uid=1001, **wish_of(leased))
     number = scene.first.send("motion.open", speed_mm_s=10)
     scene.world.run(0.2)
-    error = scene.second.call("lease.take", why="my turn")["error"]
-    assert error["data"]["reason"] == "not_permitted"
-    assert f"pid {scene.first.session.peer.pid}, uid 1000" in error["message"]
+    scene.second.refused(
+        "lease.take",
+        "not_permitted",
+        f"pid {scene.first.session.peer.pid}, uid 1000",
+        why="my turn",
+    )
     assert not scene.first.has_answer(number)
     scene.second.session.role = "admin"
     scene.second.result("lease.take", why="maintenance")
@@ -320,14 +323,6 @@ def test_a_release_that_is_refused_changes_nothing() -> None:
 # A race
 
 
-def test_who_comes_second_is_told_who_is_first() -> None:
-    scene = Scene(purpose="sorting")
-    error = scene.error(scene.second, "lease.acquire")
-    assert error["data"]["reason"] == "lease_held"
-    assert error["data"]["owner"]["pid"] == scene.first.session.peer.pid
-    assert "sorting" in error["message"]
-
-
 @pytest.mark.parametrize("if_busy", ["reject", "replace"])
 def test_a_motion_that_comes_second_leaves_the_first_alone(if_busy: str) -> None:
     scene = Scene()
@@ -386,16 +381,6 @@ def test_what_a_stop_has_broken_off_says_so_and_nothing_follows_it() -> None:
         error = scene.error(scene.first, method)
         assert error["data"]["reason"] == "stopped"
         assert "a hand" in error["message"]
-
-
-def test_what_was_sent_before_a_stop_is_void_though_the_stop_is_cleared() -> None:
-    scene = Scene()
-    generation = scene.first.result("state.get")["stop_generation"]
-    scene.second.result("stop")
-    known = {"stop_generation": generation}
-    assert scene.refusal(scene.first, "stop.clear", **known) == "sent_before_stop"
-    scene.second.result("stop.clear")
-    assert scene.refusal(scene.first, "motion.open", **known) == "sent_before_stop"
 
 
 def test_who_has_stopped_clears_though_another_has_the_lease() -> None:
@@ -511,13 +496,6 @@ def test_who_waits_on_an_inherited_connection_gets_no_lease() -> None:
 
 
 # A turn
-
-
-def test_who_has_waited_in_vain_is_told_who_has_it() -> None:
-    scene = Scene(purpose="sorting")
-    error = scene.error(scene.second, "lease.acquire", wait_s=0.2)
-    assert error["data"]["reason"] == "lease_held"
-    assert error["data"]["owner"]["purpose"] == "sorting"
 
 
 def test_who_has_asked_twice_is_answered_twice_and_not_told_to_wait_for_itself() -> None:

@@ -54,7 +54,6 @@ def test_what_a_function_raises_is_a_refusal_whenever_its_turn_comes(if_busy: st
     _, client = enabled_world()
     running = client.result("motion.open", wait=False)["job"]
     both = {"opening_mm": 30, "openness": 0.5}
-    error = client.call("motion.move", if_busy=if_busy, **both)["error"]
-    assert error["data"]["reason"] == "invalid_params"
-    assert error["data"]["parameter"] == "opening_mm"
+    data = client.refused("motion.move", "invalid_params", if_busy=if_busy, **both)
+    assert data["parameter"] == "opening_mm"
     assert client.result("job.wait", job=running)["state"] == "done"

@@ -161,15 +161,18 @@ def test_one_connection_has_a_limit_of_waiting_requests_that_binds_no_read_and_n
 
 
 @pytest.mark.parametrize("mark", ["sent_s", "stop_generation"])
-@pytest.mark.parametrize("method", ["motion.open", "motion.hold", "motor.enable"])
-def test_a_motion_that_was_sent_before_a_stop_never_runs(method: str, mark: str) -> None:
+@pytest.mark.parametrize("method", ["motion.open", "motion.hold", "motor.enable", "stop.clear"])
+def test_what_was_sent_before_a_stop_is_void_though_the_stop_is_cleared(
+    method: str, mark: str
+) -> None:
     world, client = enabled_world()
     generation = client.result("hello")["stop_generation"]
     sent_s = world.now_s
     world.run(0.1)
     stopped = world.client().result("stop")
     assert stopped["generation"] == generation + 1
-    world.client().result("stop.clear")
+    if method != "stop.clear":
+        world.client().result("stop.clear")
     value = sent_s if mark == "sent_s" else generation
     assert client.refusal(method, **{mark: value}) == "sent_before_stop"
     fresh = world.now_s if mark == "sent_s" else stopped["generation"]

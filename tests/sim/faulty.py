@@ -42,18 +42,13 @@ class Rig:
         return SimulatedBus("faulty", gripper=self.gripper, monotonic_fn=self.clock)
 
     def send(self, frame: CanFrame = STATUS, bus: SimulatedBus | None = None) -> None:
-        (bus or self.bus).send(
-            can.Message(arbitration_id=frame.can_id, is_extended_id=False, data=frame.data)
-        )
+        (bus or self.bus).send(message(frame))
 
     def wait(self, duration_s: float = A_WHILE_S) -> None:
         self.clock.now_s += duration_s
 
     def received(self, bus: SimulatedBus | None = None) -> list[can.Message]:
-        found = []
-        while (message := (bus or self.bus).recv(0)) is not None:
-            found.append(message)
-        return found
+        return drain(bus or self.bus)
 
     def answers(self, frame: CanFrame = STATUS) -> int:
         """Send a frame; return how many answers have come after a while."""
@@ -63,6 +58,18 @@ class Rig:
 
     def works(self) -> bool:
         return self.answers() == 1
+
+
+def message(frame: CanFrame) -> can.Message:
+    return can.Message(arbitration_id=frame.can_id, is_extended_id=False, data=frame.data)
+
+
+def drain(bus: can.BusABC) -> list[can.Message]:
+    """Take all that has come."""
+    found = []
+    while (one := bus.recv(0)) is not None:
+        found.append(one)
+    return found
 
 
 def code_of(act: Callable[[], object]) -> int | None:

@@ -11,7 +11,7 @@ from litegripd.model.motor import CanFrame
 from litegripd.sim.faults import BUS_OFF_ID, TX_QUEUE_FRAMES
 from litegripd.sim.interface import SimulatedBus
 from tests.sim.driving import ENABLE, STATUS, command, decode
-from tests.sim.faulty import Rig, code_of
+from tests.sim.faulty import Rig, code_of, message
 
 
 def test_a_link_that_is_down_says_so_once_in_receiving_and_always_in_sending(rig: Rig) -> None:
@@ -158,7 +158,7 @@ def test_a_second_master_is_heard_by_all_and_obeyed_by_the_motor(rig: Rig) -> No
 
 def test_any_thread_may_break_the_link_while_others_use_it() -> None:
     with SimulatedBus("torn") as bus:
-        request = can.Message(arbitration_id=0x7FF, is_extended_id=False, data=STATUS.data)
+        request = message(STATUS)
         is_over = threading.Event()
 
         def use() -> None:  # whatever else is raised in a thread fails the test

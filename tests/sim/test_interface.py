@@ -13,14 +13,7 @@ from litegripd.model.motor import CanFrame
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.interface import FRAME_TIME_S, QUEUE_FRAMES, SimulatedBus
 from tests.sim.driving import ENABLE, STATUS, command, decode
-
-
-class Clock:
-    def __init__(self) -> None:
-        self.now_s = 100.0
-
-    def __call__(self) -> float:
-        return self.now_s
+from tests.sim.faulty import Clock, drain, message
 
 
 @pytest.fixture
@@ -34,19 +27,8 @@ def bus(clock: Clock) -> Iterator[SimulatedBus]:
         yield opened
 
 
-def message(frame: CanFrame) -> can.Message:
-    return can.Message(arbitration_id=frame.can_id, is_extended_id=False, data=frame.data)
-
-
 def open_by_name(**options: Any) -> can.BusABC:
     return can.Bus(interface="litegrip_sim", ignore_config=True, **options)
-
-
-def drain(bus: can.BusABC) -> list[can.Message]:
-    received = []
-    while (found := bus.recv(0)) is not None:
-        received.append(found)
-    return received
 
 
 def test_python_can_finds_the_interface_by_name() -> None:

@@ -11,6 +11,8 @@ import sys
 import termios
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
 
@@ -22,16 +24,8 @@ from litegripd.model.motor import CanFrame
 from litegripd.sim.gripper import build_gripper
 from litegripd.sim.interface import MotorWire
 from litegripd.sim.server import BusServer, PtyServer
-from tests.sim.driving import (
-    DISABLE,
-    ENABLE,
-    STATUS,
-    Feedback,
-    command,
-    decode,
-    read,
-    write,
-)
+from tests.sim.driving import DISABLE, ENABLE, STATUS, Feedback, command, decode, read, write
+from tests.sim.faulty import message
 from tests.sim.simulator_process import DEADLINE_S, simulator
 
 
@@ -46,7 +40,7 @@ def open_slcan(path: str) -> can.BusABC:
 
 
 def ask(bus: can.BusABC, frame: CanFrame) -> Feedback:
-    bus.send(can.Message(arbitration_id=frame.can_id, is_extended_id=False, data=frame.data))
+    bus.send(message(frame))
     deadline_s = time.monotonic() + DEADLINE_S
     while time.monotonic() < deadline_s:
         answer = bus.recv(1.0)
@@ -73,10 +67,7 @@ def test_it_serves_a_gripper_on_a_terminal_to_an_slcan_bus() -> None:
 def test_it_has_the_type_of_motor_that_is_asked_for() -> None:
     with simulator("--pty", "--motor-type", "DM4340") as process:
         with open_slcan(process.first_line) as bus:
-            frame = read(20)
-            bus.send(
-                can.Message(arbitration_id=frame.can_id, is_extended_id=False, data=frame.data)
-            )
+            bus.send(message(read(20)))
             answer = bus.recv(DEADLINE_S)
         assert answer is not None
         assert bytes(answer.data) == bytes((8, 0, 0x33, 20)) + struct.pack("<f", 40.0)
@@ -188,47 +179,42 @@ def test_it_ends_cleanly_while_unplugged(tmp_path: Path) -> None:
         assert process.end() == (0, "")
 
 
-def test_faults_reach_a_bus_of_python_can() -> None:
+@contextmanager
+def served(wire: MotorWire) -> Iterator[can.BusABC]:
+    """Serve a motor on a bus of python-can; give another node's end of it."""
     with (
-        can.Bus(interface="virtual", channel="faulty", ignore_config=True) as motor_side,
-        can.Bus(interface="virtual", channel="faulty", ignore_config=True) as bus,
+        can.Bus(interface="virtual", channel="served", ignore_config=True) as motor_side,
+        can.Bus(interface="virtual", channel="served", ignore_config=True) as bus,
     ):
         stopped = threading.Event()
-        wire = MotorWire(build_gripper())
-        wire.to_motor.delay(0.05)
-        wire.from_motor.delay(0.05)
         server = BusServer(wire, motor_side)
         thread = threading.Thread(target=server.run, args=(stopped.is_set,))
         thread.start()
         try:
-            sent_s = time.monotonic()
-            assert ask(bus, STATUS).status == 0
-            assert time.monotonic() - sent_s >= 0.1
+            yield bus
         finally:
             stopped.set()
             thread.join(DEADLINE_S)
         assert not thread.is_alive()
+
+
+def test_faults_reach_a_bus_of_python_can() -> None:
+    wire = MotorWire(build_gripper())
+    wire.to_motor.delay(0.05)
+    wire.from_motor.delay(0.05)
+    with served(wire) as bus:
+        sent_s = time.monotonic()
+        assert ask(bus, STATUS).status == 0
+        assert time.monotonic() - sent_s >= 0.1
 
 
 def test_it_serves_on_a_bus_of_python_can() -> None:
-    with (
-        can.Bus(interface="virtual", channel="serve", ignore_config=True) as motor_side,
-        can.Bus(interface="virtual", channel="serve", ignore_config=True) as bus,
-    ):
-        stopped = threading.Event()
-        server = BusServer(MotorWire(build_gripper()), motor_side)
-        thread = threading.Thread(target=server.run, args=(stopped.is_set,))
-        thread.start()
-        try:
-            bus.send(can.Message(arbitration_id=0x08, is_extended_id=True, data=ENABLE.data))
-            bus.send(can.Message(arbitration_id=0x08, is_extended_id=False, is_remote_frame=True))
-            assert ask(bus, STATUS).status == 0
-            ask(bus, command())
-            assert ask(bus, ENABLE).status == 1
-        finally:
-            stopped.set()
-            thread.join(DEADLINE_S)
-        assert not thread.is_alive()
+    with served(MotorWire(build_gripper())) as bus:
+        bus.send(can.Message(arbitration_id=0x08, is_extended_id=True, data=ENABLE.data))
+        bus.send(can.Message(arbitration_id=0x08, is_extended_id=False, is_remote_frame=True))
+        assert ask(bus, STATUS).status == 0
+        ask(bus, command())
+        assert ask(bus, ENABLE).status == 1
 
 
 def test_the_process_on_a_bus_of_python_can_ends_cleanly() -> None:

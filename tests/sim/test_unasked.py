@@ -9,7 +9,7 @@ from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.interface import MotorWire, SimulatedBus
 from litegripd.sim.plant import SimulatorParameters
 from tests.sim.driving import DISABLE, ENABLE, STATUS, Driver, command, decode
-from tests.sim.test_interface import Clock, drain, message
+from tests.sim.faulty import Clock, drain, message
 
 TIMEOUT = 9
 
