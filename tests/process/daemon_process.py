@@ -338,6 +338,15 @@ def litegripctl(running: DaemonProcess, *arguments: str) -> tuple[int, str]:
     return code, shown.getvalue()
 
 
+def ran(
+    *command: str, within_s: float = DEADLINE_S, **more: Any
+) -> "subprocess.CompletedProcess[str]":
+    """Run a program to its end, which comes in time; return its code, and what it wrote."""
+    return subprocess.run(
+        command, capture_output=True, text=True, timeout=within_s, check=False, **more
+    )
+
+
 def wait_a_moment(process: "subprocess.Popen[Any]") -> None:
     """Let a process work, but not beyond its end."""
     pidfd = os.pidfd_open(process.pid)

@@ -31,12 +31,16 @@ class Restartable:
     """A daemon, and whoever follows it; `pid` is who it is now."""
 
     def __init__(self, folder: Path, terminal: str, program: tuple[str, ...] = MODULE) -> None:
-        self.config = folder / "config.toml"
-        self.config.write_text(CONFIG.format(channel=terminal), encoding="utf-8")
-        channel, path = f"hold{os.getpid()}", folder / "rpc.sock"
-        arguments = (channel, "--config", str(self.config), "--socket", str(path))
+        self.config, self._terminal = folder / "config.toml", terminal
+        self.configure()
+        self.channel, path = f"hold{os.getpid()}-{folder.name}", folder / "rpc.sock"
+        arguments = (self.channel, "--config", str(self.config), "--socket", str(path))
         self.first = DaemonProcess(folder, *arguments, program=program)
         self.pid = self.first.process.pid
+
+    def configure(self) -> None:
+        """Write its first configuration, also in the place of another one."""
+        self.config.write_text(CONFIG.format(channel=self._terminal), encoding="utf-8")
 
     @property
     def log(self) -> str:

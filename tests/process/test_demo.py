@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.process.daemon_process import ran
+
 DEMO = Path(__file__).parents[2] / "examples" / "demo.py"
 
 
@@ -25,14 +27,7 @@ def within(folder: Path) -> dict[str, str]:
 
 
 def test_an_object_is_grasped_lost_and_grasped_again(folder: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, str(DEMO)],
-        env=within(folder),
-        capture_output=True,
-        text=True,
-        timeout=100,
-        check=False,
-    )
+    done = ran(sys.executable, str(DEMO), within_s=100, env=within(folder))
     assert done.returncode == 0, done.stdout + done.stderr
     watched = [line for line in done.stdout.splitlines() if line.startswith("watcher |")]
     assert any("moving    grasp" in line for line in watched)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.process.daemon_process import DEADLINE_S, DaemonProcess
+from tests.process.daemon_process import DaemonProcess, ran
 
 CLIENTS = Path(__file__).parents[2] / "examples" / "clients"
 OBJECT_MM = 40.0
@@ -49,13 +49,7 @@ def grasps(running: DaemonProcess, command: list[str]) -> str:
     with running.connect() as client:
         client.until(lambda state: bool(state["motor"] == "disabled" and state["calibrated"]))
         for _ in range(4):
-            done = subprocess.run(
-                [*command, str(running.socket_path)],
-                capture_output=True,
-                text=True,
-                timeout=DEADLINE_S,
-                check=False,
-            )
+            done = ran(*command, str(running.socket_path))
             if not any(word in done.stderr for word in ("motor_silent", "motor_fault")):
                 break
         assert (done.returncode, done.stderr) == (0, "")
@@ -67,13 +61,7 @@ def refused(running: DaemonProcess, command: list[str]) -> str:
     """Run a client while a stop is latched; return what it complains of."""
     with running.connect() as client:
         client.result("stop")
-    done = subprocess.run(
-        [*command, str(running.socket_path)],
-        capture_output=True,
-        text=True,
-        timeout=DEADLINE_S,
-        check=False,
-    )
+    done = ran(*command, str(running.socket_path))
     assert (done.returncode, done.stdout.count("object_held")) == (1, 0)
     return done.stderr
 
@@ -95,7 +83,7 @@ def test_javascript(holding: DaemonProcess, javascript: list[str]) -> None:
 
 
 def test_cpp_without_an_argument_tells_its_usage(cpp: list[str]) -> None:
-    done = subprocess.run(cpp, capture_output=True, text=True, timeout=DEADLINE_S, check=False)
+    done = ran(*cpp)
     assert done.returncode == 1
     assert done.stderr.startswith("usage: grasp SOCKET")
 
@@ -104,8 +92,6 @@ def test_cpp_without_an_argument_tells_its_usage(cpp: list[str]) -> None:
 def test_without_a_daemon(request: pytest.FixtureRequest, client: str, tmp_path: Path) -> None:
     command = request.getfixturevalue(client)
     nowhere = str(tmp_path / "none.sock")
-    done = subprocess.run(
-        [*command, nowhere], capture_output=True, text=True, timeout=DEADLINE_S, check=False
-    )
+    done = ran(*command, nowhere)
     assert done.returncode == 1
     assert nowhere in done.stderr

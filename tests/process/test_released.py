@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from tests.client.ctl_commands import LINES
-from tests.process.daemon_process import SIMULATED, DaemonProcess, begin_again, daemon
+from tests.process.daemon_process import SIMULATED, DaemonProcess, begin_again, daemon, ran
 from tests.process.test_ctl_json import CODES
 from tests.versions import steps
 from tests.versions.released import RELEASED, Release, is_later, unpacked
@@ -56,15 +56,14 @@ def environment_of(packages: Path, folder: Path) -> dict[str, str]:
 def told_by_client(socket: Path, packages: Path, folder: Path, **wanted: object) -> list[Any]:
     """Have a program use the client among these packages; return what it tells."""
     folder.mkdir()
-    done = subprocess.run(
-        [sys.executable, steps.__file__, str(socket)],
+    done = ran(
+        sys.executable,
+        steps.__file__,
+        str(socket),
+        within_s=WITHIN_S,
         input=json.dumps(wanted),
-        capture_output=True,
-        text=True,
         env=environment_of(packages, folder),
         cwd=folder,
-        timeout=WITHIN_S,
-        check=False,
     )
     assert done.returncode == 0, done.stderr
     client, *told = map(json.loads, done.stdout.splitlines())

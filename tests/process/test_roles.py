@@ -3,12 +3,11 @@
 import grp
 import json
 import os
-import subprocess
 import sys
 
 import pytest
 
-from tests.process.daemon_process import DEADLINE_S, SIMULATED, DaemonProcess, daemon_for_all
+from tests.process.daemon_process import SIMULATED, DaemonProcess, daemon_for_all, ran
 
 ASK = """
 import os, socket, sys
@@ -26,7 +25,7 @@ ALICE, BOB, NO_GROUP = 30_001, 30_002, 50_000
 
 def role(running: DaemonProcess, uid: int, *gids: int) -> str:
     command = [sys.executable, "-c", ASK, str(running.socket_path), *map(str, (uid, *gids))]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE_S, check=False)
+    done = ran(*command)
     assert done.returncode == 0, done.stderr
     told: str = json.loads(done.stdout)["result"]["role"]
     return told

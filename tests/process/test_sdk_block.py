@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from tests.process.by_portal import Met
-from tests.process.daemon_process import DaemonProcess, daemon
+from tests.process.daemon_process import DaemonProcess, daemon, ran
 from tests.process.teleop_pair import CONFIG
 from tests.sdk_compat import blocks
 
@@ -17,13 +17,12 @@ TRIES = 4
 def run_script(running: DaemonProcess, channel: str) -> "subprocess.CompletedProcess[str]":
     source = blocks.source("quick_start")
     assert '"can0"' in source
-    return subprocess.run(
-        [sys.executable, "-c", source.replace('"can0"', f'"{channel}"')],
+    return ran(
+        sys.executable,
+        "-c",
+        source.replace('"can0"', f'"{channel}"'),
+        within_s=60,
         env={**os.environ, "LITEGRIPD_SOCKET": str(running.socket_path)},
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
     )
 
 

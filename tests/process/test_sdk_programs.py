@@ -2,14 +2,13 @@
 
 import contextlib
 import os
-import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.process.daemon_process import DaemonProcess, begin_again, daemon
+from tests.process.daemon_process import DaemonProcess, begin_again, daemon, ran
 from tests.process.teleop_pair import CONFIG
 
 PROGRAMS = Path(__file__).parents[1] / "sdk" / "programs"
@@ -45,15 +44,7 @@ def run(folder: Path, program: str, *arguments: str, answers: str = "") -> str:
     command = [sys.executable, "-m", "litegrip_client.as_sdk", str(PROGRAMS / f"{program}.py")]
     said = ""
     for _ in range(TRIES):
-        done = subprocess.run(
-            [*command, *arguments],
-            env=environment,
-            input=answers,
-            capture_output=True,
-            text=True,
-            timeout=100,
-            check=False,
-        )
+        done = ran(*command, *arguments, within_s=100, env=environment, input=answers)
         said = done.stdout + done.stderr
         if done.returncode == 0:
             return done.stdout

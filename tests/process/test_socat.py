@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess
+from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess, ran
 
 pytestmark = pytest.mark.skipif(
     shutil.which("socat") is None, reason="socat is not installed: apt-get install socat"
@@ -33,13 +33,7 @@ def command(running: DaemonProcess, *words: str) -> str:
 
 def run(running: DaemonProcess, *words: str) -> dict[str, Any]:
     """Run a line of the page in a shell; return what it prints, one line of JSON."""
-    done = subprocess.run(
-        ["sh", "-c", command(running, *words)],
-        capture_output=True,
-        text=True,
-        timeout=DEADLINE_S,
-        check=False,
-    )
+    done = ran("sh", "-c", command(running, *words))
     assert (done.returncode, done.stderr) == (0, "")
     (line,) = done.stdout.splitlines()
     message: dict[str, Any] = json.loads(line)

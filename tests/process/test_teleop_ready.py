@@ -11,6 +11,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
 import zenoh
 
 from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess
@@ -112,6 +113,7 @@ def test_two_daemons_over_a_link_that_a_program_carries(tmp_path: Path) -> None:
             assert client.result("health")["control"]["tick_errors"] == 0
 
 
+@pytest.mark.local_only("by a portal the flood is the gateway's to bound")
 def test_a_flood_over_a_link_of_a_clients_own_costs_no_tick(simulated: DaemonProcess) -> None:
     with simulated.connect() as client, simulated.connect() as watching:
         client.enabled().result("teleop.start", mode="slave", link="client")

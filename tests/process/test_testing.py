@@ -2,7 +2,6 @@
 
 import os
 import re
-import subprocess
 import sys
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import pytest
 
 from litegrip_client import ConnectError, LiteGrip, ParameterError
 from litegrip_client.testing import SimulatedDaemon, simulated
+from tests.process.daemon_process import ran
 
 
 def enabled(daemon: SimulatedDaemon) -> LiteGrip:
@@ -80,12 +80,7 @@ def test_the_fixture_is_there_for_pytest(tmp_path: Path) -> None:
         "    with simulated_gripper.gripper() as gripper:\n"
         "        assert gripper.get_state().motor == 'disabled'\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(tmp_path)],
-        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])},
-        capture_output=True,
-        text=True,
-        timeout=100,
-        check=False,
-    )
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(tmp_path)]
+    own = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    done = ran(*command, within_s=100, env=own)
     assert "1 passed" in done.stdout, done.stdout + done.stderr

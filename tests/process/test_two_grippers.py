@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from tests.process.by_portal import Met
-from tests.process.daemon_process import DEADLINE_S, WORK_MM, DaemonProcess, daemon
+from tests.process.daemon_process import WORK_MM, DaemonProcess, daemon, ran
 from tests.process.teleop_pair import CONFIG
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "two_grippers.py"
@@ -16,13 +16,8 @@ OBJECT = 'interface = "litegrip_sim"\nobject_mm = 40.0\n'
 def run(places: Path, channels: list[str]) -> "subprocess.CompletedProcess[str]":
     environment = {**os.environ, "XDG_RUNTIME_DIR": str(places)}
     environment.pop("LITEGRIPD_SOCKET", None)
-    return subprocess.run(
-        [sys.executable, str(EXAMPLE), "--left", channels[0], "--right", channels[1]],
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=DEADLINE_S,
-        check=False,
+    return ran(
+        sys.executable, str(EXAMPLE), "--left", channels[0], "--right", channels[1], env=environment
     )
 
 

@@ -97,7 +97,7 @@ def helper_killed(client: Client) -> int:
     return int(after["helper"]["pid"])
 
 
-def test_who_runs_stays_with_its_version_and_who_follows_has_the_new_one(
+def test_who_runs_stays_with_its_version_and_who_follows_has_the_new_one_if_that_can_run(
     daemon: Restartable, versions: Versions
 ) -> None:
     with daemon.connect() as client:
@@ -114,6 +114,13 @@ def test_who_runs_stays_with_its_version_and_who_follows_has_the_new_one(
         with daemon.connect() as client:
             assert version_of(client) == version
             assert command_of(helper_killed(client)).startswith(f"{versions[version]}/bin/python3")
+    versions.switch("2.0")
+    (versions["2.0"] / "bin/litegripd").unlink()
+    answer = answer_to_restart(daemon)
+    assert answer["error"]["data"]["reason"] == "restart_failed"
+    assert "the successor cannot be started: " in answer["error"]["message"]
+    with daemon.connect() as client:
+        assert version_of(client) == "1.0"
 
 
 def restart_holding(daemon: Restartable) -> None:
@@ -138,15 +145,3 @@ def answer_to_restart(daemon: Restartable) -> dict[str, Any]:
         if not is_of_silence(answer):
             return answer
         assert time.monotonic() < ends_s, answer
-
-
-def test_a_version_that_cannot_run_leaves_the_old_one_holding(
-    daemon: Restartable, versions: Versions
-) -> None:
-    versions.switch("2.0")
-    (versions["2.0"] / "bin/litegripd").unlink()
-    answer = answer_to_restart(daemon)
-    assert answer["error"]["data"]["reason"] == "restart_failed"
-    assert "the successor cannot be started: " in answer["error"]["message"]
-    with daemon.connect() as client:
-        assert version_of(client) == "1.0"

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.process.daemon_process import DEADLINE_S, SIMULATED, Client, DaemonProcess, daemon
+from tests.process.daemon_process import SIMULATED, Client, DaemonProcess, daemon, ran
 from tests.process.fleet.fleet_process import SITE, Fleet, started
 from tests.process.fleet.machines import Machines, machines
 
@@ -44,13 +44,8 @@ class Lab:
     def run(self, operator: str, *command: str) -> "subprocess.CompletedProcess[str]":
         """Run a command on an operator's machine."""
         directory = str(self.fleet.runtime_directory(operator))
-        return subprocess.run(
-            [*self.machines.on(operator), *command],
-            capture_output=True,
-            text=True,
-            timeout=DEADLINE_S,
-            env={**os.environ, "XDG_RUNTIME_DIR": directory},
-            check=False,
+        return ran(
+            *self.machines.on(operator), *command, env={**os.environ, "XDG_RUNTIME_DIR": directory}
         )
 
 

@@ -17,7 +17,7 @@ from litegrip_client.ctl.doctor import gather
 from litegrip_client.ctl.main import main
 from litegrip_fleet.admin.check import examine
 from litegrip_fleet.admin.main import main as fleet_main
-from tests.process.daemon_process import DEADLINE_S, SIMULATED, Client, daemon
+from tests.process.daemon_process import DEADLINE_S, SIMULATED, Client, daemon, ran
 from tests.process.fleet.fleet_process import (
     HOST,
     SITE,
@@ -39,13 +39,8 @@ def lab(site: Fleet) -> Fleet:
 
 
 def run(lab: Fleet, *command: str) -> "subprocess.CompletedProcess[str]":
-    return subprocess.run(
-        [sys.executable, "-m", *command],
-        capture_output=True,
-        text=True,
-        timeout=DEADLINE_S,
-        check=False,
-        env={**os.environ, "XDG_RUNTIME_DIR": str(lab.short)},
+    return ran(
+        sys.executable, "-m", *command, env={**os.environ, "XDG_RUNTIME_DIR": str(lab.short)}
     )
 
 

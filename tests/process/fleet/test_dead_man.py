@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from tests.process.daemon_process import Client, DaemonProcess, begin_again, line_of, spawn
+from tests.process.daemon_process import Client, DaemonProcess, begin_again, line_of, ran, spawn
 from tests.process.fleet.fleet_process import Fleet, fleet
 
 SUPERVISOR = """
@@ -27,7 +27,8 @@ lines.read()
 """
 WHY = "viewer is silent, and has to be present"
 WATCHED: dict[str, Any] = {"user": "viewer", "role": "observer", "ttl_s": 1.0}
-FLEET: dict[str, Any] = {**WATCHED, "options": 'stop_when_silent = ["viewer"]'}
+SWITCH = 'stop_when_silent = ["viewer"]'
+FLEET: dict[str, Any] = {**WATCHED, "options": SWITCH}
 """The portal's user, an observer, has to be there."""
 
 
@@ -176,7 +177,7 @@ def test_each_gateway_has_to_hear_of_him_itself(lab: Fleet, gripper: DaemonProce
     process = connected(lab)
     with gripper.connect() as local:
         released(local)
-        lab.start_gateway({"again": gripper.socket_path}, name="other", options=FLEET["options"])
+        lab.start_gateway({"again": gripper.socket_path}, name="other", options=SWITCH)
         assert local.until(is_stopped)["stop"]["why"] == WHY
         other = lab.parts["other"]
         other.until_says("lab.again: stopped (hold)")
@@ -224,6 +225,6 @@ def test_who_is_silent_is_listed(lab: Fleet, supervisor: "subprocess.Popen[str]"
 def listed(lab: Fleet, *options: str) -> str:
     config = str(lab.portal.config_path)
     command = [sys.executable, "-m", "litegrip_fleet", "--config", config, "list", *options]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=30.0, check=False)
+    done = ran(*command, within_s=30.0)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout

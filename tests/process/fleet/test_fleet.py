@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from litegrip_client import LiteGrip
-from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess
+from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess, ran
 from tests.process.fleet.fleet_process import Fleet, fleet
 
 
@@ -147,26 +147,14 @@ def test_a_portal_names_the_socket_that_it_cannot_make(tmp_path: Path) -> None:
         f'[portal]\nuser = "op1"\ngrippers = ["lab.left"]\ndirectory = "{missing}"\n',
         encoding="utf-8",
     )
-    done = subprocess.run(
-        [sys.executable, "-m", "litegrip_fleet", "--config", str(config), "portal"],
-        capture_output=True,
-        text=True,
-        timeout=DEADLINE_S,
-        check=False,
-    )
+    done = ran(sys.executable, "-m", "litegrip_fleet", "--config", str(config), "portal")
     told = f"the socket {missing}/lab.left.sock cannot be made: No such file or directory"
     assert (done.returncode, done.stderr.splitlines()[-1]) == (1, f"litegripd-fleet: {told}")
 
 
 def test_a_second_portal_for_a_gripper_leaves_the_first_ones_socket(lab: Fleet) -> None:
     command = ["-m", "litegrip_fleet", "--config", str(lab.portal.config_path), "portal"]
-    done = subprocess.run(
-        [sys.executable, *command],
-        capture_output=True,
-        text=True,
-        timeout=DEADLINE_S,
-        check=False,
-    )
+    done = ran(sys.executable, *command)
     assert done.returncode == 1
     assert "lab.left.sock cannot be made: it belongs to another process" in done.stderr
     with Client(lab.socket_path()) as client:

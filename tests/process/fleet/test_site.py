@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 
 from tests.process.daemon_process import (
-    DEADLINE_S,
     SIMULATED,
     Client,
     DaemonProcess,
     begin_again,
+    ran,
     wait_a_moment,
 )
 from tests.process.fleet.fleet_process import Fleet, Part, fleet
@@ -83,7 +83,7 @@ def run(
 ) -> "subprocess.CompletedProcess[str]":
     file = str(lab.portal.config_path if config is None else config)
     command = [sys.executable, "-m", "litegrip_fleet", "--config", file, *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE_S, check=False)
+    return ran(*command)
 
 
 def test_all_grippers_are_listed_with_how_they_are(lab: Fleet, gripper: DaemonProcess) -> None:

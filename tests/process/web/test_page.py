@@ -422,7 +422,7 @@ def test_the_scale_is_corrected_without_a_motion(
     assert stroke_of(client) == pytest.approx(83)
     assert client.result("job.list")["jobs"] == before
     expect(part(operated, "slider")).to_have_attribute("max", "84.0")
-    files = [json.loads(path.read_text()) for path in simulated.socket_path.parent.rglob("*.json")]
+    files = [json.loads(path.read_text()) for path in simulated.log_path.parent.rglob("*.json")]
     assert any(file.get("rad_to_mm", 0) == rad_to_mm(client) for file in files)
 
 

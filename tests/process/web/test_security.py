@@ -27,7 +27,7 @@ from litegrip_web.main import main
 from litegrip_web.options import EXIT_USAGE
 from litegrip_web.server import SECURITY_HEADERS
 from litegripd.app.build import METHODS, SIMULATED_METHODS
-from tests.process.daemon_process import DEADLINE_S, daemon
+from tests.process.daemon_process import DEADLINE_S, daemon, ran
 from tests.process.web.page_process import (
     CHANNEL,
     Page,
@@ -386,26 +386,14 @@ def test_with_tls_another_address_is_served_and_only_encrypted(
 
 
 def test_a_port_that_is_taken_is_said(shown: Page) -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "litegrip_web", CHANNEL, "--port", str(shown.port)],
-        capture_output=True,
-        text=True,
-        timeout=DEADLINE_S,
-        check=False,
-    )
+    done = ran(sys.executable, "-m", "litegrip_web", CHANNEL, "--port", str(shown.port))
     assert done.returncode == 1
     assert "--port takes another" in done.stderr
 
 
 def test_a_missing_package_is_named_with_what_installs_it() -> None:
     program = "import sys; sys.modules['websockets'] = None; import litegrip_web.__main__ as page"
-    done = subprocess.run(
-        [sys.executable, "-c", f"{program}; sys.exit(page.main())", CHANNEL],
-        capture_output=True,
-        text=True,
-        timeout=DEADLINE_S,
-        check=False,
-    )
+    done = ran(sys.executable, "-c", f"{program}; sys.exit(page.main())", CHANNEL)
     assert done.returncode == 5
     assert "websockets" in done.stderr
     assert "-m pip install 'litegripd[web]'" in done.stderr
