@@ -43,6 +43,8 @@ demo: $(RUNS)
 
 # Where the environment forbids bytecode, each program that a test starts would be compiled again.
 unexport PYTHONDONTWRITEBYTECODE
+# Tests see what users see: how a program ends whose output nobody reads depends on this one.
+unexport PYTHONUNBUFFERED
 
 # Tests in virtual time come first, then real processes, four at a time, since they wait a lot; last
 # what has to be alone.

@@ -1,25 +1,42 @@
-"""Run the daemon of a simulated gripper and its page, after saying what to type next."""
+"""Run the daemon of a simulated gripper and its page; say what to type next once both serve.
+
+The channel is sim0, or the next name that is free where another user's daemon has it. The page has
+the same address and secret each time, so that a bookmark works.
+"""
 
 import os
 import signal
 import subprocess
 import sys
+import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
-CHANNEL = "sim0"
+from litegrip_client import ConnectError, LiteGripError
+from litegrip_client.threads.blocking import connect
+
+CHANNELS = [f"sim{number}" for number in range(10)]
+FIRST_PORT = 8040
 ENDS_WITHIN_S = 10.0
+LOOK_EVERY_S = 0.02
+IN_USE = 3
+"""The daemon's exit code when another one has its channel."""
+
+PROGRAMS = Path(sys.executable).parent
+CONFIG = Path(__file__).with_name("simulated.toml")
 
 WORDS = """\
-The daemon of a simulated gripper, channel {channel}. Its page, for your browser:
+
+The simulated gripper is there: channel {channel}. Its page, for your browser:
 
   {page}
 
 In another terminal:
 
-  . {activate}
-  export LITEGRIP_CHANNEL={channel}
+  {prepare}
   litegripctl state            what the gripper does now
   litegripctl enable           energise the motor
   litegripctl open             and: close, hold, disable
@@ -34,11 +51,10 @@ Ctrl-C ends both and disables the motor.
 
 
 @contextmanager
-def running(*command: str) -> Iterator[subprocess.Popen[str]]:
+def running(*command: str, **options: Any) -> Iterator[subprocess.Popen[str]]:
     """Run a program until the end of the block; it is ended, at last killed, if it still runs."""
     # Ctrl-C is for this program, which then ends the others in order.
-    shown = subprocess.PIPE if "litegripd-web" in command[0] else None
-    with subprocess.Popen(command, stdout=shown, text=True, start_new_session=True) as process:
+    with subprocess.Popen(command, text=True, start_new_session=True, **options) as process:
         try:
             yield process
         finally:
@@ -49,19 +65,121 @@ def running(*command: str) -> Iterator[subprocess.Popen[str]]:
                 process.kill()
 
 
+def daemon_of(channel: str) -> int | None:
+    """Return the process whom a client of `channel` reaches, or None if nobody answers."""
+    try:
+        with connect(channel) as connection:
+            return int(connection.call("hello")["pid"])
+    except LiteGripError:
+        return None
+
+
+def serves(process: subprocess.Popen[str], channel: str) -> bool:
+    """Wait until clients of `channel` reach the daemon; return False if it ends before.
+
+    Raises `ConnectError` if they reach another one.
+    """
+    while process.poll() is None:
+        reached = daemon_of(channel)
+        if reached == process.pid:
+            return True
+        if reached is not None:
+            raise ConnectError(f"clients of {channel} reach another daemon, pid {reached}")
+        time.sleep(LOOK_EVERY_S)
+    return False
+
+
+def own_directory(variable: str, otherwise: Path) -> Path:
+    """Return a directory of this user, from the environment or `otherwise`; nobody else may enter.
+
+    Raises `OSError` if it cannot be made, or is another user's.
+    """
+    directory = Path(os.environ.get(variable) or otherwise)
+    directory.mkdir(mode=0o700, parents=True, exist_ok=True)
+    if directory.lstat().st_uid != os.getuid():
+        raise PermissionError(f"{directory} belongs to another user: set {variable}")
+    return directory
+
+
+@contextmanager
+def page_of(channel: str, folder: Path) -> Iterator[str]:
+    """Serve the page of `channel` until the end of the block; yield its address."""
+    token = folder / f"{channel}_page.token"
+    command = (str(PROGRAMS / "litegripd-web"), channel, "--operate", "--token-file", str(token))
+    port = FIRST_PORT + CHANNELS.index(channel)
+    for chosen in (port, 0):  # 0: any that is free
+        options = {"stdout": subprocess.PIPE, "stderr": None if chosen == 0 else subprocess.DEVNULL}
+        with running(*command, "--port", str(chosen), **options) as web:
+            said = "" if web.stdout is None else web.stdout.readline()
+            if "#" not in said:
+                continue  # it ended
+            if chosen == 0:
+                print(f"Port {port} is taken: the page has another address than usual.")
+            yield said.partition("#")[0] + "#" + token.read_text("ascii").strip()
+            return
+    yield "it could not be started: see above"
+
+
+def prepare(channel: str, more: str) -> str:
+    """Return what to type first in another terminal."""
+    activate = os.path.relpath(PROGRAMS / "activate")
+    lines = (f". {activate}", f"export LITEGRIP_CHANNEL={channel}", more)
+    return "\n  ".join(filter(None, lines))
+
+
+def already_runs(channel: str, pid: int, note: Path) -> None:
+    """Say what this user's daemon of `channel` is, and where its page is."""
+    page = note.read_text("utf-8") if note.exists() else ""
+    print(f"Your simulated gripper runs already: channel {channel}, process {pid}.")
+    print(
+        f"Its page, for your browser:\n\n  {page}\n" if page else "It was started without a page."
+    )
+    print(f"In another terminal:\n\n  {prepare(channel, '')}\n  litegripctl state")
+
+
 def main() -> int:
     """Run both until a signal comes, or until the daemon ends; return the daemon's exit code."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: sys.exit(0))
-    programs = Path(sys.executable).parent
-    config = Path(__file__).with_name("simulated.toml")
-    with running(str(programs / "litegripd-web"), CHANNEL, "--operate", "--port", "0") as web:
-        page = "" if web.stdout is None else web.stdout.readline().strip()
-        activate = os.path.relpath(programs / "activate")
-        print(WORDS.format(channel=CHANNEL, page=page, activate=activate), flush=True)
-        with running(str(programs / "litegripd"), CHANNEL, "--config", str(config)) as daemon:
-            return daemon.wait()
+    os.environ.pop("LITEGRIPD_SOCKET", None)  # it would be the one socket of all channels
+    more = ""
+    if os.getuid() != 0 and not Path(f"/run/user/{os.getuid()}").exists():
+        # Without a login session, as in a container, there is no place for a user's sockets.
+        place = own_directory("XDG_RUNTIME_DIR", Path(tempfile.gettempdir(), f"run-{os.getuid()}"))
+        os.environ["XDG_RUNTIME_DIR"] = str(place)
+        more = f"export XDG_RUNTIME_DIR={place}"
+    state = Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state")
+    folder = own_directory("STATE_DIRECTORY", state / "litegripd")
+    for channel in CHANNELS:
+        note = folder / f"{channel}_page.address"
+        if (pid := daemon_of(channel)) is not None:
+            if Path(f"/proc/{pid}").stat().st_uid == os.getuid():
+                already_runs(channel, pid, note)
+                return 0
+            print(f"Channel {channel} is another user's: its daemon is process {pid}.")
+            continue
+        command = (str(PROGRAMS / "litegripd"), channel, "--config", str(CONFIG))
+        with running(*command) as daemon:
+            if not serves(daemon, channel):
+                if daemon.returncode == IN_USE:
+                    print(f"The next name after {channel} is tried.", flush=True)
+                    continue
+                return daemon.returncode
+            with page_of(channel, folder) as page:
+                note.touch(0o600)
+                note.write_text(page, "utf-8")
+                try:
+                    words = WORDS.format(channel=channel, page=page, prepare=prepare(channel, more))
+                    print(words, flush=True)
+                    return daemon.wait()
+                finally:
+                    note.unlink()
+    print(f"The channels {CHANNELS[0]} to {CHANNELS[-1]} are all in use.", file=sys.stderr)
+    return IN_USE
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    except (OSError, LiteGripError) as error:
+        sys.exit(f"run_simulated: {error}")

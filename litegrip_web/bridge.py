@@ -2,14 +2,15 @@
 
 A message is a line of the daemon's protocol; there is no second one. Of its own the bridge says
 two things, as notifications: `web.welcome`, when a connection to the daemon begins, and
-`web.no_daemon`, when there is none.
+`web.no_daemon`, when there is none. Of a browser's, it keeps `web.seen`: a state has been shown.
 """
 
 from __future__ import annotations
 
 import asyncio
-import hmac
+import contextlib
 import json
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -18,22 +19,34 @@ from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 
 from litegrip_client.core.discovery import reach
-from litegrip_client.core.stop import is_taken_as_meant, stop_at
+from litegrip_client.core.stop import is_taken_as_meant
 from litegrip_client.values.errors import ConnectError, LiteGripError
 from litegrip_web.allowed import ACT, READ
+from litegrip_web.history import History
+from litegrip_web.outbox import Outbox
+from litegrip_web.proof import NONCE, is_proof, new_nonce, proof
+from litegrip_web.stops import Stops
 
 WRONG_TOKEN, TOO_LATE, TOO_MANY = 4401, 4408, 4429
 """Codes with which a browser's connection is closed; 4000 and more are an application's own."""
 
 TOKEN_WITHIN_S = 5.0
-STOP_WITHIN_S = 1.0
 RECONNECT_EVERY_S = 0.5
+MAX_MESSAGE_BYTES = 16_384
+"""As of the daemon's lines."""
+
+MESSAGES_AT_ONCE, AT_ONCE_S = 100, 0.25
+"""So many messages of one browser are read in so many seconds: it is not alone."""
+
 MOST_BROWSERS = 8
 """For each gripper."""
 
 _LONGEST_ANSWER_BYTES = 16 * 1024 * 1024
 _NOT_PERMITTED, _INVALID_REQUEST, _PARSE_ERROR, _INVALID_PARAMS = -32028, -32600, -32700, -32602
 _NO_DAEMON = -32099
+_STATE = b'{"jsonrpc":"2.0","method":"state.sample",'
+"""How the daemon begins a notification; a state that began otherwise would only not be passed
+over."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,15 +76,30 @@ class RefusedError(Exception):
 class _Link:
     """The connection to a daemon, while there is one."""
 
+    _MOST_UNREAD_BYTES = 65_536
+
     def __init__(self) -> None:
         self.writer: asyncio.StreamWriter | None = None
 
-    async def send(self, request: Mapping[str, Any]) -> None:
-        """Send a request; raises `RefusedError` without a daemon."""
+    def send(self, request: Mapping[str, Any]) -> None:
+        """Send a request; raises `RefusedError` if that cannot be now. Never waits."""
+        identity = request.get("id")
         if self.writer is None:
-            raise RefusedError(_NO_DAEMON, "no_daemon", "no daemon answers", request.get("id"))
-        self.writer.write(json.dumps(request).encode() + b"\n")
-        await self.writer.drain()
+            raise RefusedError(_NO_DAEMON, "no_daemon", "no daemon answers", identity)
+        text = json.dumps(request, ensure_ascii=False, separators=(",", ":"))
+        try:
+            line = text.encode() + b"\n"
+        except UnicodeEncodeError:
+            raise RefusedError(
+                _INVALID_REQUEST, "invalid_request", "half of a surrogate pair is no text"
+            ) from None
+        if len(line) > MAX_MESSAGE_BYTES:
+            text = f"as one line it has more than {MAX_MESSAGE_BYTES} bytes"
+            raise RefusedError(_INVALID_REQUEST, "invalid_request", text, identity)
+        if self.writer.transport.get_write_buffer_size() > self._MOST_UNREAD_BYTES:
+            text = "the daemon does not read what it is asked"
+            raise RefusedError(_NO_DAEMON, "no_daemon", text, identity)
+        self.writer.write(line)
 
 
 class Bridge:
@@ -83,11 +111,11 @@ class Bridge:
         self._operate = operate
         self._allowed = READ | ACT if operate else READ
         self._browsers = 0
+        self._stops = Stops(gripper.channel, gripper.socket)
+        self.history = History(gripper.channel, gripper.socket)
 
     async def serve(self, browser: ServerConnection) -> None:
-        """Serve a browser until it or the daemon goes."""
-        if not await self._is_known(browser):
-            return
+        """Serve a browser that is known until it or the daemon goes."""
         if self._browsers >= MOST_BROWSERS:
             await browser.close(TOO_MANY, f"{MOST_BROWSERS} browsers at most for a gripper")
             return
@@ -99,32 +127,49 @@ class Bridge:
         finally:
             self._browsers -= 1
 
-    async def _is_known(self, browser: ServerConnection) -> bool:
-        """Return True if the browser's first message is the token, in time; else close it."""
+    async def is_known(self, browser: ServerConnection, host: str) -> bool:
+        """Return True if the browser proves in time that it knows the secret; else close it.
+
+        `host` is that of the page's address.
+        """
         try:
-            first = await asyncio.wait_for(browser.recv(), TOKEN_WITHIN_S)
+            knows = await asyncio.wait_for(self._prove(browser, host), TOKEN_WITHIN_S)
         except asyncio.TimeoutError:
-            await browser.close(TOO_LATE, "no token came")
+            await browser.close(TOO_LATE, "no proof came")
             return False
         except ConnectionClosed:
             return False
-        if not hmac.compare_digest(_token_of(first).encode(), self._token.encode()):
-            await browser.close(WRONG_TOKEN, "the token is wrong")
+        if not knows:
+            await browser.close(WRONG_TOKEN, "the secret is wrong")
+        return knows
+
+    async def _prove(self, browser: ServerConnection, host: str) -> bool:
+        """Prove the secret to the page, and return True if the page proves it then."""
+        page_nonce = _member(await browser.recv(), "nonce")
+        if not isinstance(page_nonce, str) or NONCE.fullmatch(page_nonce) is None:
             return False
-        return True
+        own_nonce = new_nonce()
+        proofs = [
+            proof(self._token, role, host, page_nonce, own_nonce) for role in ("server", "page")
+        ]
+        await browser.send(json.dumps({"nonce": own_nonce, "proof": proofs[0]}))
+        return is_proof(_member(await browser.recv(), "proof"), proofs[1])
 
     async def _join(self, browser: ServerConnection) -> None:
-        link = _Link()
-        daemon = asyncio.create_task(self._keep_daemon(browser, link))
-        reading = asyncio.create_task(self._from_browser(browser, link))
-        await asyncio.wait((daemon, reading), return_when=asyncio.FIRST_COMPLETED)
-        for task in (daemon, reading):
+        link, outbox = _Link(), Outbox()
+        tasks = [
+            asyncio.create_task(self._keep_daemon(outbox, link)),
+            asyncio.create_task(self._from_browser(browser, outbox, link)),
+            asyncio.create_task(_send_all(outbox, browser)),
+        ]
+        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        for task in tasks:
             task.cancel()
-        for ended in await asyncio.gather(daemon, reading, return_exceptions=True):
+        for ended in await asyncio.gather(*tasks, return_exceptions=True):
             if isinstance(ended, Exception):
                 raise ended
 
-    async def _keep_daemon(self, browser: ServerConnection, link: _Link) -> None:
+    async def _keep_daemon(self, outbox: Outbox, link: _Link) -> None:
         """Connect to the daemon, again whenever it has gone, and pass its lines on."""
 
         async def attempt(path: str) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
@@ -138,35 +183,48 @@ class Bridge:
                 why = error.message
             else:
                 link.writer = writer
-                welcome = {"channel": gripper.channel, "operate": self._operate}
+                welcome = {
+                    "channel": gripper.channel,
+                    "operate": self._operate,
+                    "history": self.history.as_params(),
+                }
+                outbox.forget_states()
+                outbox.put_now(_notification("web.welcome", welcome))
                 try:
-                    await _tell(browser, "web.welcome", welcome)
-                    why = await _from_daemon(browser, daemon)
+                    why = await _from_daemon(outbox, daemon)
                 finally:
                     writer.close()
                     link.writer = None
+                outbox.forget_states()
                 told = ""
             if why != told:
                 told = why
-                await _tell(browser, "web.no_daemon", {"message": why})
+                outbox.put_now(_notification("web.no_daemon", {"message": why}))
             await asyncio.sleep(RECONNECT_EVERY_S)
 
-    async def _from_browser(self, browser: ServerConnection, link: _Link) -> None:
+    async def _from_browser(self, browser: ServerConnection, outbox: Outbox, link: _Link) -> None:
         """Pass a browser's requests on until it goes."""
         stops: set[asyncio.Task[None]] = set()
+        began_s, taken = time.monotonic(), 0
         try:
             async for text in browser:
+                taken += 1
+                if taken >= MESSAGES_AT_ONCE:
+                    await asyncio.sleep(max(0.0, began_s + AT_ONCE_S - time.monotonic()))
+                    began_s, taken = time.monotonic(), 0
                 try:
                     request = self._check(text)
-                    if request["method"] == "stop":
+                    if request["method"] == "web.seen":
+                        outbox.see()
+                    elif request["method"] == "stop":
                         # Beside what waits before it.
-                        task = asyncio.create_task(self._stop(browser, request, link))
+                        task = asyncio.create_task(self._stop(outbox, request, link))
                         stops.add(task)
                         task.add_done_callback(stops.discard)
                     else:
-                        await link.send(request)
+                        link.send(request)
                 except RefusedError as refused:
-                    await browser.send(json.dumps(refused.error))
+                    await outbox.put(json.dumps(refused.error))
         finally:
             # A stop that was asked for is given, also by a page that is closed at once.
             await asyncio.shield(asyncio.gather(*stops, return_exceptions=True))
@@ -177,7 +235,7 @@ class Bridge:
         identity, method = request.get("id"), request.get("method")
         if not isinstance(method, str):
             raise RefusedError(_INVALID_REQUEST, "invalid_request", "it names no method", identity)
-        if method == "stop" or method in self._allowed:
+        if method in ("stop", "web.seen") or method in self._allowed:
             return request
         if method in ACT:
             text = f"{method}: this page only shows; litegripd-web --operate lets it act"
@@ -186,39 +244,27 @@ class Bridge:
             _NOT_PERMITTED, "not_permitted", f"{method!r}: not from a page", identity
         )
 
-    async def _stop(
-        self, browser: ServerConnection, request: Mapping[str, Any], link: _Link
-    ) -> None:
+    async def _stop(self, outbox: Outbox, request: Mapping[str, Any], link: _Link) -> None:
         """Stop by the daemon's socket for stops; by the connection where that does not work."""
         params = request.get("params") or {}
+        with contextlib.suppress(LiteGripError):
+            if is_taken_as_meant(params):
+                result = await self._stops.stop(params["level"], params.get("why"))
+                answer = {"jsonrpc": "2.0", "id": request.get("id"), "result": result}
+                outbox.put_now(json.dumps(answer))
+                return
         try:
-            result = await self._stop_now(params) if is_taken_as_meant(params) else None
-        except LiteGripError:
-            result = None
-        if result is None:
-            try:
-                await link.send(request)
-            except RefusedError as refused:
-                await browser.send(json.dumps(refused.error))
-            return
-        answer = {"jsonrpc": "2.0", "id": request.get("id"), "result": result}
-        await browser.send(json.dumps(answer))
-
-    async def _stop_now(self, params: Mapping[str, Any]) -> dict[str, Any]:
-        async def attempt(path: str) -> dict[str, Any]:
-            level, why = params["level"], params.get("why")
-            return await asyncio.to_thread(stop_at, path, level, why, STOP_WITHIN_S)
-
-        return await reach(self._gripper.channel, self._gripper.socket, attempt)
+            link.send({**request, "params": params})
+        except RefusedError as refused:
+            outbox.put_now(json.dumps(refused.error))
 
 
-def _token_of(first: str | bytes) -> str:
-    """Return the token in a browser's first message, or what is no token."""
+def _member(message: str | bytes, name: str) -> object:
+    """Return a member of a browser's message; None if there is none, or no message."""
     try:
-        token = _parse(first).get("token")
+        return _parse(message).get(name)
     except RefusedError:
-        return ""
-    return token if isinstance(token, str) else ""
+        return None
 
 
 def _parse(text: str | bytes) -> dict[str, Any]:
@@ -235,7 +281,7 @@ def _parse(text: str | bytes) -> dict[str, Any]:
     if not isinstance(request, dict):
         raise RefusedError(_INVALID_REQUEST, "invalid_request", "a message must be one object")
     params = request.get("params")
-    if params is not None and not isinstance(params, dict):
+    if not (params is None or params == [] or isinstance(params, dict)):
         raise RefusedError(
             _INVALID_PARAMS,
             "invalid_params",
@@ -252,15 +298,23 @@ def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return found
 
 
-async def _tell(browser: ServerConnection, method: str, params: Mapping[str, Any]) -> None:
-    await browser.send(json.dumps({"jsonrpc": "2.0", "method": method, "params": params}))
+def _notification(method: str, params: Mapping[str, Any]) -> str:
+    return json.dumps({"jsonrpc": "2.0", "method": method, "params": params})
 
 
-async def _from_daemon(browser: ServerConnection, daemon: asyncio.StreamReader) -> str:
-    """Pass the daemon's lines on, as fast as the browser takes them; return why they end."""
+async def _from_daemon(outbox: Outbox, daemon: asyncio.StreamReader) -> str:
+    """Pass the daemon's lines on; return why they end."""
     try:
         while line := await daemon.readline():
-            await browser.send(line.decode())
-    except OSError as error:
-        return error.strerror or str(error)
+            if line.startswith(_STATE):
+                outbox.put_state(line.decode())
+            else:
+                await outbox.put(line.decode())
+    except (OSError, ValueError) as error:  # the latter: a line without end
+        return getattr(error, "strerror", None) or str(error)
     return "the daemon has closed the connection"
+
+
+async def _send_all(outbox: Outbox, browser: ServerConnection) -> None:
+    while True:
+        await browser.send(await outbox.take())

@@ -7,6 +7,7 @@ page but our own; no cookies; and a token in the part of the address that no bro
 
 from __future__ import annotations
 
+import asyncio
 import ipaddress
 import ssl
 from collections.abc import AsyncIterator, Iterator, Sequence
@@ -21,13 +22,17 @@ from websockets.asyncio.server import ServerConnection, serve
 from websockets.datastructures import Headers, MultipleValuesError
 from websockets.http11 import Request, Response
 
-from litegrip_web.bridge import Bridge, Gripper
+from litegrip_web.bridge import MAX_MESSAGE_BYTES, Bridge, Gripper
 
 if TYPE_CHECKING:  # its place depends on Python's version
     from importlib.abc import Traversable
 
-MAX_MESSAGE_BYTES = 16_384
-"""As of the daemon's lines."""
+MOST_STRANGERS = 64
+"""Connections that have not proved the secret, of all grippers; one more ends the oldest. A browser
+needs a few for some milliseconds; whoever opens a thousand keeps nobody out."""
+
+_BACKLOG = 32
+"""So many connections are accepted before those that are there already have their turn."""
 
 SECURITY_HEADERS = {
     "Content-Security-Policy": "default-src 'self'; base-uri 'none'; form-action 'none'; "
@@ -75,7 +80,10 @@ def is_loopback(address: str) -> bool:
 class Guard:
     """Answers plain requests, and decides which browsers may connect; `port` is the real one."""
 
-    def __init__(self, settings: Settings, port: int) -> None:
+    def __init__(
+        self, settings: Settings, port: int, strangers: dict[ServerConnection, None]
+    ) -> None:
+        self._strangers = strangers
         scheme, default = ("https", 443) if settings.tls else ("http", 80)
         names = [_in_url(settings.address), *map(_in_url, settings.names)]
         if is_loopback(settings.address):
@@ -116,7 +124,33 @@ class Guard:
         """Serve a browser that `answer` has let connect."""
         request = browser.request
         assert request is not None, "it has been answered"  # noqa: S101 - for the type
-        await self._bridges[request.path.partition("?")[0]].serve(browser)
+        bridge = self._bridges[request.path.partition("?")[0]]
+        if await bridge.is_known(browser, request.headers["Host"]):
+            self._strangers.pop(browser, None)
+            await bridge.serve(browser)
+
+    async def keep_histories(self) -> None:
+        """Keep the last minute of each gripper, until cancelled."""
+        await asyncio.gather(*(bridge.history.keep() for bridge in self._bridges.values()))
+
+
+def _counted(strangers: dict[ServerConnection, None]) -> type[ServerConnection]:
+    """Return a connection that is one of the `strangers` until it proves the secret."""
+
+    class Browser(ServerConnection):
+        def connection_made(self, transport: asyncio.BaseTransport) -> None:
+            super().connection_made(transport)
+            strangers[self] = None
+            if len(strangers) > MOST_STRANGERS:
+                oldest = next(iter(strangers))
+                del strangers[oldest]
+                oldest.transport.abort()
+
+        def connection_lost(self, exc: Exception | None) -> None:
+            strangers.pop(self, None)
+            super().connection_lost(exc)
+
+    return Browser
 
 
 @asynccontextmanager
@@ -126,6 +160,7 @@ async def listening(settings: Settings) -> AsyncIterator[str]:
     Raises `OSError` where nobody can listen there.
     """
     guard: Guard | None = None
+    strangers: dict[ServerConnection, None] = {}
 
     def answer(browser: ServerConnection, request: Request) -> Response | None:
         assert guard is not None, "nobody connects before somebody listens"  # noqa: S101
@@ -146,15 +181,21 @@ async def listening(settings: Settings) -> AsyncIterator[str]:
         compression=None,
         server_header=None,
         open_timeout=5,
+        create_connection=_counted(strangers),
+        backlog=_BACKLOG,
         start_serving=False,
     )
+    histories: asyncio.Task[None] | None = None
     try:
         port = int(server.sockets[0].getsockname()[1])
-        guard = Guard(settings, port)
+        guard = Guard(settings, port, strangers)
+        histories = asyncio.create_task(guard.keep_histories())
         await server.start_serving()
         scheme = "https" if settings.tls else "http"
         yield f"{scheme}://{_in_url(settings.address)}:{port}/"
     finally:
+        if histories is not None:
+            histories.cancel()
         server.close()
         await server.wait_closed()
 

@@ -1,11 +1,13 @@
 /* What acts on a gripper: only with control, which is a lease that lives while the page is seen. */
 
+import { ask } from "./ask.js";
 import { figure, outcome } from "./format.js";
 import { askZero } from "./zero.js";
 
 const TTL_S = 3;
 const RENEW_EVERY_MS = 1000;
 const CONTINUOUS_N = 20; // the vendor's recommendation
+const MOVES = ["enable", "open", "close", "hold", "grasp", "set-force", "zero", "teach", "play"];
 const LEASE = { ttl_s: TTL_S, purpose: "the page in a browser", on_lost: "hold" };
 
 export class Control {
@@ -13,6 +15,10 @@ export class Control {
   #operates = false;
   #has = false;
   #isDragging = false;
+  #isHolding = false;
+  #isStopped = false;
+  #isRenewing = false;
+  #mayReplace = null;
 
   constructor(panel) {
     this.#panel = panel;
@@ -26,13 +32,15 @@ export class Control {
     on("enable", () => this.#do("enable", "motor.enable"));
     on("disable", () => this.#do("disable", "motor.disable"));
     on("clear-fault", () => this.#do("clear the fault", "motor.clear_fault"));
-    on("open", () => this.#move("open", "motion.open"));
-    on("close", () => this.#move("close", "motion.close"));
+    on("open", () => this.#move("open", "motion.open", this.#pace()));
+    on("close", () => this.#move("close", "motion.close", this.#pace()));
     on("hold", () => this.#do("hold", "motion.hold"));
     on("release", () => this.#move("let go", "motion.zero_gravity"));
     on("grasp", () =>
-      this.#move("grasp", "motion.grasp", { force_n: this.#force, until: "verdict" }));
-    on("set-force", () => this.#do("set force", "motion.set_force", { force_n: this.#force }));
+      this.#with("force", (force_n) =>
+        this.#move("grasp", "motion.grasp", { force_n, until: "verdict", ...this.#pace() })));
+    on("set-force", () =>
+      this.#with("force", (force_n) => this.#do("set force", "motion.set_force", { force_n })));
     on("zero", () => askZero(this.#panel));
     on("rescale", () => askZero(this.#panel));
     panel.node("force").oninput = () => this.#showForce();
@@ -46,7 +54,7 @@ export class Control {
     };
     slider.onchange = () => {
       this.#isDragging = false;
-      this.#move("move", "motion.move", { opening_mm: Number(slider.value) });
+      this.#move("move", "motion.move", { opening_mm: Number(slider.value), ...this.#pace() });
     };
     setInterval(() => this.#renew(), RENEW_EVERY_MS);
   }
@@ -61,6 +69,8 @@ export class Control {
     this.#set(false);
     const force = this.#panel.node("force");
     [force.min, force.max] = ranges.force_n;
+    const pace = this.#panel.node("pace");
+    [pace.min, pace.max] = ranges.speed_mm_s;
     this.#showForce();
     if (operate) this.#listNames();
   }
@@ -78,6 +88,20 @@ export class Control {
     return true;
   }
 
+  /* Do `act` with the number in a field; an empty or a wrong one is said there, and is not 0. */
+  #with(name, act) {
+    const node = this.#panel.node(name);
+    if (node.reportValidity()) return act(Number(node.value));
+    this.#panel.tell(`${node.dataset.what}: ${node.validationMessage}`);
+    return null;
+  }
+
+  /* The speed to move at; without one in its field, the daemon's default. */
+  #pace() {
+    const node = this.#panel.node("pace");
+    return node.value === "" ? {} : { speed_mm_s: Number(node.value) };
+  }
+
   show(state) {
     const slider = this.#panel.node("slider");
     slider.max = this.#panel.travel.toFixed(1);
@@ -85,9 +109,20 @@ export class Control {
     if (!isBusy && state.opening_mm !== null && document.activeElement !== slider) {
       slider.value = state.opening_mm;
     }
+    this.#isHolding = state.is_grasped !== false;
+    this.#isStopped = state.stop !== null;
+    this.#allow();
     this.#showTarget();
     this.#panel.node("clear-fault").hidden = state.mode !== "fault";
-    this.#panel.node("clear").disabled = false;
+  }
+
+  /* Let be pressed what would do something now: behind a stop nothing that moves, and no opening is
+     chosen while something is held, which it would drop. */
+  #allow() {
+    this.#panel.node("motions").disabled = !this.#has;
+    for (const name of MOVES) this.#panel.node(name).disabled = this.#isStopped;
+    this.#panel.node("slider").disabled = !this.#has || this.#isStopped || this.#isHolding;
+    this.#panel.node("rescale").disabled = !this.#has;
   }
 
   /* Show who has the gripper; null where that is not known. */
@@ -99,26 +134,21 @@ export class Control {
     this.#panel.node("give").hidden = !this.#has;
   }
 
-  get #force() {
-    return Number(this.#panel.node("force").value);
-  }
-
   #showForce() {
-    this.#panel.node("force-note").hidden = this.#force <= CONTINUOUS_N;
+    this.#panel.node("force-note").hidden = Number(this.#panel.node("force").value) <= CONTINUOUS_N;
   }
 
   #showTarget() {
     const slider = this.#panel.node("slider");
-    const text = figure(Number(slider.value), 1, "mm");
+    const held = this.#isHolding && this.#has ? ": something is held" : "";
+    const text = `${figure(Number(slider.value), 1, "mm")}${held}`;
     this.#panel.node("slider-text").textContent = text;
     slider.setAttribute("aria-valuetext", text);
   }
 
   #set(has) {
     this.#has = has && this.#operates;
-    this.#panel.node("motions").disabled = !this.#has;
-    this.#panel.node("slider").disabled = !this.#has;
-    this.#panel.node("rescale").disabled = !this.#has;
+    this.#allow();
     this.#panel.article.classList.toggle("controlled", this.#has);
     if (!this.#has) this.#showRecording(false);
   }
@@ -129,7 +159,7 @@ export class Control {
       this.#set(true);
       this.#panel.tell("You have control, as long as this page is seen.");
     } catch (error) {
-      this.#panel.tell(this.#wrong("take control", error));
+      this.#panel.complain(this.#wrong("take control", error));
     }
     this.showLease({ owner: null, mine: this.#has });
   }
@@ -141,12 +171,16 @@ export class Control {
   }
 
   async #renew() {
-    if (!this.#has || document.hidden) return; // who does not see the jaws does not keep them
+    // Who does not see the jaws does not keep them.
+    if (!this.#has || document.hidden || this.#isRenewing) return;
+    this.#isRenewing = true;
     try {
       await this.#panel.wire.call("lease.renew");
     } catch (error) {
       this.#set(false);
-      this.#panel.tell(`You no longer have control: ${error.message}`);
+      this.#panel.complain(`You no longer have control: ${error.message}`);
+    } finally {
+      this.#isRenewing = false;
     }
   }
 
@@ -169,9 +203,22 @@ export class Control {
       this.#panel.tell(outcome(name, result));
       return result;
     } catch (error) {
-      if (error.reason !== "replaced") this.#panel.tell(this.#wrong(name, error));
+      if (error.reason !== "replaced") this.#panel.complain(this.#wrong(name, error));
+      if (method === "trajectory.play") this.#offerSpeed(error.data);
       return null;
     }
+  }
+
+  /* Return whether a trajectory may be kept under the name in the field; ask before one is replaced. */
+  async #mayKeep() {
+    const name = this.#panel.node("name").value;
+    if (name === this.#mayReplace) return true;
+    const { trajectories } = await this.#panel.wire.call("trajectory.list");
+    if (!trajectories.some((kept) => kept.name === name)) return true;
+    const text = `There is a motion with the name “${name}” already. Replace it?`;
+    if (!(await ask(text, "Replace it"))) return false;
+    this.#mayReplace = name;
+    return true;
   }
 
   #wrong(name, error) {
@@ -179,6 +226,7 @@ export class Control {
   }
 
   async #teach() {
+    if (!(await this.#mayKeep())) return;
     const begun = await this.#do("teach", "trajectory.record_start");
     if (begun === null) return;
     this.#showRecording(true);
@@ -186,7 +234,9 @@ export class Control {
   }
 
   async #keep() {
+    if (!(await this.#mayKeep())) return; // it is still recorded: another name can be given
     const name = this.#panel.node("name").value;
+    this.#mayReplace = null;
     const kept = await this.#do("keep", "trajectory.record_stop", { name });
     if (kept === null) return;
     this.#showRecording(false);
@@ -197,8 +247,15 @@ export class Control {
 
   async #play() {
     const name = this.#panel.node("name").value;
-    const speed = Number(this.#panel.node("speed").value);
-    await this.#move("replay", "trajectory.play", { name, speed });
+    await this.#with("speed", (speed) => this.#move("replay", "trajectory.play", { name, speed }));
+  }
+
+  /* Offer the speed that goes in place of one that was too high. */
+  #offerSpeed({ field, limit }) {
+    if (field !== "speed" || !(limit > 0)) return;
+    const most = Math.floor(limit * 100) / 100;
+    this.#panel.node("speed").value = most;
+    this.#panel.complain(`That replay is too fast. Speed × ${most} goes: it is in the field, press Replay again.`);
   }
 
   #showRecording(isOn) {

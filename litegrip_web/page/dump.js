@@ -1,10 +1,10 @@
 /* A dump that is dropped onto the page: its plots and its events. Nothing of it leaves the browser. */
 
-import { time } from "./format.js";
-import { readDump } from "./mcap.js";
+import { isNumber, time } from "./format.js";
 import { Plots } from "./plots.js";
 
 const NM_PER_N = 0.1;
+const MOST_BYTES = 64 * 1024 * 1024; // a dump of a minute has about 2
 
 /* Return 1 where closing runs by increasing radians, else -1: a torque that closes is a force. */
 function closingSign(ticks) {
@@ -15,11 +15,29 @@ function closingSign(ticks) {
   return opens > 0 ? -1 : 1;
 }
 
+/* Return what is in a file; throws Error for what is no dump. */
+function read(file, onProgress) {
+  if (file.size > MOST_BYTES) {
+    const most = MOST_BYTES / 1024 / 1024;
+    throw new Error(`it has ${(file.size / 1024 / 1024).toFixed(0)} MiB, more than the ${most} MiB that are shown here`);
+  }
+  const worker = new Worker("dump_worker.js", { type: "module" });
+  return new Promise((resolve, reject) => {
+    worker.onerror = ({ message }) => reject(new Error(message || "its reader failed"));
+    worker.onmessage = ({ data: { share, dump, error } }) => {
+      if (share !== undefined) onProgress(share);
+      else if (error !== undefined) reject(new Error(error));
+      else resolve(dump);
+    };
+    worker.postMessage(file);
+  }).finally(() => worker.terminate());
+}
+
 /* Show `file` in `place`; say in `notice` what is wrong with one that is no dump. */
 export async function showDump(file, place, notice) {
   let dump;
   try {
-    dump = readDump(new Uint8Array(await file.arrayBuffer()));
+    dump = await read(file, (share) => notice(`${file.name}: ${Math.round(100 * share)} % read`));
   } catch (error) {
     notice(`${file.name} cannot be shown: ${error.message}`);
     return;
@@ -52,7 +70,7 @@ export async function showDump(file, place, notice) {
   place.replaceChildren(title, close, plots, list);
   place.hidden = false;
   const column = (name, factor = 1) =>
-    ticks.map((tick) => (tick[name] === undefined ? null : tick[name] * factor));
+    ticks.map((tick) => (isNumber(tick[name]) ? tick[name] * factor : null));
   const nPerNm = closingSign(ticks) / NM_PER_N;
   new Plots(plots, file.name).show({
     time: ticks.map((tick) => tick.time),

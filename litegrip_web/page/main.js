@@ -2,57 +2,73 @@
 
 import { showDump } from "./dump.js";
 import { Panel } from "./panel.js";
+import { Secret } from "./proof.js";
+import { Stop } from "./stop.js";
+import * as theme from "./theme.js";
 
 const $ = (id) => document.getElementById(id);
 
 function notice(text) {
   $("notice").textContent = text;
+  delete $("notice").dataset.stop;
 }
 
-/* The secret stands behind the address, where no server and no other page sees it. */
+/* The secret stands behind the address, where no server sees it. From here on it is in memory alone. */
 function takeToken() {
-  const given = location.hash.slice(1);
-  if (given) {
-    sessionStorage.setItem("token", given);
-    history.replaceState(null, "", location.pathname);
-  }
-  return given || sessionStorage.getItem("token");
+  const token = location.hash.slice(1);
+  if (token) history.replaceState(null, "", location.pathname);
+  return token;
 }
 
 function start() {
   const channels = document.body.dataset.channels.split(" ");
   document.title = `LiteGrip ${channels.join(", ")}`;
+  const stops = document.querySelectorAll("[data-stop-all]");
   const token = takeToken();
   if (!token) {
-    notice("This address lacks its secret: open the whole one that litegripd-web printed.");
-    $("stop").disabled = true;
+    notice(
+      "This address lacks its secret: open the whole one that litegripd-web printed, or your bookmark of it. " +
+        "The page keeps no secret when it is loaded again.",
+    );
+    for (const button of stops) button.disabled = true;
     return;
   }
   document.body.classList.toggle("several", channels.length > 1);
-  const panels = channels.map((channel) => new Panel(channel, token, $("grippers")));
-  const stop = () => {
-    for (const panel of panels) panel.stop();
-  };
-  $("stop").onclick = stop;
+  const secret = new Secret(token);
+  const panels = channels.map((channel) => new Panel(channel, secret, $("grippers")));
+  const stop = new Stop(panels, document.querySelectorAll("[data-stop-text]"));
+  for (const button of stops) button.onclick = () => stop.press();
   addEventListener(
     "keydown",
     (event) => {
-      if (event.key === "Escape") stop();
+      if (event.key !== "Escape") return;
+      event.preventDefault(); // a dialog stays, with what it tells
+      stop.press();
     },
     true,
   );
   addEventListener("keydown", (event) => press(event, panels));
+  const focus = ({ target }) => {
+    const article = target.closest?.(".gripper");
+    if (!article) return;
+    for (const panel of panels) panel.article.classList.toggle("focused", panel.article === article);
+  };
+  addEventListener("focusin", focus);
+  addEventListener("pointerdown", focus);
+  panels[0].article.classList.add("focused");
 }
 
-/* A key acts on the one gripper that this page controls. */
+/* A key acts on the gripper that this page controls; of several on the one that was used last. */
 function press(event, panels) {
   const isTyping = /^(INPUT|SELECT|TEXTAREA)$/.test(event.target.tagName) && event.target.type !== "range";
   if (isTyping || event.ctrlKey || event.metaKey || event.altKey || event.repeat) return;
   if (document.querySelector("dialog[open]")) return;
   const controlled = panels.filter((panel) => panel.control.has);
-  if (controlled.length === 1 && controlled[0].control.press(event.key.toLowerCase())) {
-    event.preventDefault();
-  }
+  const panel =
+    controlled.length === 1
+      ? controlled[0]
+      : controlled.find(({ article }) => article.classList.contains("focused"));
+  if (panel?.control.press(event.key.toLowerCase())) event.preventDefault();
 }
 
 addEventListener("dragover", (event) => event.preventDefault());
@@ -66,4 +82,5 @@ $("dump-file").onchange = (event) => {
   if (file) showDump(file, $("dump"), notice);
 };
 
+theme.begin($("theme"));
 start();

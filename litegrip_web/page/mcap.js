@@ -5,6 +5,8 @@ import { decompress } from "./vendor/fzstd.js";
 
 const MAGIC = [0x89, 0x4d, 0x43, 0x41, 0x50, 0x30, 0x0d, 0x0a];
 const CHANNEL = 0x04, MESSAGE = 0x05, CHUNK = 0x06, FOOTER = 0x02;
+const MOST_UNPACKED_BYTES = 512 * 1024 * 1024;
+const PROGRESS_EVERY_BYTES = 256 * 1024;
 const text = new TextDecoder();
 
 class Reader {
@@ -41,12 +43,26 @@ function unpacked(content) {
   const compression = reader.text();
   const packed = reader.take(reader.u64());
   if (compression === "") return packed;
+  if (size > MOST_UNPACKED_BYTES) throw new Error(`a piece of it says that it has ${size} bytes`);
   if (compression !== "zstd") throw new Error(`its compression is ${compression}, not zstd`);
   return decompress(packed, new Uint8Array(size));
 }
 
-/* Return {ticks, events}, each with `time` (Unix, s); throws Error for what is no dump. */
-export function readDump(bytes) {
+/* Return a tick or an event of a dump; throws Error for what is neither. */
+function checked(topic, content) {
+  const found = JSON.parse(content);
+  const isObject = typeof found === "object" && found !== null && !Array.isArray(found);
+  const isRight = isObject && (topic === "tick" ? Object.values(found).every(isPlain) : typeof found.message === "string");
+  if (!isRight) throw new Error(`one of its messages is no ${topic}`);
+  return found;
+}
+
+const isPlain = (value) => value === null || typeof value !== "object" || Array.isArray(value);
+
+/* Return {ticks, events}, each with `time` (Unix, s); throws Error for what is no dump.
+
+   `onProgress` gets how much has been read, 0 to 1. */
+export function readDump(bytes, onProgress = () => {}) {
   if (!MAGIC.every((byte, index) => bytes[index] === byte)) throw new Error("it is no MCAP file");
   const topics = new Map();
   const found = { ticks: [], events: [] };
@@ -64,10 +80,17 @@ export function readDump(bytes) {
       const time = reader.u64() / 1e9;
       reader.u64(); // when it was published
       const list = { tick: found.ticks, event: found.events }[topic];
-      list?.push({ time, ...JSON.parse(text.decode(content.subarray(reader.at))) });
+      list?.push({ ...checked(topic, text.decode(content.subarray(reader.at))), time });
     }
   };
-  for (const record of records(bytes.subarray(MAGIC.length))) take(...record);
+  let told = 0;
+  for (const [kind, content] of records(bytes.subarray(MAGIC.length))) {
+    take(kind, content);
+    const at = content.byteOffset + content.byteLength;
+    if (at - told < PROGRESS_EVERY_BYTES) continue;
+    told = at;
+    onProgress(at / bytes.length);
+  }
   if (found.ticks.length === 0) throw new Error("it holds no ticks of a LiteGrip");
   return found;
 }

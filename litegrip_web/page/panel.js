@@ -5,12 +5,16 @@ import { Events } from "./events.js";
 import { figure, inPageWords, isNumber, owner, time } from "./format.js";
 import { Jaws } from "./jaws.js";
 import { Plots } from "./plots.js";
+import { Stop } from "./stop.js";
+import { toast } from "./toasts.js";
 import { Wire } from "./wire.js";
 import { World } from "./world.js";
 
 const HZ = 20;
 const LOOK_EVERY_MS = 1000;
-const QUIET_MS = 1500;
+const AGE_EVERY_MS = 200;
+const LATE_S = 1;
+const HEALTH = { ok: "Healthy", degraded: "Impaired", down: "Out of order" };
 const UNSEEN =
   "No software sees what else pushes the jaws, a hand or a weight, nor a motor that makes other than it reports.";
 
@@ -20,12 +24,13 @@ export class Panel {
   #doubt;
   #lease = null;
   #health = null;
-  #lastSampleMs = 0;
+  #lost = null;
+  #isLate = false;
   #facts = new Map();
   gripper = null;
   state = null;
 
-  constructor(channel, token, place) {
+  constructor(channel, secret, place) {
     const article = document.getElementById("gripper").content.cloneNode(true).firstElementChild;
     article.setAttribute("aria-label", `Gripper ${channel}`);
     article.dataset.channel = channel;
@@ -36,51 +41,62 @@ export class Panel {
     this.article = article;
     this.channel = channel;
     this.#nodes.channel.textContent = channel;
-    this.wire = new Wire(channel, token);
+    this.wire = new Wire(channel, secret);
     this.events = new Events(this.#nodes.events, this.wire);
     this.plots = new Plots(this.#nodes.plots, channel);
     this.world = new World(this);
     this.jaws = new Jaws(this.#nodes.jaws, this.world);
     this.control = new Control(this);
-    this.#nodes.stop.onclick = () => this.stop();
+    this.#nodes.stop.onclick = () => new Stop([this], [this.#nodes.outcome]).press();
     const { wire } = this;
     wire.addEventListener("up", ({ detail }) => this.#begin(detail));
     wire.addEventListener("down", ({ detail }) => this.#end(detail.message));
     wire.addEventListener("state.sample", ({ detail }) => this.#show(detail.state));
     wire.addEventListener("event", ({ detail }) => this.#take(detail));
     setInterval(() => this.#look(), LOOK_EVERY_MS);
+    setInterval(() => this.#showAge(), AGE_EVERY_MS);
   }
 
   node(name) {
     return this.#nodes[name];
   }
 
-  /* Say how something ended, or what is wrong with it. */
+  /* Say how something ended, or what goes on. */
   tell(text) {
     this.#nodes.outcome.textContent = text;
+    delete this.#nodes.outcome.dataset.stop;
   }
 
-  /* Stop this gripper; return whether the daemon has confirmed it. */
+  /* Say what is wrong, until it has been read. */
+  complain(text) {
+    this.tell(text);
+    toast(`${this.channel}: ${text}`);
+  }
+
+  /* Stop this gripper; return null once the daemon has confirmed it, otherwise why that is not known. */
   async stop() {
     try {
       await this.wire.call("stop", { level: "hold", why: "STOP on the page" });
-      this.tell("stopped");
-      return true;
+      return null;
     } catch (error) {
-      this.tell(`STOP did not reach ${this.channel}: ${error.message}. Cut the power.`);
-      return false;
+      return error.message;
     }
   }
 
-  async #begin({ operate }) {
+  async #begin({ operate, history }) {
     for (const node of this.article.querySelectorAll("[data-acts]")) node.hidden = !operate;
+    this.#nodes["read-only"].hidden = operate;
     try {
-      const hello = await this.wire.call("hello", { client: "litegripd-web" });
+      const hello = await this.wire.hello();
       this.#offsetS = Date.now() / 1000 - hello.monotonic_s;
       this.gripper = hello.gripper;
+      this.#nodes.simulated.hidden = !hello.simulated;
       const { ranges } = await this.wire.call("config.get");
+      this.plots.begin(this.#moments(history));
       const events = await this.wire.call("events.subscribe");
       this.events.begin(events.events, this.#offsetS);
+      this.#lost = null;
+      for (const event of events.events) this.#noteLoss(event);
       const states = await this.wire.call("state.subscribe", { hz: HZ });
       this.tell("");
       this.#show(states.state);
@@ -92,14 +108,31 @@ export class Panel {
     }
   }
 
+  /* What litegripd-web has kept of the last minute, as moments for the plots. */
+  #moments({ fields, rows }) {
+    return rows.map((row) => this.#moment(Object.fromEntries(fields.map((name, at) => [name, row[at]]))));
+  }
+
+  #moment(state) {
+    return {
+      time: state.monotonic_s + this.#offsetS,
+      opening: state.stale ? null : state.opening_mm,
+      command: this.#openingAt(state.command_rad),
+      force: state.stale ? null : state.force_n,
+      set: state.force_set_n,
+    };
+  }
+
   #end(message) {
     this.state = null;
     this.#lease = this.#health = null;
     this.#nodes.mode.textContent = "no daemon";
     this.#nodes.mode.dataset.mode = "offline";
     this.#nodes.why.textContent = message;
-    this.#nodes.stopped.hidden = this.#nodes.doubted.hidden = true;
+    this.#nodes.stopped.hidden = this.#nodes.doubted.hidden = this.#nodes.lost.hidden = true;
     this.#doubt = undefined;
+    this.#isLate = false;
+    this.article.classList.remove("late");
     this.article.classList.add("down");
     this.jaws.show({ opening: null, command: null, isGrasped: false, isStale: true });
     this.control.end();
@@ -109,13 +142,11 @@ export class Panel {
 
   async #look() {
     if (!this.wire.isUp || document.hidden) return;
-    const quiet = performance.now() - this.#lastSampleMs > QUIET_MS;
-    this.article.classList.toggle("quiet", quiet);
-    if (quiet) this.#nodes.why.textContent = "the daemon sends no states";
     try {
       [this.#health, this.#lease] = await Promise.all([
         this.wire.call("health"),
         this.wire.call("lease.get"),
+        this.wire.keepClock(),
       ]);
     } catch {
       this.#health = this.#lease = null; // shown as unknown; "down" says why
@@ -124,11 +155,25 @@ export class Panel {
     this.#showFacts();
   }
 
+  /* Mark what is shown as late when it is older than a second, by the daemon's own clock. */
+  #showAge() {
+    if (this.state === null || !this.wire.isUp) return;
+    const age = this.wire.age(this.state.monotonic_s);
+    const isLate = age === null || age > LATE_S;
+    this.plots.advance(Date.now() / 1000, isLate);
+    if (!isLate && !this.#isLate) return;
+    this.#isLate = isLate;
+    this.article.classList.toggle("late", isLate);
+    this.#showMode(this.state, age);
+    this.#showJaws(this.state);
+  }
+
   async #take(event) {
     this.events.add(event, this.#offsetS);
+    this.#noteLoss(event);
     if (event.kind === "lease" || event.kind === "lease_lost") await this.#look();
     if (event.kind === "calibration") {
-      this.gripper = (await this.wire.call("hello", { client: "litegripd-web" })).gripper;
+      this.gripper = (await this.wire.hello()).gripper;
       this.#doubt = undefined; // the next state asks why, again
     }
   }
@@ -145,40 +190,61 @@ export class Panel {
     return ((rad - closed) / (open - closed)) * travel;
   }
 
+  /* A lost object is said until the next motion. */
+  #noteLoss(event) {
+    const { lost, "lost-text": text } = this.#nodes;
+    if (event.kind === "object_lost") this.#lost = event;
+    else if (event.kind === "job_started") this.#lost = null;
+    lost.hidden = this.#lost === null;
+    if (this.#lost === null) return;
+    const message = inPageWords(this.#lost.message, this.#lost.terms?.message);
+    text.textContent = `At ${time(this.#lost.monotonic_s + this.#offsetS)}: ${message}.`;
+  }
+
   #show(state) {
     this.state = state;
-    this.#lastSampleMs = performance.now();
-    this.article.classList.remove("down", "quiet");
-    const opening = state.stale ? null : state.opening_mm;
-    const command = this.#openingAt(state.command_rad);
+    this.article.classList.remove("down");
     this.jaws.setScale(this.travel, state.work_stroke_mm ?? null);
-    this.jaws.show({
-      opening: state.opening_mm,
-      command,
-      isGrasped: state.is_grasped,
-      isStale: state.stale,
-    });
-    this.plots.add({
-      time: state.monotonic_s + this.#offsetS,
-      opening,
-      command,
-      force: state.stale ? null : state.force_n,
-      set: state.force_set_n,
-    });
-    this.#showMode(state);
+    this.#showJaws(state);
+    this.plots.add(this.#moment(state));
+    if (!this.#isLate) this.#showMode(state);
     this.#showDoubt(state.scale_doubt);
     this.control.show(state);
     this.#showFacts();
   }
 
-  #showMode(state) {
-    const { mode, why, stopped, "stop-text": text } = this.#nodes;
+  #showJaws(state) {
+    this.jaws.show({
+      opening: state.opening_mm,
+      command: this.#openingAt(state.command_rad),
+      isGrasped: state.is_grasped,
+      isStale: state.stale || this.#isLate,
+    });
+  }
+
+  /* Show what the gripper does: badge, sentence and alert are made of one state, so they agree. */
+  #showMode(state, age = 0) {
+    const { mode, why, stopped, "stop-text": text, held } = this.#nodes;
     const phase = state.job?.phase ? ` (${state.job.phase})` : "";
-    mode.dataset.mode = state.mode;
-    mode.dataset.verdict = this.#health?.verdict ?? "";
-    mode.textContent = state.job ? `${state.mode}: ${state.job.kind}${phase}` : state.mode;
-    why.textContent = this.#reason(state);
+    const does = state.job ? `${state.mode}: ${state.job.kind}${phase}` : state.mode;
+    const isFault = state.mode === "fault";
+    held.dataset.on = state.is_grasped === null ? "unknown" : state.is_grasped;
+    held.textContent = { true: "object detected", false: "no object", null: "object?" }[state.is_grasped];
     stopped.hidden = state.stop === null;
+    if (this.#isLate) {
+      mode.dataset.mode = "late";
+      mode.textContent = "late";
+      const seconds = age === null ? "more than 1" : age.toFixed(1);
+      why.textContent = `No newer state has come for ${seconds} s: all that is shown was then.`;
+    } else if (state.stop !== null) {
+      mode.dataset.mode = isFault ? "fault" : "stopped";
+      mode.textContent = isFault ? "fault, STOPPED" : "STOPPED";
+      why.textContent = [isFault ? "" : does, this.#reason(state)].filter(Boolean).join("; ");
+    } else {
+      mode.dataset.mode = state.mode;
+      mode.textContent = does;
+      why.textContent = this.#reason(state);
+    }
     if (state.stop === null) return;
     const { by, why: reason, since_s: since, level } = state.stop;
     const when = time(since + this.#offsetS);
@@ -208,7 +274,7 @@ export class Panel {
   #reason(state) {
     const parts = [];
     if (state.bus !== "up") parts.push(`bus: ${state.bus.replaceAll("_", " ")}`);
-    if (state.mode === "fault") parts.push(`the motor reports ${state.status}`);
+    if (state.mode === "fault") parts.push(`the motor reports ${state.status.replaceAll("_", " ")}`);
     else if (state.stale) parts.push("the motor does not answer: what is shown is its last report");
     if (!state.calibrated) parts.push("not calibrated");
     if (state.job) parts.push(`by ${owner(state.job.owner)}`);
@@ -236,11 +302,27 @@ export class Panel {
     this.#fact("Driver", figure(state?.driver_temperature_c, 0, "°C"));
     this.#fact("Time to the heat limit", isNumber(toLimit) ? figure(toLimit, 0, "s") : heat ? "none" : "--");
     this.#fact("Tick lateness (99 %)", figure(this.#health?.control?.lateness.p99_us, 0, "µs"));
-    const { verdict, reasons, notes = [], terms } = this.#health ?? {};
-    const told = (texts, places) => texts.map((text, row) => inPageWords(text, places?.[row]));
-    const why = () => [...told(reasons, terms?.reasons), ...told(notes, terms?.notes)];
-    this.#fact("Health", verdict ? [verdict, ...why()].join(": ") : "--", "wide");
+    this.#showHealth();
     this.#fact("Lease", held ? `${owner(held)}${purpose}` : lease ? "free" : "--", "wide");
+  }
+
+  /* Health is a lamp with one sentence; the details are behind it. */
+  #showHealth() {
+    const { lamp, "health-text": text, "health-why": why } = this.#nodes;
+    const { verdict, reasons = [], notes = [], terms } = this.#health ?? {};
+    const told = (texts, places) => texts.map((line, row) => inPageWords(line, places?.[row]));
+    const lines = [...told(reasons, terms?.reasons), ...told(notes, terms?.notes)];
+    lamp.dataset.verdict = verdict ?? "unknown";
+    const more = reasons.length > 1 ? `, and ${reasons.length - 1} more` : "";
+    const first = reasons.length ? `: ${lines[0]}${more}` : "";
+    const sentence = verdict ? `${HEALTH[verdict] ?? verdict}${first}` : "Health is not known";
+    if (text.textContent !== sentence) text.textContent = sentence;
+    if (why.dataset.lines === lines.join("\n")) return;
+    why.dataset.lines = lines.join("\n");
+    const shown = lines.length ? lines : ["Nothing is wrong."];
+    why.replaceChildren(
+      ...shown.map((line) => Object.assign(document.createElement("li"), { textContent: line })),
+    );
   }
 
   #fact(name, value, kind = "", hint = "") {

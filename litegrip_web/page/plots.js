@@ -3,6 +3,7 @@
 import uPlot from "./vendor/uPlot.js";
 
 export const WINDOW_S = 60;
+const GAP_S = 1;
 const LEAST_SPAN = { mm: 10, N: 5 };
 const HEIGHT = 150;
 
@@ -80,7 +81,7 @@ export class Plots {
         plot.setSize({ width: Math.max(figure.clientWidth, 200), height: HEIGHT });
       }).observe(figure);
       /* What stands still, a dump's, is not drawn again by itself. */
-      matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => plot.redraw());
+      addEventListener("theme", () => plot.redraw());
       return plot;
     };
     this.#plots = [
@@ -95,19 +96,45 @@ export class Plots {
     ];
   }
 
+  /* Begin anew with moments of the last minute, the oldest first. */
+  begin(moments) {
+    for (const column of Object.values(this.#columns)) column.length = 0;
+    for (const moment of moments) this.#push(moment);
+    this.#drawSoon(this.#columns.time.at(-1));
+  }
+
   /* Add a moment: {time (Unix, s), opening, command, force, set}; what is unknown is null. */
   add(moment) {
+    if (moment.time <= this.#columns.time.at(-1)) return; // it was in what this page began with
+    this.#push(moment);
+    this.#drawSoon(moment.time);
+  }
+
+  /* Let the time go on, also while nothing comes (`isLate`). */
+  advance(now, isLate) {
+    if (isLate) this.#drawSoon(now);
+  }
+
+  /* Where nothing was measured, no line is drawn. */
+  #push(moment) {
     const columns = this.#columns;
+    const last = columns.time.at(-1);
+    if (moment.time - last > GAP_S) {
+      columns.time.push(last + GAP_S / 2);
+      for (const field of FIELDS) columns[field].push(null);
+    }
     columns.time.push(moment.time);
     for (const field of FIELDS) columns[field].push(moment[field] ?? null);
     while (columns.time[0] < moment.time - WINDOW_S) {
       for (const column of Object.values(columns)) column.shift();
     }
-    if (this.#isDue) return;
+  }
+
+  #drawSoon(now) {
+    if (this.#isDue || now === undefined) return;
     this.#isDue = true;
     requestAnimationFrame(() => {
       this.#isDue = false;
-      const now = columns.time.at(-1);
       this.#draw();
       for (const plot of this.#plots) plot.setScale("x", { min: now - WINDOW_S, max: now });
     });

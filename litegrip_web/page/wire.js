@@ -1,36 +1,48 @@
 /* One gripper's daemon, by way of litegripd-web: a message is a line of the daemon's protocol. */
 
 import { inPageWords } from "./format.js";
+import { newNonce } from "./proof.js";
 
 const RECONNECT_EVERY_MS = 1000;
+const CLOCK_EVERY_MS = 10_000;
 const CLOSED = {
   4401: "The secret in this page's address is not the present one: open the address that litegripd-web printed.",
-  4408: "The page was too slow to tell its secret.",
+  4408: "The page was too slow to prove its secret.",
   4429: "Too many browsers show this gripper.",
 };
+const STRANGER =
+  "What answers here does not know this page's secret, and was not told it: it is a stranger, or a litegripd-web " +
+  "with a newer secret. Look whether yours runs, and open the address that litegripd-web printed.";
 
 export class RpcError extends Error {
   constructor({ message, data }) {
     super(inPageWords(message, data?.terms?.message));
     this.reason = data?.reason;
-    this.hint = data?.hint;
+    this.data = data ?? {};
   }
 }
 
 export class Wire extends EventTarget {
-  /* Dispatches "up" ({operate}), "down" ({message}) and each notification by its method. */
+  /* Dispatches "up" (what the bridge says first), "down" ({message}) and each notification by its method. */
   #channel;
-  #token;
+  #secret;
   #socket = null;
+  #isKnown = false;
   #isUp = false;
   #next = 1;
   #waiting = new Map();
+  #clock = null;
+  #clockAt = 0;
 
-  constructor(channel, token) {
+  constructor(channel, secret) {
     super();
     this.#channel = channel;
-    this.#token = token;
+    this.#secret = secret;
     this.#connect();
+  }
+
+  get isUp() {
+    return this.#isUp;
   }
 
   /* Return the result of a request; throws RpcError. `onProgress` gets its job.progress. */
@@ -38,7 +50,7 @@ export class Wire extends EventTarget {
     const id = this.#next++;
     const request = { jsonrpc: "2.0", id, method, params };
     return new Promise((resolve, reject) => {
-      if (this.#socket?.readyState !== WebSocket.OPEN) {
+      if (!this.#isKnown || this.#socket.readyState !== WebSocket.OPEN) {
         reject(new RpcError({ message: "not connected", data: { reason: "no_daemon" } }));
         return;
       }
@@ -47,22 +59,64 @@ export class Wire extends EventTarget {
     });
   }
 
+  /* Return how old, in seconds, what the daemon measured at `monotonicS` may be at most; null if unknown. */
+  age(monotonicS) {
+    if (this.#clock === null) return null;
+    return this.#clock.monotonicS + (performance.now() - this.#clock.sentMs) / 1000 - monotonicS;
+  }
+
+  /* Return `hello`, and compare the daemon's clock with this page's: by the quickest answer so far. */
+  async hello() {
+    const sentMs = performance.now();
+    this.#clockAt = sentMs;
+    const hello = await this.call("hello", { client: "litegripd-web" });
+    const tookMs = performance.now() - sentMs;
+    if (this.#clock === null || tookMs <= this.#clock.tookMs) {
+      this.#clock = { sentMs, tookMs, monotonicS: hello.monotonic_s };
+    }
+    return hello;
+  }
+
+  /* Compare the clocks again, where that is due. */
+  async keepClock() {
+    if (performance.now() - this.#clockAt > CLOCK_EVERY_MS) await this.hello();
+  }
+
   #connect() {
     const scheme = location.protocol === "https:" ? "wss:" : "ws:";
     const socket = new WebSocket(`${scheme}//${location.host}/ws/${this.#channel}`);
+    const nonce = newNonce();
     this.#socket = socket;
-    socket.onopen = () => socket.send(JSON.stringify({ token: this.#token }));
-    socket.onmessage = (message) => this.#take(JSON.parse(message.data));
-    socket.onclose = (event) => {
-      const why = CLOSED[event.code];
-      this.#down(why ?? "litegripd-web does not answer.");
-      if (event.code !== 4401) setTimeout(() => this.#connect(), RECONNECT_EVERY_MS);
+    socket.onopen = () => socket.send(JSON.stringify({ nonce }));
+    socket.onmessage = (first) => this.#prove(socket, nonce, JSON.parse(first.data));
+    socket.onclose = ({ code }) => {
+      this.#isKnown = false;
+      this.#down(CLOSED[code] ?? "litegripd-web does not answer.");
+      this.#connectAgain(code);
     };
+  }
+
+  #connectAgain(code) {
+    if (code !== 4401) setTimeout(() => this.#connect(), RECONNECT_EVERY_MS);
+  }
+
+  async #prove(socket, nonce, { nonce: serverNonce, proof }) {
+    socket.onmessage = (message) => this.#take(JSON.parse(message.data));
+    if (proof === (await this.#secret.proof("server", nonce, serverNonce))) {
+      socket.send(JSON.stringify({ proof: await this.#secret.proof("page", nonce, serverNonce) }));
+      this.#isKnown = true;
+      return;
+    }
+    socket.onclose = socket.onmessage = null;
+    socket.close();
+    this.#down(STRANGER);
+    this.#connectAgain(null);
   }
 
   #take(message) {
     if (message.method === "web.welcome") {
       this.#isUp = true;
+      this.#clock = null; // it may be another daemon's
       this.#tell("up", message.params);
     } else if (message.method === "web.no_daemon") {
       this.#down(message.params.message);
@@ -70,6 +124,7 @@ export class Wire extends EventTarget {
       this.#waiting.get(message.params.request)?.onProgress?.(message.params);
     } else if (message.method) {
       this.#tell(message.method, message.params);
+      if (message.method === "state.sample") this.#socket.send('{"method":"web.seen"}');
     } else {
       this.#answer(message);
     }
@@ -92,10 +147,6 @@ export class Wire extends EventTarget {
     for (const call of this.#waiting.values()) call.reject(new RpcError(lost));
     this.#waiting.clear();
     this.#tell("down", { message });
-  }
-
-  get isUp() {
-    return this.#isUp;
   }
 
   #tell(type, detail) {

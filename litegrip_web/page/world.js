@@ -4,8 +4,8 @@ import { figure, isNumber } from "./format.js";
 
 const LOOK_EVERY_MS = 500;
 const PUSH_NM = 0.8;
-const MOST_NM = 1.5;
-const NM_PER_MM = 0.05;
+const MOST_NM = 0.8;
+const NM_PER_MM = 0.04;
 
 export class World {
   #panel;
@@ -50,18 +50,19 @@ export class World {
 
   /* An object is dragged in, or away. */
   onObject(isIn) {
-    const width = Number(this.#panel.node("object").value);
-    this.#do("sim.object", isIn ? { width_mm: width } : {});
+    const node = this.#panel.node("object");
+    if (!isIn) this.#do("sim.object");
+    else if (node.reportValidity()) this.#do("sim.object", { width_mm: Number(node.value) });
   }
 
-  /* A jaw is pushed by a pointer, so many mm outwards. */
+  /* A jaw is pushed by a pointer that is so many mm ahead of it, in the direction that closes. */
   onPush(mm) {
     const torque = Math.max(-MOST_NM, Math.min(MOST_NM, mm * NM_PER_MM));
     this.#push(torque);
   }
 
   #push(torque) {
-    const rounded = Math.round(torque * 10) / 10;
+    const rounded = Math.round(torque * 20) / 20;
     if (!this.#operates || rounded === (this.#pushing ?? 0)) return;
     this.#pushing = rounded;
     this.#do("sim.push", { torque_nm: rounded });
@@ -71,7 +72,7 @@ export class World {
     try {
       this.#show(await this.#panel.wire.call(method, params));
     } catch (error) {
-      this.#panel.tell(error.message);
+      this.#panel.complain(error.message);
     }
   }
 

@@ -178,7 +178,7 @@ class Daemon:
         self._open_bus()
         logging.getLogger().handlers = [self._log_handler]
         rights = acquire(self._config.control.priority, self._config.control.cpus)
-        for refused in rights.refused:
+        for refused in () if self._facts.simulated else rights.refused:
             _log.warning("not granted, continuing without: %s", refused)
         self._parts = Parts(
             reactor=self._reactor,

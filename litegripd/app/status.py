@@ -252,6 +252,11 @@ class DaemonFacts:
         if parts.condition.is_usable and doubt is not None:  # the nearer suspect
             (found.down or found.degraded).insert(0, f"the bus: {doubt}")
         found.degraded += self._teleop_complaints(parts) + _process_complaints(parts)
+        rights = [f"not granted: {refused}" for refused in parts.rights.refused]
+        if self.simulated:
+            found.notes += [f"{text}; a simulated gripper does without" for text in rights]
+        else:
+            found.degraded += rights
         found.notes += parts.disks.nearly_full
         verdict: Verdict = "down" if found.down else "degraded" if found.degraded else "ok"
         return verdict, found.down + found.degraded, found.notes
@@ -355,8 +360,8 @@ def _why_uncalibrated(calibrated: CalibrationInUse) -> str:
 
 
 def _process_complaints(parts: Parts) -> list[str]:
-    """Return what degrades the daemon's own processes, rights and ticks."""
-    found = [f"not granted: {refused}" for refused in parts.rights.refused] + parts.disks.full
+    """Return what degrades the daemon's own processes and ticks."""
+    found = list(parts.disks.full)
     if not parts.helper.is_running:
         found.append("the helper process is not running; it is being started again")
     if (uid := parts.helper.lately_refused(time.monotonic())) is not None:

@@ -333,7 +333,11 @@ def _give_to_group(path: Path, group: str | None) -> None:
         if path.lstat().st_gid != gid:  # as in a unit with that Group=, which may not change owners
             os.chown(path, -1, gid, follow_symlinks=False)  # whatever has replaced it since
     except KeyError:
-        _log.warning("there is no group %r: %s stays with group %s", group, path, _group_of(path))
+        # Who runs a daemon of his own needs no group; a system's daemon is meant for others, too.
+        level = logging.WARNING if os.getuid() == 0 else logging.DEBUG
+        _log.log(
+            level, "there is no group %r: %s stays with group %s", group, path, _group_of(path)
+        )
     except PermissionError:
         _log.warning(
             "not allowed to give %s to group %r: it stays with %s; a unit needs Group=%s as well"

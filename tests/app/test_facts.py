@@ -1,7 +1,8 @@
 """What the daemon tells: where its calibration is from, and how it fares."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,7 +17,7 @@ from litegripd.io.helper.files import DATA
 from litegripd.io.meters import RecentLateness
 from litegripd.model.calibration import to_plain
 from litegripd.model.errors import Refusal
-from litegripd.model.motor import BusSettings, CanFrame
+from litegripd.model.motor import SIMULATOR, BusSettings, CanFrame
 from tests.world import CAN_ID, World, enabled_world, found_world
 
 MEASURED = {"zero_position_rad": 0.104334, "max_position_rad": -1.513123}
@@ -53,10 +54,13 @@ def judged(
     late_s: float = 0.0,
     config: Config = OWN,
     figures: Callable[[float, Any], Mapping[str, Any]] | None = None,
+    not_granted: Sequence[str] = (),
 ) -> DaemonFacts:
     """Return the facts of a daemon with these parts, whose latest tick was late."""
     made = facts(world, config)
-    made.attach(parts_of(world, helper_runs=helper_runs, late_s=late_s, figures=figures))
+    parts = parts_of(world, helper_runs=helper_runs, late_s=late_s, figures=figures)
+    parts.rights.refused = not_granted
+    made.attach(parts)
     return made
 
 
@@ -73,7 +77,7 @@ def parts_of(
     lateness.add(0.0, late_s)
     return SimpleNamespace(
         condition=world.condition,
-        rights=SimpleNamespace(refused=[]),
+        rights=SimpleNamespace(refused=()),
         disks=disks,
         spawner=SimpleNamespace(is_running=True),
         helper=SimpleNamespace(
@@ -124,6 +128,17 @@ def test_a_standstill_is_named_with_how_long_it_lasted() -> None:
     assert verdict(world, late_s=0.099) == ("ok", [])
     told = ["the daemon itself stood still for 312 ms in the last minute"]
     assert verdict(world, late_s=0.312) == ("degraded", told)
+
+
+def test_rights_that_a_real_motor_needs_are_no_fault_of_a_simulators_daemon() -> None:
+    world, refused = World().start(), ("SCHED_FIFO 50: Operation not permitted",)
+    real = judged(world, not_granted=refused)
+    text = "not granted: SCHED_FIFO 50: Operation not permitted"
+    assert (real.verdict(), real.notes()) == (("degraded", [text]), [])
+    simulated = replace(OWN, bus=replace(OWN.bus, interface=SIMULATOR))
+    facts = judged(world, config=simulated, not_granted=refused)
+    assert facts.verdict() == ("ok", [])
+    assert facts.notes() == [f"{text}; a simulated gripper does without"]
 
 
 def test_a_template_is_nominal_and_has_no_date_and_is_so_when_it_is_saved() -> None:

@@ -2,6 +2,7 @@
 
 import contextlib
 import grp
+import logging
 import os
 import select
 import socket
@@ -79,12 +80,21 @@ def test_the_socket_is_given_to_the_group(tmp_path: Path) -> None:
 
 
 def test_a_group_that_does_not_exist_is_said_and_survived(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(os, "getuid", lambda: 0)
     with listen(tmp_path / "a.sock", "no-such-group"):
         group = grp.getgrgid(os.getgid()).gr_name
         assert "there is no group 'no-such-group'" in caplog.text
         assert f"stays with group {group}" in caplog.text
+
+
+def test_a_user_who_runs_a_daemon_of_his_own_needs_no_group(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "getuid", lambda: 1000)
+    with listen(tmp_path / "a.sock", "no-such-group"):
+        assert [record for record in caplog.records if record.levelno >= logging.INFO] == []
 
 
 def test_a_stale_socket_is_replaced(tmp_path: Path) -> None:

@@ -11,7 +11,6 @@ import shlex
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -19,9 +18,9 @@ import pytest
 from litegrip_client import ConnectError
 from litegrip_client.threads.blocking import connect
 from tests.process.daemon_process import DEADLINE_S
+from tests.process.run_simulated import run
 
 ROOT = Path(__file__).parents[2]
-CHANNEL = "sim0"
 OTHER = {"make run", "make demo", "litegripctl calibration load reverse"}
 """Typed in a terminal of its own; tried in `test_demo.py`; for a motor the other way round."""
 LINES = re.compile(r"^```\n(.*?)^```|^```python\n(.*?)^```|`(litegripctl sim [^`]+)`", re.M | re.S)
@@ -110,36 +109,6 @@ class Shell:
         os.close(self._terminal)
 
 
-@contextlib.contextmanager
-def running(folder: Path) -> Iterator[str]:
-    """Run what `make run` runs; yield what it said."""
-    with contextlib.suppress(ConnectError):
-        connect(CHANNEL).close()
-        pytest.skip(f"a daemon of {CHANNEL} runs already")
-    log = folder / "log.txt"
-    environment = {**os.environ, "HOME": str(folder), "STATE_DIRECTORY": str(folder)}
-    with log.open("wb") as output:
-        process = subprocess.Popen(
-            [sys.executable, str(ROOT / "examples" / "run_simulated.py")],
-            stdout=output,
-            stderr=output,
-            env=environment,
-        )
-    try:
-        ends_s = time.monotonic() + DEADLINE_S
-        while True:
-            try:
-                connect(CHANNEL).close()
-                break
-            except ConnectError:
-                assert process.poll() is None, log.read_text()
-                assert time.monotonic() < ends_s, log.read_text()
-        yield log.read_text()
-    finally:
-        process.terminate()
-        assert process.wait(DEADLINE_S) == 0, log.read_text()
-
-
 def test_make_run_is_what_is_run_here() -> None:
     done = subprocess.run(
         ["make", "--no-print-directory", "--dry-run", "--old-file", ".venv/.runs", "run"],
@@ -157,8 +126,11 @@ def test_make_run_is_what_is_run_here() -> None:
 def test_each_line_of_a_page_succeeds(page: str, tmp_path: Path) -> None:
     lines = typed(page)
     assert "litegripctl grasp --force 10" in lines
-    with running(tmp_path) as said, contextlib.closing(Shell(tmp_path)) as shell:
-        assert re.search(r"http://127\.0\.0\.1:\d+/#\S{43}", said)
+    with contextlib.suppress(ConnectError):
+        connect("sim0").close()
+        pytest.skip("a daemon of sim0 runs already")
+    with run(tmp_path) as started, contextlib.closing(Shell(tmp_path)) as shell:
+        assert started.page
         for line in lines:
             own = f"{sys.prefix}/bin/activate"
             shown = shell.type(line.replace(".venv/bin/activate", own))

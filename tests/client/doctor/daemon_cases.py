@@ -344,6 +344,14 @@ DAEMON_CASES = [
     Case(
         "real-time",
         with_daemon(
+            health_control={"fifo_priority": 0, "memory_locked": False}, info_simulated=True
+        ),
+        "ok",
+        "ordinary priority, which is enough for a simulated gripper",
+    ),
+    Case(
+        "real-time",
+        with_daemon(
             health_control={**GRANTED, "fifo_priority": 0, "lateness": {"worst_us": 312_345.6}}
         ),
         "warning",

@@ -3,6 +3,7 @@
 import contextlib
 import json
 import re
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from playwright.sync_api import BrowserContext, Locator, expect
 from playwright.sync_api import Page as Tab
 
 from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess, daemon
-from tests.process.web.page_process import CHANNEL, Page, page
+from tests.process.web.page_process import CHANNEL, Page, page, welcome
 
 expect.set_options(timeout=DEADLINE_S * 1000)
 
@@ -108,6 +109,7 @@ def test_a_grasp_of_another_program_is_watched(shown: Tab, client: Client) -> No
     grasp(client, 12.0)
     expect(part(shown, "mode")).to_have_text("holding")
     expect(part(shown, "why")).to_contain_text("something is held")
+    expect(part(shown, "held")).to_have_text("object detected")
     expect(fact(shown, "Set force")).to_have_text("12.0 N")
     expect(fact(shown, "On the object")).to_contain_text("to")
     assert near(fact(shown, "Opening").inner_text(), OBJECT_MM, 1.0)
@@ -193,9 +195,10 @@ def test_keys_move_and_escape_stops_a_motion(operated: Tab, client: Client) -> N
     state = client.until(lambda state: state["stop"] is not None)
     assert state["opening_mm"] < 79
     expect(part(operated, "stopped")).to_be_visible()
+    expect(part(operated, "mode")).to_have_text("STOPPED")
+    expect(operated.locator("#notice")).to_have_text(re.compile("^Stopped"))
+    expect(button(operated, "Close")).to_be_disabled()
     operated.keyboard.press("c")
-    expect(part(operated, "outcome")).to_contain_text("close: ")
-    expect(part(operated, "outcome")).to_contain_text("clear it with “Clear the stop”")
     assert client.result("state.get")["job"] is None
     button(operated, "Clear the stop").click()
     expect(part(operated, "stopped")).to_be_hidden()
@@ -226,16 +229,16 @@ def test_a_grasp_with_a_force_and_letting_go(operated: Tab, client: Client) -> N
     client.until(lambda state: bool(state["mode"] == "relaxed"))
     part(operated, "force").fill("99")
     button(operated, "Grasp").click()
-    expect(part(operated, "outcome")).to_contain_text("force_n")
-    expect(part(operated, "outcome")).to_contain_text("0.5 to 40")
+    expect(part(operated, "outcome")).to_contain_text("force: ")
+    expect(part(operated, "outcome")).to_contain_text("40")
 
 
 def test_what_another_client_does_meanwhile_is_said(operated: Tab, client: Client) -> None:
     enable(operated, client)
     client.result("stop", level="hold", why="lunch")
     expect(part(operated, "stop-text")).to_contain_text("lunch")
-    button(operated, "Open").click()
-    expect(part(operated, "outcome")).to_contain_text("lunch")
+    expect(button(operated, "Open")).to_be_disabled()
+    expect(button(operated, "Disable")).to_be_enabled()
 
 
 def test_the_daemon_goes_and_comes_back(
@@ -255,7 +258,8 @@ def test_the_daemon_goes_and_comes_back(
         expect(fact(tab, "Opening")).to_have_text("-- mm")
         expect(button(tab, "Open")).to_be_disabled()
         tab.keyboard.press("Escape")
-        expect(part(tab, "outcome")).to_contain_text("STOP did not reach")
+        expect(tab.locator("#notice")).to_contain_text("STOP did not reach")
+        expect(tab.locator("#notice")).to_contain_text("Cut the motor's power")
         with run() as second, second.connect() as client:
             client.until(lambda state: bool(state["motor"] == "disabled" and state["calibrated"]))
             expect(part(tab, "mode")).to_have_text("disabled")
@@ -523,16 +527,21 @@ def test_measuring_can_be_cancelled(operated: Tab, client: Client) -> None:
     client.until(lambda state: state["job"] is None)
 
 
-def test_a_motion_is_taught_kept_and_replayed(operated: Tab, client: Client) -> None:
-    enable(operated, client)
-    part(operated, "name").fill("wave")
-    button(operated, "Teach").click()
+def teach(tab: Tab, client: Client, name: str) -> None:
+    """Teach a motion by a hand at the jaws, from the page."""
+    enable(tab, client)
+    part(tab, "name").fill(name)
+    button(tab, "Teach").click()
     client.until(lambda state: bool(state["job"] and state["job"]["kind"] == "record"))
     client.result("sim.push", torque_nm=0.6)
     client.until(lambda state: bool(state["opening_mm"] < 40))
     client.result("sim.push", torque_nm=0)
-    button(operated, "End and keep").click()
-    expect(part(operated, "outcome")).to_contain_text("kept as wave")
+    button(tab, "End and keep").click()
+    expect(part(tab, "outcome")).to_contain_text(f"kept as {name}")
+
+
+def test_a_motion_is_taught_kept_and_replayed(operated: Tab, client: Client) -> None:
+    teach(operated, client, "wave")
     assert [kept["name"] for kept in client.result("trajectory.list")["trajectories"]] == ["wave"]
     part(operated, "speed").fill("0.1")
     button(operated, "Replay").click()
@@ -564,16 +573,158 @@ def test_a_wrong_secret_is_said(window: BrowserContext, looking: Page, client: C
     tab = window.new_page()
     tab.goto(f"{looking.url}#{'x' * 43}")
     expect(part(tab, "why")).to_contain_text("open the address that litegripd-web printed")
+    expect(part(tab, "why")).to_contain_text("was not told it")
     other = window.new_page()
     other.goto(looking.url)
     expect(other.locator("#notice")).to_contain_text("lacks its secret")
     expect(other.get_by_role("button", name="STOP Esc")).to_be_disabled()
 
 
-def test_the_secret_leaves_the_address_and_survives_a_reload(shown: Tab) -> None:
-    assert "#" not in shown.url
+STORED = """
+async () => JSON.stringify([
+  {...sessionStorage}, {...localStorage}, document.cookie, history.state, location.href,
+  await indexedDB.databases(), await caches.keys(),
+])
+"""
+
+
+def test_the_secret_is_nowhere_where_the_next_owner_of_the_port_finds_it(shown: Tab) -> None:
+    secrets = re.findall(r"[A-Za-z0-9_-]{43}", shown.evaluate(STORED))
+    assert secrets == []
     shown.reload()
-    expect(part(shown, "mode")).to_have_text("disabled")
+    expect(shown.locator("#notice")).to_contain_text("keeps no secret")
+
+
+def test_a_frozen_daemon_is_late_and_a_stop_is_not_confirmed(
+    operated: Tab, simulated: DaemonProcess, client: Client
+) -> None:
+    take_control(operated)
+    simulated.process.send_signal(signal.SIGSTOP)
+    try:
+        expect(part(operated, "mode")).to_have_text("late")
+        expect(part(operated, "why")).to_contain_text("No newer state has come for")
+        expect(operated.locator(".jaws .jaw.unknown")).to_have_count(2)
+        operated.keyboard.press("Escape")
+        notice = operated.locator("#notice")
+        expect(notice).to_have_text(f"STOP not confirmed by {CHANNEL}. Cut the motor's power.")
+    finally:
+        simulated.process.send_signal(signal.SIGCONT)
+    expect(part(operated, "mode")).to_have_text("STOPPED")
+    expect(notice).to_have_text("Stopped. Nothing moves until it is cleared.")
+
+
+def test_a_frozen_page_server_is_late_too(
+    window: BrowserContext, simulated: DaemonProcess, client: Client
+) -> None:
+    with page("--socket", str(simulated.socket_path)) as running:
+        tab = window.new_page()
+        tab.goto(running.told)
+        expect(part(tab, "mode")).to_have_text("disabled")
+        running.process.send_signal(signal.SIGSTOP)
+        try:
+            expect(part(tab, "mode")).to_have_text("late")
+            tab.get_by_role("button", name="STOP Esc").click()
+            expect(tab.locator("#notice")).to_contain_text("STOP not confirmed")
+        finally:
+            running.process.send_signal(signal.SIGCONT)
+        expect(tab.locator("#notice")).to_contain_text("Stopped.")
+
+
+def test_stop_in_a_dialog_by_mouse_and_key(operated: Tab, client: Client) -> None:
+    enable(operated, client)
+    button(operated, "Zero …").click()
+    dialog = operated.get_by_role("dialog", name="Measure the travel")
+    dialog.get_by_role("button", name="STOP").click()
+    client.until(lambda state: state["stop"] is not None)
+    client.result("stop.clear")
+    operated.keyboard.press("Escape")
+    client.until(lambda state: state["stop"] is not None)
+    expect(dialog.locator("[data-stop-text]")).to_contain_text("Stopped.")
+
+
+def test_a_lost_object_is_said_loudly_until_the_next_motion(
+    window: BrowserContext, looking: Page, client: Client
+) -> None:
+    grasp(client)
+    tab = opened(window, looking)
+    lost = part(tab, "lost")
+    expect(lost).to_be_hidden()
+    client.result("sim.object")
+    expect(lost).to_be_visible()
+    expect(lost).to_contain_text("OBJECT LOST")
+    expect(part(tab, "held")).to_have_text("no object")
+    expect(part(opened(window, looking), "lost")).to_be_visible()
+    client.despite_silence("motion.open")
+    expect(lost).to_be_hidden()
+
+
+def test_what_is_held_is_not_dropped_by_the_slider_and_an_empty_field_is_not_0(
+    operated: Tab, client: Client
+) -> None:
+    grasp(client)
+    take_control(operated)
+    expect(part(operated, "slider")).to_be_disabled()
+    expect(part(operated, "slider-text")).to_contain_text("something is held")
+    before = len(client.result("job.list")["jobs"])
+    part(operated, "force").fill("")
+    button(operated, "Set force").click()
+    expect(part(operated, "outcome")).to_contain_text("force: ")
+    part(operated, "object").fill("")
+    button(operated, "Put in").click()
+    assert client.result("state.get")["is_grasped"]
+    assert client.result("state.get")["force_set_n"] == 10
+    assert len(client.result("job.list")["jobs"]) == before
+
+
+def test_the_plots_begin_with_what_was_before_the_page(looking: Page, client: Client) -> None:
+    began_s = client.result("state.get")["monotonic_s"]
+    client.until(lambda state: bool(state["monotonic_s"] > began_s + 4))
+    with looking.connect() as browser:
+        history = welcome(browser)["history"]
+    assert history["fields"][0] == "monotonic_s"
+    times = [row[0] for row in history["rows"]]
+    assert times == sorted(times)
+    assert times[-1] - times[0] > 2
+
+
+def test_a_replay_that_is_too_fast_is_offered_at_the_speed_that_goes(
+    operated: Tab, client: Client
+) -> None:
+    teach(operated, client, "wave")
+    part(operated, "speed").fill("4")
+    button(operated, "Replay").click()
+    expect(operated.locator("#toasts")).to_contain_text("That replay is too fast")
+    limit = float(part(operated, "speed").input_value())
+    assert 0 < limit < 4
+    operated.locator("#toasts").get_by_role("button", name="Read").last.click()
+    button(operated, "Replay").click()
+    expect(part(operated, "outcome")).to_contain_text("replay: completed")
+
+
+def test_a_taught_motion_is_not_replaced_unasked(operated: Tab, client: Client) -> None:
+    teach(operated, client, "wave")
+    samples = client.result("trajectory.list")["trajectories"][0]["samples"]
+    button(operated, "Teach").click()
+    dialog = operated.get_by_role("dialog")
+    expect(dialog).to_contain_text("“wave” already. Replace it?")
+    button(operated, "No, leave it").click()
+    assert client.result("trajectory.list")["trajectories"][0]["samples"] == samples
+    assert client.result("state.get")["job"] is None
+    button(operated, "Teach").click()
+    button(operated, "Replace it").click()
+    client.until(lambda state: bool(state["job"] and state["job"]["kind"] == "record"))
+    button(operated, "End and keep").click()
+    expect(part(operated, "outcome")).to_contain_text("kept as wave")
+
+
+def test_dark_and_light_are_chosen_and_kept(shown: Tab) -> None:
+    shown.emulate_media(color_scheme="light")
+    root = shown.locator("html")
+    expect(root).to_have_attribute("data-theme", "light")
+    shown.get_by_role("button", name="Switch between light and dark").click()
+    expect(root).to_have_attribute("data-theme", "dark")
+    shown.reload()
+    expect(root).to_have_attribute("data-theme", "dark")
 
 
 def test_two_grippers_stand_on_one_page_and_stop_together(
@@ -677,6 +828,7 @@ def test_the_plots_legends_have_the_colors_of_their_lines(shown: Tab) -> None:
     seen = []
     for scheme in ("light", "dark", "light"):
         shown.emulate_media(color_scheme=scheme)
+        expect(shown.locator("html")).to_have_attribute("data-theme", scheme)
         colors = shown.evaluate(LINE_COLORS)
         assert [legend.evaluate(LEGEND_COLORS) for legend in legends.all()] == [colors, colors]
         seen.append(colors)

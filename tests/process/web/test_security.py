@@ -15,6 +15,8 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
@@ -25,15 +27,18 @@ from litegrip_web.allowed import ACT, READ
 from litegrip_web.bridge import MOST_BROWSERS, TOO_LATE, TOO_MANY, WRONG_TOKEN
 from litegrip_web.main import main
 from litegrip_web.options import EXIT_USAGE
+from litegrip_web.proof import proof
 from litegrip_web.server import SECURITY_HEADERS
 from litegripd.app.build import METHODS, SIMULATED_METHODS
 from tests.process.daemon_process import DEADLINE_S, daemon, ran
 from tests.process.web.page_process import (
     CHANNEL,
+    NONCE,
     Page,
     StandIn,
     ask,
     page,
+    prove,
     reason,
     request,
     stand_in,
@@ -152,11 +157,78 @@ def closed_with(browser: ClientConnection) -> int:
     return closed.value.rcvd.code
 
 
+def other_proofs(page: Page, told: dict[str, str]) -> dict[str, object]:
+    """Return what is no proof of the page's, given what the server told."""
+    host, nonce = f"127.0.0.1:{page.port}", told["nonce"]
+    return {
+        "another secret": proof("x" * 43, "page", host, NONCE, nonce),
+        "another role": told["proof"],
+        "another host": proof(page.token, "page", "127.0.0.1:80", NONCE, nonce),
+        "another nonce": proof(page.token, "page", host, NONCE, NONCE),
+        "the secret": page.token,
+        "empty": "",
+        "no ascii": "ü",
+        "half a surrogate": "\ud800",
+        "none": None,
+        "a number": 1,
+    }
+
+
+@pytest.mark.parametrize(
+    "which",
+    [
+        *other_proofs(
+            cast(Page, SimpleNamespace(port=0, token="")), dict.fromkeys(("nonce", "proof"), "")
+        )
+    ],
+)
+def test_without_the_secret_a_browser_is_told_nothing(
+    shown: Page, daemon_there: StandIn, which: str
+) -> None:
+    with shown.connect(token=None) as browser:
+        told = ask(browser, json.dumps({"nonce": NONCE}))
+        browser.send(json.dumps({"proof": other_proofs(shown, told)[which]}))
+        assert closed_with(browser) == WRONG_TOKEN
+    assert daemon_there.lines == []
+
+
+def test_the_server_proves_that_it_knows_the_secret_and_sends_it_to_nobody(shown: Page) -> None:
+    host = f"127.0.0.1:{shown.port}"
+    with shown.connect(token=None) as browser:
+        text = json.dumps({"nonce": NONCE})
+        browser.send(text)
+        received = browser.recv(DEADLINE_S)
+    told = json.loads(received)
+    assert told["proof"] == proof(shown.token, "server", host, NONCE, told["nonce"])
+    assert shown.token not in received
+    with shown.connect(token=None) as browser:
+        assert ask(browser, text)["nonce"] != told["nonce"]
+
+
+def test_hundreds_of_strangers_keep_nobody_out(shown: Page) -> None:
+    with contextlib.ExitStack() as strangers:
+        for _ in range(300):
+            address = ("127.0.0.1", shown.port)
+            strangers.enter_context(socket.create_connection(address, timeout=DEADLINE_S))
+        assert shown.get().status == 200
+        with shown.connect() as browser:
+            assert welcome(browser)["channel"] == CHANNEL
+            for _ in range(300):
+                strangers.enter_context(socket.create_connection(address, timeout=DEADLINE_S))
+            assert ask(browser, request("state.get"))["result"] == "state.get"
+
+
 @pytest.mark.parametrize(
     "first",
     [
-        *(json.dumps({"token": token}) for token in ("wrong", "", "ü", None, 1)),
-        *("", "[]", "17", request("state.get"), request("stop", level="hold")),
+        "",
+        "[]",
+        "17",
+        '{"nonce": 1}',
+        '{"nonce": "short"}',
+        '{"nonce": "\\ud800"}',
+        request("state.get"),
+        request("stop", level="hold"),
     ],
 )
 def test_without_the_token_a_browser_is_told_nothing_and_not_heard(
@@ -225,6 +297,8 @@ def test_a_message_that_is_too_long_ends_the_connection(shown: Page, daemon_ther
         ('{"id":1}', "invalid_request"),
         ('{"id":1,"method":["stop"]}', "invalid_request"),
         ('{"id":1,"method":"STATE.GET"}', "not_permitted"),
+        ('{"id":1,"method":"state.get","params":{"note":"\\ud800"}}', "invalid_request"),
+        (f'{{"id":1,"method":"state.get","params":{{"n":[{"1E5," * 3500}1]}}}}', "invalid_request"),
     ],
 )
 def test_a_malformed_message_is_refused_and_reaches_no_daemon(
@@ -323,6 +397,31 @@ def test_a_stop_that_its_socket_would_not_understand_goes_by_the_connection(
     assert daemon_there.stops == []
 
 
+@pytest.mark.parametrize("params", ["[]", "null", "{}"])
+def test_a_stop_without_parameters_is_a_stop(
+    shown: Page, daemon_there: StandIn, params: str
+) -> None:
+    with shown.connect() as browser:
+        welcome(browser)
+        text = f'{{"jsonrpc":"2.0","id":1,"method":"stop","params":{params}}}'
+        assert ask(browser, text)["result"] == "stop"
+    (line,) = daemon_there.lines
+    assert (line["method"], line["params"]) == ("stop", {})
+
+
+def test_many_stops_are_few_at_the_daemon_and_each_is_answered(
+    shown: Page, daemon_there: StandIn
+) -> None:
+    with shown.connect() as browser:
+        welcome(browser)
+        for _ in range(200):
+            browser.send(request("stop", level="hold"))
+        for _ in range(200):
+            answer = json.loads(browser.recv(DEADLINE_S))
+            assert answer["result"] == {"level": "hold", "generation": 1}
+    assert 1 <= len(daemon_there.stops) < 100
+
+
 def refusal(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     """Run it in this process where it must refuse what it is asked for; return what it says."""
     with pytest.MonkeyPatch.context() as patch:
@@ -377,7 +476,7 @@ def test_with_tls_another_address_is_served_and_only_encrypted(
         own_page = Origin(f"https://{host}")
         address = f"wss://{host}/ws/{CHANNEL}"
         with connect(address, ssl=trusted, origin=own_page, proxy=None) as browser:
-            browser.send(json.dumps({"token": shown.token}))
+            prove(browser, shown.token, host)
             assert welcome(browser)["channel"] == CHANNEL
         with socket.create_connection(("127.0.0.1", shown.port), timeout=DEADLINE_S) as plain:
             plain.sendall(b"GET / HTTP/1.1\r\nHost: x\r\n\r\n")

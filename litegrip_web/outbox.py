@@ -1,0 +1,72 @@
+"""What waits to be sent to one browser: everything in its order, but of the states the newest.
+
+A slow link would otherwise show jaws as they were half a minute ago as if that were now: behind
+the browser are buffers of the kernel and of tunnels, whose sizes nobody knows. So a browser says
+which states it has shown, and few are on their way at a time.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+
+STATES_ON_THEIR_WAY = 4
+"""At 20 states a second, a link may take 0.2 s there and back before there are fewer."""
+
+MOST_BYTES = 1024 * 1024
+"""Of what is no state; then the daemon is not read, which knows what to do about that."""
+
+
+class Outbox:
+    """Messages for a browser; `put` and `take` are called by one task each."""
+
+    def __init__(self) -> None:
+        self._queue: deque[str] = deque()
+        self._bytes = 0
+        self._state: str | None = None
+        self._unseen = 0
+        self._changed = asyncio.Event()
+
+    async def put(self, message: str) -> None:
+        """Add a message behind all others; wait while there is no room."""
+        while self._bytes > MOST_BYTES:
+            await self._change()
+        self.put_now(message)
+
+    def put_now(self, message: str) -> None:
+        """Add a short message behind all others, whether there is room or not."""
+        self._queue.append(message)
+        self._bytes += len(message)
+        self._changed.set()
+
+    def put_state(self, state: str) -> None:
+        """Let a state take the place of the one that waits."""
+        self._state = state
+        self._changed.set()
+
+    def see(self) -> None:
+        """Note that the browser has shown a state."""
+        self._unseen = max(0, self._unseen - 1)
+        self._changed.set()
+
+    def forget_states(self) -> None:
+        """Forget what was on its way: the daemon has gone, and what it said last holds no more."""
+        self._state, self._unseen = None, 0
+
+    async def take(self) -> str:
+        """Return what is to be sent next, as soon as there is something."""
+        while True:
+            if self._queue:
+                message = self._queue.popleft()
+                self._bytes -= len(message)
+                self._changed.set()
+                return message
+            if self._state is not None and self._unseen < STATES_ON_THEIR_WAY:
+                state, self._state = self._state, None
+                self._unseen += 1
+                return state
+            await self._change()
+
+    async def _change(self) -> None:
+        self._changed.clear()
+        await self._changed.wait()

@@ -1,0 +1,85 @@
+"""The stops of one gripper, by its daemon's own socket for stops, beside everything else.
+
+However many browsers ask, one stop is on its way and one waits behind it: a stop that is asked for
+while another is on its way may come after a clearing, so it is sent, too, but all that wait
+meanwhile are answered by the same. No gripper waits for another one's daemon.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+from litegrip_client.core.discovery import reach
+from litegrip_client.core.sockets import stop_path
+from litegrip_client.core.stop import read_stop_answer, stop_line
+from litegrip_client.values.errors import ConnectError, LiteGripError
+
+STOP_WITHIN_S = 1.0
+_MAX_ANSWER_BYTES = 65_536
+
+
+class Stops:
+    """Stops the gripper of a channel, or of the daemon whose socket is named."""
+
+    def __init__(self, channel: str, socket: str | None) -> None:
+        self._channel = channel
+        self._socket = socket
+        self._under_way: dict[str, asyncio.Task[dict[str, Any]]] = {}
+        self._next: dict[str, asyncio.Task[dict[str, Any]]] = {}
+
+    async def stop(self, level: str, why: str | None) -> dict[str, Any]:
+        """Stop; return the daemon's answer. A stop is given though its asker goes.
+
+        Raises `LiteGripError` if no daemon confirms it in time.
+        """
+        if level not in self._under_way:
+            task = asyncio.create_task(self._give(level, why))
+            self._begin(level, task)
+        elif level not in self._next:
+            before = self._under_way[level]
+            task = self._next[level] = asyncio.create_task(self._after(before, level, why))
+        else:
+            task = self._next[level]
+        return await asyncio.shield(task)
+
+    def _begin(self, level: str, task: asyncio.Task[dict[str, Any]]) -> None:
+        self._under_way[level] = task
+        task.add_done_callback(lambda ended: self._end(level, ended))
+
+    def _end(self, level: str, ended: asyncio.Task[dict[str, Any]]) -> None:
+        if not ended.cancelled():
+            ended.exception()  # whoever still waits for it is told; that nobody does is no error
+        del self._under_way[level]
+        if (task := self._next.pop(level, None)) is not None:
+            self._begin(level, task)
+
+    async def _after(
+        self, before: asyncio.Task[dict[str, Any]], level: str, why: str | None
+    ) -> dict[str, Any]:
+        """Give a stop once the one that is under way has ended."""
+        await asyncio.wait({before})
+        return await self._give(level, why)
+
+    async def _give(self, level: str, why: str | None) -> dict[str, Any]:
+        try:
+            return await asyncio.wait_for(
+                reach(self._channel, self._socket, lambda path: _stop_at(path, level, why)),
+                STOP_WITHIN_S,
+            )
+        except asyncio.TimeoutError:
+            text = "the stop was sent, but its answer did not come"
+            raise ConnectError(text, reason="connection_lost") from None
+
+
+async def _stop_at(path: str, level: str, why: str | None) -> dict[str, Any]:
+    """Stop the gripper whose daemon listens at `path`; raises `OSError` where nobody does."""
+    reader, writer = await asyncio.open_unix_connection(stop_path(path), limit=_MAX_ANSWER_BYTES)
+    try:
+        writer.write(stop_line(level, why))
+        answer = await reader.readline()
+    except ValueError as error:
+        raise LiteGripError(f"the daemon's answer to the stop has no end: {error}") from error
+    finally:
+        writer.close()
+    return read_stop_answer(answer)
