@@ -5,15 +5,16 @@ result every time.
 """
 
 import json
+import mmap
 import shutil
 import tempfile
 import weakref
 from bisect import bisect_left
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 from litegripd.app.build import build_service
 from litegripd.app.machine import Machine
@@ -25,8 +26,16 @@ from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import DM4310, Geometry, GripperId, MotorType
 from litegripd.model.motion_config import MotionConfig
-from litegripd.model.motor import UP, CanFrame, MitCommand, MotorIdentity, MotorPhase, Ranges
-from litegripd.model.state import Event, HelperTask, TaskResult
+from litegripd.model.motor import (
+    UP,
+    CanFrame,
+    Feedback,
+    MitCommand,
+    MotorIdentity,
+    MotorPhase,
+    Ranges,
+)
+from litegripd.model.state import Event, HelperTask, Job, TaskResult
 from litegripd.motor import codec
 from litegripd.recorder.files import Recording, read
 from litegripd.recorder.recorder import Dumps, Recorder, memory_bytes, tick_slots
@@ -41,6 +50,7 @@ from tests.answers import described
 PERIOD_S = 0.005
 CAN_ID = 0x08
 FRAME_TIME_S = 130e-6
+Figure = TypeVar("Figure")
 
 
 class FixedFacts:
@@ -137,6 +147,11 @@ class Client:
         self.world.service.handle(self.session, json.dumps(request).encode(), self.world.now_s)
         return self.last_id
 
+    def notify(self, method: str, **params: Any) -> None:
+        """Send a request that gets no answer."""
+        line = {"jsonrpc": "2.0", "method": method, "params": params}
+        self.world.service.handle(self.session, json.dumps(line).encode(), self.world.now_s)
+
     def read(self) -> None:
         """Take what has been written to this client; where that is checked, all as described."""
         for line in self.session.outgoing:
@@ -160,15 +175,27 @@ class Client:
         assert self.has_answer(number), "there is no answer yet"
         return self.answers[number]
 
+    def told(self, method: str) -> list[dict[str, Any]]:
+        """Return the parameters of this client's notifications of one kind so far."""
+        self.read()
+        return [told["params"] for told in self.notifications if told["method"] == method]
+
+    def events(self, *kinds: str) -> list[dict[str, Any]]:
+        """Return the events that this client was sent, of these kinds or of all."""
+        return [event for event in self.told("event") if not kinds or event["kind"] in kinds]
+
     def wait(self, number: int, within_s: float = 20.0) -> dict[str, Any]:
         """Let time pass until a request is answered; return the whole answer."""
         self.world.run_until(lambda: self.has_answer(number), within_s)
         return self.answers[number]
 
-    def told(self, method: str) -> list[dict[str, Any]]:
-        """Return what the notifications of one kind say that have come by now."""
-        self.read()
-        return [one["params"] for one in self.notifications if one["method"] == method]
+    def track(self, number: int, figure: Callable[[], Figure]) -> list[Figure]:
+        """Let time pass until a request is answered; return what a figure was after each tick."""
+        figures = []
+        while not self.has_answer(number):
+            self.world.tick()
+            figures.append(figure())
+        return figures
 
     def call(self, method: str, within_s: float = 20.0, **params: Any) -> dict[str, Any]:
         """Send a request and let time pass until it is answered; return the whole answer."""
@@ -224,7 +251,8 @@ class Disk:
         self.error: str | None = None
         self.silent = False
         self.found: dict[str, Any] | None = None
-        self.memory = bytearray(memory_bytes(tick_slots(period_s)))
+        # Zeros that cost nothing until they are written: most worlds do not fill a minute.
+        self.memory = mmap.mmap(-1, memory_bytes(tick_slots(period_s)))
         self.dumps: list[Recording] = []
         self._folder: Path | None = None
         self._store = TrajectoryStore(self.trajectories, Unsynced(), clock=lambda: 1e9)
@@ -275,7 +303,10 @@ class Disk:
 
 
 class World:
-    """One daemon and one simulated gripper on a virtual bus with a virtual clock."""
+    """One daemon and one simulated gripper on a virtual bus with a virtual clock.
+
+    `figures` are those of the simulator that differ from a gripper of this mount and motor.
+    """
 
     def __init__(
         self,
@@ -286,11 +317,12 @@ class World:
         master_id: int | None = None,
         period_s: float = PERIOD_S,
         motor_type: MotorType = DM4310,
+        **figures: Any,
     ) -> None:
         closed_rad, open_rad = limits_of_mount(mount)
         if parameters is None:
             nominal = SimulatorParameters(closed_rad=closed_rad, open_rad=open_rad)
-            parameters = nominal.of_motor(motor_type)
+            parameters = replace(nominal.of_motor(motor_type), **figures)
         self.period_s = period_s
         self.now_s = 1000.0
         self.gripper = self.make_gripper(parameters)
@@ -420,6 +452,14 @@ class World:
             assert self.now_s < ends_s, f"did not happen within {within_s} s"
             self.tick()
 
+    def track(self, duration_s: float, figure: Callable[[], Figure]) -> list[Figure]:
+        """Let time pass; return what a figure was after each tick."""
+        figures = []
+        for _ in range(round(duration_s / self.period_s)):
+            self.tick()
+            figures.append(figure())
+        return figures
+
     def start(self) -> "World":
         """Let the daemon find its motor."""
         self.run_until(lambda: self.phase is MotorPhase.DISABLED, 2.0)
@@ -453,6 +493,51 @@ class World:
         identity = self.machine.motor.view().identity
         assert identity is not None
         return identity
+
+    @property
+    def geometry(self) -> Geometry:
+        """The geometry of the calibration in use."""
+        geometry = self.controller.geometry
+        assert geometry is not None
+        return geometry
+
+    @property
+    def running(self) -> Job:
+        """The job that runs."""
+        running = self.controller.jobs.running
+        assert running is not None
+        return running
+
+    @property
+    def measured(self) -> Feedback:
+        """What the motor reported last."""
+        feedback = self.controller.motor.feedback
+        assert feedback is not None
+        return feedback
+
+    @property
+    def wanted(self) -> MitCommand:
+        """What was wanted of the motor in this tick, before it was limited."""
+        requested = self.controller.output.requested
+        assert requested is not None
+        return requested
+
+    @property
+    def torque_nm(self) -> float:
+        """The motor's true torque, whichever way it turns."""
+        return abs(self.gripper.motor_torque_nm)
+
+    @property
+    def squeeze_nm(self) -> float:
+        """The motor's true torque in the closing direction."""
+        return self.gripper.parameters.close_sign * self.gripper.motor_torque_nm
+
+    @property
+    def clamp_range_n(self) -> tuple[float, float]:
+        """Between what the state says that the object's force lies."""
+        clamp_n = self.state.clamp_n
+        assert clamp_n is not None
+        return clamp_n
 
     @property
     def ranges(self) -> Ranges:
@@ -506,3 +591,9 @@ def found_world(**options: Any) -> tuple[World, Client]:
 def is_command(frame: CanFrame) -> bool:
     """True if a frame to the motor is an MIT command and not enable, disable, clear or zero."""
     return frame.data[:7] != b"\xff" * 7
+
+
+def ready(mount: str = "normal", calibrated: bool = True, **more: Any) -> tuple[World, Client]:
+    """Return a world of these figures whose motor is enabled, and the client that enabled it."""
+    world = World(mount, calibrated, **more)
+    return world, world.enabled()

@@ -3,29 +3,30 @@
 import json
 from typing import Any
 
-from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from litegripd.trajectories.replay import Replay
 from tests.trajectories import fetched, send
-from tests.world import Client, World
+from tests.world import Client, World, ready
 
 FORCE_CODE_N = 0.5
 
 
 def gripper(mount: str = "normal", opening_mm: float = 72.0) -> tuple[World, Client]:
     """Return an enabled gripper whose jaws are open so far."""
-    closed_rad, open_rad = limits_of_mount(mount)
-    parameters = SimulatorParameters(
-        closed_rad=closed_rad, open_rad=open_rad, initial_opening_mm=opening_mm
-    )
-    world = World(mount, parameters=parameters)
-    return world, world.enabled()
+    return ready(mount, initial_opening_mm=opening_mm)
 
 
-def squeeze_n(world: World) -> float:
-    """Return the motor's true torque in the closing direction, as a force."""
-    geometry = world.controller.geometry
-    assert geometry is not None
-    return geometry.force_n(world.gripper.motor_torque_nm)
+def recording(width_mm: float = 36.0, **grasp: Any) -> tuple[World, Client]:
+    """Return a gripper that is recorded, and that has grasped an object."""
+    world, client = gripper()
+    world.gripper.put_object(width_mm=width_mm)
+    client.result("trajectory.record_start", zero_gravity=False)
+    client.result("motion.grasp", until="verdict", **grasp)
+    return world, client
+
+
+def taught(client: Client) -> list[dict[str, Any]]:
+    """End the recording; return its grips."""
+    return grips(client, name=client.result("trajectory.record_stop")["name"])
 
 
 def picked(

@@ -4,9 +4,8 @@ import struct
 from dataclasses import dataclass, field
 
 from litegripd.app.build import build_service
-from litegripd.model.teleop import Arrival
-from tests.control.teleop_scene import MM_RAD, OBJECT_MM, TeleopWorld
-from tests.world import PERIOD_S, Client, FixedFacts
+from tests.control.teleop_scene import MM_RAD, OBJECT_MM, Pair, TeleopWorld
+from tests.world import PERIOD_S, FixedFacts
 
 FORCE = struct.Struct(">8sQ3d")
 
@@ -40,36 +39,17 @@ class Hand:
         gripper.push(opening * self.push_nm)
 
 
-@dataclass(slots=True)
-class Pair:
-    """Both ends, and the network between them, `delay_s` one way."""
+@dataclass
+class FeltPair(Pair):
+    """A pair whose leader is in a hand."""
 
-    leader: TeleopWorld
-    follower: TeleopWorld
-    leading: Client
-    following: Client
-    hand: Hand
-    delay_s: float
-    carried: list[int] = field(default_factory=lambda: [0, 0, 0])
-    is_cut: bool = False
+    hand: Hand = field(init=False)
 
     def tick(self) -> None:
         self.hand.push()
-        self.leader.tick()
-        self.follower.tick()
-        sent, replied = self.leader.wire.sent, self.follower.wire.replied
-        told = self.follower.wire.told
-        if not self.is_cut:
-            for at_s, payload in sent[self.carried[0] :]:
-                self.follower.wire.arriving.append(Arrival(payload, at_s + self.delay_s, "leader"))
-            for at_s, payload, to in replied[self.carried[1] :]:
-                assert to == "leader"
-                self.leader.wire.arriving.append(Arrival(payload, at_s + self.delay_s, "follower"))
-            for at_s, payload in told[self.carried[2] :]:
-                self.leader.wire.arriving.append(Arrival(payload, at_s + self.delay_s, "follower"))
-        self.carried = [len(sent), len(replied), len(told)]
+        super().tick()
 
-    def run(self, duration_s: float, to_mm: float | None = None) -> list[float]:
+    def move(self, duration_s: float, to_mm: float | None = None) -> list[float]:
         """Let time pass while the hand goes to `to_mm`; return the leader's torques."""
         ticks, from_mm = round(duration_s / PERIOD_S), self.hand.wanted_mm
         torques = []
@@ -83,13 +63,7 @@ class Pair:
     @property
     def commanded_nm(self) -> float:
         """The torque that the leader's motor gets, opening positive."""
-        wanted = self.leader.controller.output.requested
-        assert wanted is not None
-        return -self.leader.gripper.parameters.close_sign * wanted.torque_nm
-
-    def status(self) -> tuple[dict[str, object], dict[str, object]]:
-        """Return the leader's status and the follower's."""
-        return self.leading.result("teleop.status"), self.following.result("teleop.status")
+        return -self.leader.gripper.parameters.close_sign * self.leader.wanted.torque_nm
 
 
 def pair(
@@ -101,7 +75,7 @@ def pair(
     reflect: bool = True,
     gain: float | None = None,
     **follows: object,
-) -> Pair:
+) -> FeltPair:
     """Return a pair that has aligned, half open."""
     leader, follower = (TeleopWorld(mount) for mount in mounts)
     follower.service = build_service(
@@ -113,7 +87,8 @@ def pair(
     more = {} if gain is None else {"reflect_gain": gain}
     leading.result("teleop.start", mode="master", reflect_n=reflect_n, **more)
     following.result("teleop.start", mode="slave", host="l", reflect=reflect, **follows)
-    both = Pair(leader, follower, leading, following, Hand(leader), delay_s)
+    both = FeltPair(leader, follower, leading, following, delay_s=delay_s)
+    both.hand = Hand(leader)
     both.run(0.5)
-    assert both.status()[1]["phase"] == "following"
+    assert both.follows["phase"] == "following"
     return both

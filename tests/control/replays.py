@@ -13,11 +13,6 @@ TOLERANCE = 0.01
 """Of the travel: what the jaws may be off their path."""
 
 
-def ready(mount: str = "normal", **world: Any) -> tuple[World, Client]:
-    made = World(mount, **world)
-    return made, made.enabled()
-
-
 def playing(world: World) -> Replay:
     action = world.controller.action
     assert isinstance(action, Replay)
@@ -33,8 +28,7 @@ def started(world: World, client: Client, points: list[Point], **params: Any) ->
 
 def openness(world: World) -> float:
     """The true openness, by the calibration in use."""
-    geometry = world.controller.geometry
-    assert geometry is not None
+    geometry = world.geometry
     return geometry.opening_mm(world.gripper.position_rad) / geometry.travel_mm
 
 
@@ -52,13 +46,12 @@ def followed(world: World, client: Client, number: int) -> list[float]:
 
 
 def result_of(client: Client, number: int) -> dict[str, Any]:
-    answer = client.answers[number]
+    answer = client.wait(number)
     assert "result" in answer, answer
     result: dict[str, Any] = answer["result"]
     return result
 
 
 def reason_of(client: Client, number: int) -> str:
-    client.world.run_until(lambda: client.has_answer(number))
-    reason: str = client.answers[number]["error"]["data"]["reason"]
+    reason: str = client.wait(number)["error"]["data"]["reason"]
     return reason

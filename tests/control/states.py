@@ -1,9 +1,18 @@
 """Worlds in every state of the gripper, and what is seen of them."""
 
+from typing import Any
+
 from litegripd.motor import codec
-from tests.world import Client, World
+from tests.world import Client, World, ready
 
 LEVELS = ("hold", "relax", "disable")
+
+
+def at_opening(
+    opening_mm: float = 60.0, mount: str = "normal", **more: Any
+) -> tuple[World, Client]:
+    """Return an enabled gripper whose jaws are open so far."""
+    return ready(mount, initial_opening_mm=opening_mm, **more)
 
 
 def is_slack(world: World) -> bool:
@@ -20,9 +29,9 @@ def errors_of(client: Client) -> list[str]:
     return [a["error"]["data"]["reason"] for a in client.answers.values() if "error" in a]
 
 
-def in_state(name: str) -> tuple[World, Client]:
-    """Make a world whose gripper is in a state, and the client that brought it there."""
-    world = World()
+def in_state(name: str, world: World | None = None) -> tuple[World, Client]:
+    """Bring the gripper of a world into a state; return it, and the client that did so."""
+    world = world or World()
     if name == "disabled":
         return world.start(), world.client()
     if name == "enabling":

@@ -4,6 +4,7 @@ The frames of a script are packed by `struct` alone, as the facts describe them.
 """
 
 import math
+import random
 import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -13,7 +14,7 @@ from litegripd.app.build import build_service
 from litegripd.model.calibration import NOMINAL, Calibration
 from litegripd.model.motion_config import MOVING_KP_NM_RAD, MotionConfig
 from litegripd.model.teleop import Arrival, LinkOptions, LinkStatus
-from litegripd.sim.plant import MOUNTS, SimulatorParameters, limits_of_mount
+from litegripd.sim.plant import MOUNTS
 from tests.world import PERIOD_S, Client, FixedFacts, World
 
 MM_RAD = NOMINAL[0].rad_to_mm
@@ -31,6 +32,9 @@ def packed(openness: float, at_s: float, position_mm: float = 0.0, force_n: floa
 
 
 OPEN = LinkStatus("open")
+MASTER: dict[str, Any] = {"mode": "master"}
+SLAVE: dict[str, Any] = {"mode": "slave", "host": "leader"}
+FAKE: dict[str, Any] = {"mode": "slave", "fake_leader": True}
 
 
 @dataclass(slots=True)
@@ -88,11 +92,7 @@ class TeleopWorld(World):
     """A world whose links are the test's."""
 
     def __init__(self, mount: str = "normal", opening_mm: float = HALF_MM, **more: Any) -> None:
-        closed_rad, open_rad = limits_of_mount(mount)
-        parameters = SimulatorParameters(
-            closed_rad=closed_rad, open_rad=open_rad, initial_opening_mm=opening_mm
-        )
-        super().__init__(mount, parameters=parameters, **more)
+        super().__init__(mount, initial_opening_mm=opening_mm, **more)
         self.wires = Wires()
         self.service = build_service(
             self.controller, FixedFacts(), PERIOD_S, dumps=self.dumps, links=self.wires
@@ -133,16 +133,17 @@ class Follower:
         course: Callable[[float], float],
         duration_s: float,
         rate_hz: float = 200.0,
-        each: Callable[[], None] = lambda: None,
-    ) -> None:
-        """Send `course(t)`, t from 0 to `duration_s`, and let time pass."""
-        began_s = self.world.now_s
+        each: Callable[[], Any] = lambda: None,
+    ) -> list[Any]:
+        """Send `course(t)`, t from 0 to `duration_s`; return what `each` was after each tick."""
+        began_s, seen = self.world.now_s, []
         every = round(1.0 / rate_hz / PERIOD_S)
         for tick in range(round(duration_s / PERIOD_S)):
             if tick % every == 0:
                 self.say(course(self.world.now_s - began_s))
             self.world.tick()
-            each()
+            seen.append(each())
+        return seen
 
     def stay(self, openness: float, duration_s: float) -> None:
         self.lead(lambda _t: openness, duration_s)
@@ -153,14 +154,10 @@ class Follower:
     @property
     def lead_rad(self) -> float:
         """By how much the command leads what the daemon measured."""
-        feedback = self.world.controller.motor.feedback
-        assert feedback is not None
-        return abs(float(self.command().position_rad) - feedback.position_rad)
+        return abs(float(self.command().position_rad) - self.world.measured.position_rad)
 
     def reported(self) -> list[str]:
-        self.client.read()
-        reported = [n["params"] for n in self.client.notifications if n["method"] == "event"]
-        return [str(event["message"]) for event in reported]
+        return [str(event["message"]) for event in self.client.events()]
 
 
 def following(
@@ -193,3 +190,67 @@ def sweep(from_: float, to: float, duration_s: float) -> Callable[[float], float
         return from_ + (to - from_) * (0.5 - 0.5 * math.cos(math.pi * share))
 
     return course
+
+
+@dataclass
+class Pair:
+    """A leader, a follower, and the network between them: it loses, delays, or is cut.
+
+    `delay_s` is that of one way.
+    """
+
+    leader: TeleopWorld
+    follower: TeleopWorld
+    leading: Client
+    following: Client
+    loss: float = 0.0
+    delay_s: float = 0.0
+    jitter_s: float = 0.0
+    is_cut: bool = False
+    passes_ready: bool = True
+    """False for an older end: it neither says nor hears whether it is ready."""
+    dice: random.Random = field(default_factory=lambda: random.Random(5))
+    carried: dict[int, int] = field(default_factory=dict)
+
+    def tick(self) -> None:
+        self.leader.tick()
+        self.follower.tick()
+        for name, one, other in (
+            ("leader", self.leader, self.follower),
+            ("follower", self.follower, self.leader),
+        ):
+            for wire in one.wires.made:
+                self._carry(wire.sent, name, other)
+                self._carry(wire.replied, name, other)
+                if self.passes_ready:
+                    self._carry(wire.told, name, other)
+
+    def _carry(self, sent: Sequence[tuple[Any, ...]], name: str, to: TeleopWorld) -> None:
+        for at_s, payload, *whom in sent[self.carried.get(id(sent), 0) :]:
+            assert whom in ([], ["leader"])
+            if not self.is_cut and self.dice.random() >= self.loss and to.wires.made:
+                late_s = self.delay_s + self.jitter_s * self.dice.random()
+                to.wire.arriving.append(Arrival(payload, at_s + late_s, name))
+        self.carried[id(sent)] = len(sent)
+
+    def run(self, duration_s: float) -> None:
+        for _ in range(round(duration_s / PERIOD_S)):
+            self.tick()
+
+    def until(self, condition: Callable[[], object], within_s: float = 12.0) -> float:
+        """Let time pass until a condition holds; return for how long."""
+        for tick in range(round(within_s / PERIOD_S)):
+            if condition():
+                return tick * PERIOD_S
+            self.tick()
+        raise AssertionError(f"did not happen: {self.leads}, {self.follows}")
+
+    @property
+    def leads(self) -> dict[str, Any]:
+        """The leader's status."""
+        return self.leading.result("teleop.status")
+
+    @property
+    def follows(self) -> dict[str, Any]:
+        """The follower's status."""
+        return self.following.result("teleop.status")

@@ -7,14 +7,13 @@ import pytest
 from litegripd.model.gripper import GripperId
 from litegripd.model.motor import NOT_OPENED, UP, BusCondition, BusState, MotorPhase, remedy
 from litegripd.motor import codec
-from tests.world import CAN_ID, Client, World
+from tests.world import CAN_ID, Client, World, ready
 
 DOWN: tuple[BusState, ...] = ("link_down", "adapter_gone", "bus_off", "bus_stalled", "down")
 
 
 def bus_events(client: Client) -> list[dict[str, Any]]:
-    client.read()
-    reported = [n["params"] for n in client.notifications if n["method"] == "event"]
+    reported = client.events()
     return [event["data"] for event in reported if event["kind"] == "bus"]
 
 
@@ -30,8 +29,7 @@ def repair(world: World) -> None:
 
 @pytest.mark.parametrize("state", DOWN)
 def test_a_bus_that_fails_while_holding_is_told_refused_and_recovered_from(state: BusState) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     client.result("motion.move", opening_mm=60)
     client.result("events.subscribe")
     before_mm = world.gripper.opening_mm
@@ -107,7 +105,7 @@ def test_nothing_that_arms_is_sent_to_a_bus_that_does_not_answer() -> None:
     world.lose_from_motor = lambda _frame: True
     world.run(0.03)
     since_s = world.now_s
-    world.run_until(lambda: client.has_answer(number), 10.0)
+    client.wait(number, 10.0)
     to_motor = [s for s in world.sent if s.frame.can_id == CAN_ID and s.at_s > since_s]
     assert {s.frame.data for s in to_motor} <= {codec.DISABLE}
 
@@ -178,8 +176,7 @@ def test_a_motor_that_was_silent_before_the_bus_was_lost_is_so_when_it_is_back()
 
 def test_a_motor_that_was_lost_with_the_bus_for_a_moment_is_neither_found_anew_nor_stiff() -> None:
     """A hand may be between jaws that were slack."""
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     client.result("stop", level="relax")
     world.run(0.05)
     cut(world, "link_down")

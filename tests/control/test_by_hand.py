@@ -8,8 +8,8 @@ from litegripd.model.calibration import NOMINAL, Calibration
 from litegripd.model.gripper import SPAN_INSET_MM, STROKE_MM
 from litegripd.model.motor import MotorPhase
 from litegripd.sim.plant import limits_of_mount
-from tests.control.states import in_state, is_slack
-from tests.world import Client, World
+from tests.control.states import is_slack
+from tests.world import Client, World, ready
 
 MOUNTS = ("normal", "reverse")
 FAR_ENOUGH_MM = 0.5
@@ -17,8 +17,7 @@ SPAN_MM = STROKE_MM + SPAN_INSET_MM
 
 
 def begun(mount: str = "normal", *, calibrated: bool = True) -> tuple[World, Client]:
-    world = World(mount, calibrated=calibrated)
-    client = world.enabled()
+    world, client = ready(mount, calibrated=calibrated)
     result = client.result("calibration.manual", step="begin")
     assert world.controller.jobs.running is not None
     assert world.controller.jobs.running.number == result["job"]
@@ -125,8 +124,7 @@ def test_it_need_not_be_saved() -> None:
 
 @pytest.mark.parametrize("step", ["closed", "open", "finish", "cancel"])
 def test_nothing_goes_before_it_has_begun(step: str) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     before = in_use(world)
     assert refusal(client, step) == "not_calibrated"
     client.send("motion.open")
@@ -183,13 +181,12 @@ def test_another_client_has_no_part_in_it(step: str) -> None:
 
 @pytest.mark.parametrize("step", ["closed", "finish"])
 def test_while_it_is_saved_nothing_changes_it(step: str) -> None:
-    world, client = begun()
+    _world, client = begun()
     mark(client, "closed")
     marks = mark(client, "open")
     number = client.send("calibration.manual", step="finish")
     assert refusal(client, step) == "busy"
-    world.run_until(lambda: client.has_answer(number))
-    assert client.answers[number]["result"]["closed_rad"] == marks["closed_rad"]
+    assert client.wait(number)["result"]["closed_rad"] == marks["closed_rad"]
     assert refusal(client, "finish") == "not_calibrated"
 
 
@@ -201,8 +198,7 @@ def test_given_up_it_changes_nothing(end: str, marks: int) -> None:
     for side in ("closed", "open")[:marks]:
         mark(client, side)
     world.gripper.push(0.0)
-    job = world.controller.jobs.running
-    assert job is not None
+    job = world.running
     if end == "cancel":
         assert client.result("calibration.manual", step="cancel") == {}
     elif end == "job.cancel":
@@ -222,7 +218,7 @@ def test_given_up_it_changes_nothing(end: str, marks: int) -> None:
         assert world.phase is MotorPhase.FAULT
     else:
         assert world.state.mode == "holding"
-        assert abs(world.gripper.motor_torque_nm) < 0.3
+        assert world.torque_nm < 0.3
 
 
 def test_a_file_that_cannot_be_written_changes_nothing() -> None:
@@ -238,19 +234,8 @@ def test_a_file_that_cannot_be_written_changes_nothing() -> None:
     assert world.controller.jobs.running is None
 
 
-@pytest.mark.parametrize(
-    ("state", "reason"),
-    [("disabled", "not_enabled"), ("fault", "motor_fault"), ("opening", "busy")],
-)
-def test_it_needs_power_and_a_free_gripper(state: str, reason: str) -> None:
-    _, client = in_state(state)
-    assert refusal(client, "begin") == reason
-
-
 def test_progress_tells_how_many_stops_are_marked() -> None:
     world, client = begun()
-    running = world.controller.jobs.running
-    assert running is not None
     seen = []
     for side in ("closed", "open"):
         mark(client, side)

@@ -9,8 +9,9 @@ import pytest
 
 from tests.app.test_facts import verdict
 from tests.control.held import WIDTH_MM, Held
-from tests.control.test_stream import at_opening, follow
-from tests.world import Client, World
+from tests.control.states import at_opening
+from tests.control.test_stream import follow
+from tests.world import Client, ready
 
 
 def grasped(client: Client, **params: Any) -> str:
@@ -20,8 +21,7 @@ def grasped(client: Client, **params: Any) -> str:
 
 
 def test_a_thin_object_is_found_with_a_smaller_margin() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     client.result("motion.open")
     world.gripper.put_object(width_mm=3.0)
     assert grasped(client) == "no_object"
@@ -34,8 +34,7 @@ def test_a_thin_object_is_found_with_a_smaller_margin() -> None:
 def test_jaws_that_are_weighed_down_hold_no_object_once_they_are_free_and_measured(
     torque_nm: float,
 ) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     client.result("motion.open")
     world.gripper.push(-torque_nm * world.gripper.parameters.close_sign)
     assert client.result("motion.grasp", force_n=10.0, until="verdict")["outcome"] == "object_held"
@@ -45,8 +44,7 @@ def test_jaws_that_are_weighed_down_hold_no_object_once_they_are_free_and_measur
 
 
 def test_jaws_that_stick_hold_no_object_once_they_are_free_and_measured() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     client.result("motion.open")
     world.gripper.jam()
     assert client.result("motion.grasp", force_n=10.0, until="verdict")["outcome"] == "object_held"
@@ -75,8 +73,7 @@ def test_what_slips_out_is_held_with_more_force() -> None:
 
 
 def test_a_weak_motor_is_no_longer_said_to_be_one_once_its_supply_is_right() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     client.result("motion.open")
     world.gripper.put_object(width_mm=WIDTH_MM)
     world.gripper.weaken(0.5)
@@ -103,8 +100,7 @@ def test_jaws_that_stand_without_a_word_show_torque_and_go_on_when_they_are_free
 
 
 def test_a_plug_that_was_out_answers_when_it_is_in_and_the_bus_shows_it() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     world.lose_to_motor = world.lose_from_motor = lambda _frame: True
     world.run(1.0)
     assert client.refusal("motion.open") == "motor_silent"

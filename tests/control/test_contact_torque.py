@@ -6,10 +6,9 @@ import pytest
 
 from litegripd.model.calibration import NOMINAL
 from litegripd.model.motion_config import MOST_PUSH_NM, MotionConfig
-from litegripd.sim.plant import SimulatorParameters, limits_of_mount
+from litegripd.sim.plant import MOUNTS
 from tests.world import World
 
-MOUNTS = ("normal", "reverse")
 TRAVEL_MM, CONFIG = NOMINAL[0].travel_mm, MotionConfig()
 FINE_S = 0.0005
 MOST, MOST_AT_100_HZ = 1.4, 1.7
@@ -46,15 +45,13 @@ def peak_nm(
 
 
 def made(mount: str, rate_hz: int, opening_mm: float, k: float) -> World:
-    closed_rad, open_rad = limits_of_mount(mount)
-    parameters = SimulatorParameters(
-        closed_rad=closed_rad,
-        open_rad=open_rad,
+    return World(
+        mount,
+        period_s=1.0 / rate_hz,
         initial_opening_mm=opening_mm,
         closed_springback_rad=0.7 / k,
         open_stiffness_nm_rad=k,
     )
-    return World(mount, parameters=parameters, period_s=1.0 / rate_hz)
 
 
 @pytest.mark.parametrize("mount", MOUNTS)

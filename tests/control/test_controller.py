@@ -13,7 +13,7 @@ from tests.control.states import (
     errors_of,
     in_state,
 )
-from tests.world import CAN_ID, PERIOD_S, World
+from tests.world import CAN_ID, PERIOD_S, ready
 
 
 def test_busy_names_the_owner() -> None:
@@ -64,8 +64,7 @@ def test_enabling_waits_for_a_disabling_that_is_under_way() -> None:
 
 
 def test_cancelling_what_has_ended_changes_nothing() -> None:
-    world = World()
-    client = world.enabled()
+    _world, client = ready()
     number = client.result("motion.open")["job"]
     assert client.result("job.cancel", job=number)["state"] == "done"
     assert client.refusal("job.cancel", job=12345) == "unknown_job"
@@ -80,15 +79,8 @@ def test_disabling_ends_the_own_motion_and_not_anothers() -> None:
     assert world.gripper.motor.status == Status.DISABLED
 
 
-def test_motions_need_an_enabled_motor() -> None:
-    _world, client = in_state("disabled")
-    for method in ("motion.open", "motion.close", "motion.hold"):
-        assert client.refusal(method) == "not_enabled"
-
-
 def test_a_second_enable_is_fulfilled_at_once() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     sent = len(world.sent)
     assert client.result("motor.enable")["ok"]
     assert not [s for s in world.sent[sent:] if s.frame.data == codec.ENABLE]
@@ -119,8 +111,7 @@ def test_shutting_down_does_not_move_the_jaws(state: str) -> None:
 
 
 def test_no_transition_leaves_a_gap() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     since_s = world.now_s
     client.result("motion.open")
     client.send("motion.close", wait=False)
@@ -149,8 +140,7 @@ def test_no_transition_leaves_a_gap() -> None:
 
 
 def test_the_engine_says_what_happened() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     client.result("stop", why="because")
     client.result("stop.clear")
     client.result("lease.acquire")
@@ -164,8 +154,7 @@ def test_the_engine_says_what_happened() -> None:
 
 
 def test_the_job_book_forgets_the_oldest() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     for _ in range(70):
         client.result("motion.hold")
     numbers = [job.number for job in world.controller.jobs]
@@ -179,8 +168,7 @@ def test_the_job_book_forgets_the_oldest() -> None:
 def test_a_measurement_that_is_no_number_leads_to_no_command(
     method: str, name: str, value: float
 ) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     params = {"opening_mm": 80} if method == "stream.set" else {}
     client.send(method, **params)
     view = world.machine.motor.view()

@@ -3,16 +3,15 @@
 import pytest
 
 from tests.control.replays import SLOW
+from tests.control.teleop_scene import FAKE
 from tests.trajectories import uploaded
-from tests.world import Client, World
-
-TELEOP = {"mode": "slave", "fake_leader": True}
+from tests.world import Client, ready
 
 
 def begun(client: Client, what: str) -> None:
     """Begin one of them, for long."""
     if what == "teleop":
-        client.result("teleop.start", **TELEOP)
+        client.result("teleop.start", **FAKE)
     elif what == "replaying":
         client.send("trajectory.play", name=uploaded(client, SLOW))
     elif what == "watching":
@@ -31,10 +30,20 @@ def begun(client: Client, what: str) -> None:
     ],
 )
 def test_whatever_runs_first_excludes_the_others(first: str, reason: str) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     begun(client, first)
     world.run(0.1)
-    assert client.refusal("trajectory.record_start", zero_gravity=False) == reason
-    assert client.refusal("trajectory.play", name="pick") == reason
-    assert client.refusal("teleop.start", **TELEOP) == reason
+    for other in (client, world.client()):
+        for method, params in (
+            ("trajectory.record_start", {}),
+            ("trajectory.record_start", {"zero_gravity": False}),
+            ("trajectory.play", {"name": "pick"}),
+            ("teleop.start", FAKE),
+        ):
+            error = other.call(method, **params)["error"]["data"]
+            assert error["reason"] == reason
+            if first == "replaying" and method.startswith("trajectory"):
+                assert error["owner"]["program"] == client.session.name
+        if first in ("teaching", "replaying"):
+            assert other.refusal("motion.open") == "busy"
+            assert other.refusal("calibration.load", template="reverse") == "busy"

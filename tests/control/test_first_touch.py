@@ -1,22 +1,13 @@
 """The first touch of a grasp, and grasps of nothing under load, on the simulated gripper."""
 
 import math
-from typing import Any
 
 import pytest
 
-from litegripd.sim.plant import SimulatorParameters, limits_of_mount
-from tests.world import Client, World
+from litegripd.sim.plant import MOUNTS
+from tests.world import Client, World, ready
 
-MOUNTS = ("normal", "reverse")
 WIDTH_MM = 45.0
-
-
-def gripper(mount: str, **figures: Any) -> tuple[World, Client]:
-    closed_rad, open_rad = limits_of_mount(mount)
-    parameters = SimulatorParameters(closed_rad=closed_rad, open_rad=open_rad, **figures)
-    world = World(mount, parameters=parameters)
-    return world, world.enabled()
 
 
 def grasp(world: World, client: Client, **params: float) -> dict[str, object]:
@@ -30,7 +21,7 @@ def grasp(world: World, client: Client, **params: float) -> dict[str, object]:
 def test_a_steady_resistance_is_no_object(
     mount: str, resistance_nm: float, speed_mm_s: float
 ) -> None:
-    world, client = gripper(
+    world, client = ready(
         mount,
         coulomb_nm=resistance_nm,
         breakaway_nm=1.05 * resistance_nm,
@@ -45,7 +36,7 @@ def test_a_steady_resistance_is_no_object(
 @pytest.mark.parametrize("speed_mm_s", [25.0, 50.0, 150.0])
 @pytest.mark.parametrize("force_n", [1.0, 5.0, 20.0])
 def test_a_weight_on_the_jaws_is_no_object(mount: str, force_n: float, speed_mm_s: float) -> None:
-    world, client = gripper(mount)
+    world, client = ready(mount)
     world.gripper.push(-0.5 * world.gripper.parameters.close_sign)
     result = grasp(world, client, force_n=force_n, speed_mm_s=speed_mm_s)
     assert result["outcome"] == "no_object"
@@ -54,14 +45,13 @@ def test_a_weight_on_the_jaws_is_no_object(mount: str, force_n: float, speed_mm_
 @pytest.mark.parametrize("mount", MOUNTS)
 def test_jaws_that_were_shoved_forward_wait_for_their_ramp(mount: str) -> None:
     """They stand for so long, but nothing holds them back."""
-    world, client = gripper(mount)
+    world, client = ready(mount)
     number = client.send("motion.grasp", until="verdict", speed_mm_s=50.0)
     world.run(0.2)
     world.gripper.push(4.0 * world.gripper.parameters.close_sign)
     world.run(0.06)
     world.gripper.push(0.0)
-    world.run_until(lambda: client.has_answer(number))
-    assert client.answers[number]["result"]["outcome"] == "no_object"
+    assert client.wait(number)["result"]["outcome"] == "no_object"
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
@@ -71,7 +61,7 @@ def test_what_is_felt_is_nine_tenths_of_the_force_and_the_impact(
     mount: str, force_n: float, stiffness_nm_rad: float
 ) -> None:
     """Or a little more than the friction, 2.7 N, where that is more."""
-    world, client = gripper(mount)
+    world, client = ready(mount)
     world.gripper.put_object(
         width_mm=WIDTH_MM, stiffness_nm_rad=stiffness_nm_rad, damping_nm_s_rad=0.05
     )
@@ -95,7 +85,7 @@ def test_what_is_felt_is_nine_tenths_of_the_force_and_the_impact(
 
 
 def test_an_object_that_the_jaws_touch_already_is_found_without_letting_go() -> None:
-    world, client = gripper("normal", initial_opening_mm=WIDTH_MM)
+    world, client = ready("normal", initial_opening_mm=WIDTH_MM)
     world.gripper.put_object(width_mm=WIDTH_MM)
     assert grasp(world, client, force_n=2.0)["outcome"] == "object_held"
     assert world.gripper.clamp_nm > 0.1

@@ -1,14 +1,13 @@
 """A calibration that a request brings: it counts for that motion and what it leaves, and for nobody
 else."""
 
-import json
 from typing import Any
 
 import pytest
 
 from litegripd.control.holds import Grip, Hold
 from litegripd.model.calibration import GIVEN_KEYS, NOMINAL
-from litegripd.sim.plant import SimulatorParameters, limits_of_mount
+from litegripd.sim.plant import limits_of_mount
 from tests.world import Client, World
 
 MOUNTS = ("normal", "reverse")
@@ -27,11 +26,7 @@ def given(mount: str = "normal", **keys: object) -> dict[str, Any]:
 def gripper(
     mount: str = "normal", *, calibrated: bool = False, width_mm: float | None = None
 ) -> tuple[World, Client]:
-    closed_rad, open_rad = limits_of_mount(mount)
-    parameters = SimulatorParameters(
-        closed_rad=closed_rad, open_rad=open_rad, initial_opening_mm=60.0
-    )
-    world = World(mount, calibrated, parameters=parameters)
+    world = World(mount, calibrated, initial_opening_mm=60.0)
     if width_mm is not None:
         world.gripper.put_object(width_mm=width_mm)
     return world, world.enabled()
@@ -39,9 +34,8 @@ def gripper(
 
 def stream(world: World, client: Client, duration_s: float, **params: Any) -> None:
     """Keep a stream up by a set-point, a notification, in each tick."""
-    line = json.dumps({"jsonrpc": "2.0", "method": "stream.set", "params": params}).encode()
     for _ in range(round(duration_s / world.period_s)):
-        world.service.handle(client.session, line, world.now_s)
+        client.notify("stream.set", **params)
         world.tick()
 
 
@@ -72,7 +66,7 @@ def test_every_motion_goes_by_it_where_the_daemon_has_none(mount: str) -> None:
     assert state["loss_detection"] is True
     client.result("motion.set_force", force_n=20.0, calibration=calibration)
     world.run(1.5)
-    assert abs(world.gripper.motor_torque_nm) == pytest.approx(2.0, abs=0.1)
+    assert world.torque_nm == pytest.approx(2.0, abs=0.1)
     assert client.result("motion.move", opening_mm=60.0, calibration=calibration)["ok"]
     assert client.result("motion.close", calibration=calibration)["stalled"]
     assert client.refusal("motion.close") == "not_calibrated"
@@ -175,7 +169,7 @@ def test_the_force_per_torque_is_the_grippers_own() -> None:
     client.result("calibration.load", content=given(nm_to_n=20.0))
     client.result("motion.grasp", force_n=20.0, until="verdict", calibration=given())
     world.run(2.0)
-    assert abs(world.gripper.motor_torque_nm) == pytest.approx(1.0, abs=0.1)
+    assert world.torque_nm == pytest.approx(1.0, abs=0.1)
 
 
 @pytest.mark.parametrize(
@@ -239,10 +233,8 @@ def test_swapped_limits_only_swap_the_words_and_press_no_harder() -> None:
     """As with a file of the wrong mount: `close` opens, and ends at the stop without harm."""
     world, client = gripper(calibrated=True)
     swapped = given(zero_position_rad=NOMINAL[0].open_rad, max_position_rad=NOMINAL[0].closed_rad)
-    number, hardest_nm = client.send("motion.close", calibration=swapped), 0.0
-    while not client.has_answer(number):
-        world.tick()
-        hardest_nm = max(hardest_nm, abs(world.gripper.motor_torque_nm))
+    number = client.send("motion.close", calibration=swapped)
+    hardest_nm = max(client.track(number, lambda: world.torque_nm))
     assert client.answers[number]["result"]["outcome"] == "pressed_home"
     assert world.gripper.opening_mm == pytest.approx(NOMINAL[0].travel_mm, abs=NEAR_MM)
     assert hardest_nm < 2.1
@@ -259,13 +251,10 @@ def test_a_doubtful_scale_is_taken_and_told_once_for_a_session() -> None:
     stream(world, client, 0.5, openness=0.5, calibration=doubtful)
     world.run(0.3)
     client.result("motion.open", calibration=doubtful)
-    client.read()
-    events = [n["params"] for n in client.notifications if "kind" in n["params"]]
-    told = [event for event in events if event["kind"] == "calibration"]
-    assert len(told) == 1
-    assert told[0]["data"]["warning"] is True
-    assert "120 mm" in told[0]["message"]
-    assert "85 mm" in told[0]["message"]
+    (told,) = client.events("calibration")
+    assert told["data"]["warning"] is True
+    assert "120 mm" in told["message"]
+    assert "85 mm" in told["message"]
 
 
 def test_a_stream_whose_calibration_changes_goes_by_the_latest() -> None:
@@ -293,11 +282,10 @@ def test_a_queued_motion_goes_by_its_own_when_its_turn_comes() -> None:
     moved = client.send("motion.move", opening_mm=40.0, calibration=given())
     half = given(work_stroke_mm=70.0)
     queued = client.send("motion.open", if_busy="queue", calibration=half)
-    world.run_until(lambda: client.has_answer(queued))
+    client.wait(queued)
     assert client.answers[moved]["result"]["ok"]
     assert client.answers[queued]["result"]["outcome"] == "reached"
     assert world.gripper.opening_mm == pytest.approx(70.0, abs=NEAR_MM)
     client.send("motion.move", opening_mm=40.0, calibration=given())
     refused = client.send("motion.open", if_busy="queue")
-    world.run_until(lambda: client.has_answer(refused))
-    assert client.answers[refused]["error"]["data"]["reason"] == "not_calibrated"
+    assert client.wait(refused)["error"]["data"]["reason"] == "not_calibrated"

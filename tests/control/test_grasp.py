@@ -1,36 +1,26 @@
 """Grasps on the simulated gripper: verdicts, the hold, and how each may end."""
 
+from functools import partial
 from itertools import pairwise
+from statistics import fmean
 from typing import Any
 
 import pytest
 
-from litegripd.sim.plant import SimulatorParameters, limits_of_mount
-from tests.world import Client, World
+from litegripd.sim.plant import MOUNTS
+from tests.world import Client, World, ready
 
-MOUNTS = ("normal", "reverse")
 FORCE_CODE_NM = 0.05  # a code of torque, and one of velocity under the damping of a hold
 
 
 def world_with(
     width_mm: float | None, mount: str = "normal", **item: float
 ) -> tuple[World, Client]:
-    closed_rad, open_rad = limits_of_mount(mount)
     opening_mm = 100.0 if width_mm is None else min(width_mm + 20.0, 115.0)
-    parameters = SimulatorParameters(
-        closed_rad=closed_rad, open_rad=open_rad, initial_opening_mm=opening_mm
-    )
-    world = World(mount, parameters=parameters)
+    world = World(mount, initial_opening_mm=opening_mm)
     if width_mm is not None:
         world.gripper.put_object(width_mm=width_mm, **item)
     return world, world.enabled()
-
-
-def squeeze_nm(world: World) -> float:
-    """Return the motor's true torque in the closing direction."""
-    geometry = world.controller.geometry
-    assert geometry is not None
-    return geometry.close_sign * world.gripper.motor_torque_nm
 
 
 def kinds(world: World) -> list[str]:
@@ -54,7 +44,7 @@ def test_an_object_is_held_with_the_set_force(mount: str) -> None:
     assert result["width_mm"] == pytest.approx(50.0, abs=1.0)
     assert result["force_n"] == 15
     world.run(1.0)
-    assert squeeze_nm(world) == pytest.approx(1.5, abs=FORCE_CODE_NM)
+    assert world.squeeze_nm == pytest.approx(1.5, abs=FORCE_CODE_NM)
     assert world.state.is_grasped
     assert world.state.force_set_n == 15
     assert world.state.mode == "holding"
@@ -69,7 +59,7 @@ def test_nothing_between_the_jaws_is_no_success_and_nothing_is_squeezed(mount: s
     assert (result["width_mm"], result["cycles"]) == (None, 0)
     assert abs(world.gripper.position_rad - result["target_rad"]) <= 0.02
     world.run(0.5)
-    assert abs(world.gripper.motor_torque_nm) < 0.3
+    assert world.torque_nm < 0.3
     assert (world.state.is_grasped, world.state.force_set_n) == (False, None)
 
 
@@ -94,7 +84,7 @@ def test_hold_s_ends_the_call_but_not_the_hold() -> None:
     assert result["held_s"] == pytest.approx(1.5, abs=0.01)
     assert result["cycles"] == 7  # of 0.2 s
     world.run(2.0)
-    assert squeeze_nm(world) == pytest.approx(1.0, abs=FORCE_CODE_NM)
+    assert world.squeeze_nm == pytest.approx(1.0, abs=FORCE_CODE_NM)
     assert world.state.is_grasped
     assert client.result("motion.open")["ok"]
     assert not world.state.is_grasped
@@ -105,14 +95,12 @@ def test_a_hold_for_ever_lasts_until_it_is_cancelled_and_then_goes_on() -> None:
     number = client.send("motion.grasp", force_n=10)
     world.run(10.0)
     assert not client.has_answer(number)
-    job = world.controller.jobs.running
-    assert job is not None
+    job = world.running
     other = world.client()
     other.result("job.cancel", job=job.number)
-    world.run_until(lambda: client.has_answer(number), 0.1)
-    assert client.answers[number]["error"]["data"]["reason"] == "cancelled"
+    assert client.wait(number, 0.1)["error"]["data"]["reason"] == "cancelled"
     world.run(1.0)
-    assert squeeze_nm(world) == pytest.approx(1.0, abs=FORCE_CODE_NM)
+    assert world.squeeze_nm == pytest.approx(1.0, abs=FORCE_CODE_NM)
 
 
 def test_an_object_that_vanishes_is_reported_within_50_ms() -> None:
@@ -154,32 +142,18 @@ def test_the_wrong_width_is_told_without_letting_go() -> None:
     result = grasped(client, force_n=10, width_mm=40, tolerance_mm=3)
     assert (result["ok"], result["outcome"]) == (False, "wrong_width")
     world.run(1.0)
-    assert squeeze_nm(world) == pytest.approx(1.0, abs=FORCE_CODE_NM)
+    assert world.squeeze_nm == pytest.approx(1.0, abs=FORCE_CODE_NM)
     assert world.state.is_grasped
     client.result("motion.open")
     world.gripper.put_object(width_mm=50.0)
     assert grasped(client, force_n=10, width_mm=51, tolerance_mm=3)["ok"]
 
 
-def test_a_thump_on_the_way_is_no_grip() -> None:
-    world, client = world_with(None)
-    number = client.send("motion.grasp", until="verdict")
-    world.run(0.3)
-    world.gripper.push(-3.0)
-    world.run(0.06)
-    world.gripper.push(0.0)
-    world.run_until(lambda: client.has_answer(number))
-    assert client.answers[number]["result"]["outcome"] == "no_object"
-
-
 @pytest.mark.parametrize("force_n", [2.0, 5.0, 20.0, 30.0])
 def test_the_approach_presses_no_harder_than_its_budget(force_n: float) -> None:
     world, client = world_with(50.0, stiffness_nm_rad=250.0)
     number = client.send("motion.grasp", until="verdict", force_n=force_n)
-    peak_nm = 0.0
-    while not client.has_answer(number):
-        world.tick()
-        peak_nm = max(peak_nm, abs(world.gripper.motor_torque_nm))
+    peak_nm = max(client.track(number, lambda: world.torque_nm))
     assert peak_nm < 1.3 * max(force_n / 10.0, 0.94)
 
 
@@ -190,11 +164,7 @@ def test_a_yielding_object_keeps_its_force() -> None:
         world, client = world_with(80.0, yield_mm_s=3.0, yield_torque_nm=0.3)
         grasped(client, force_n=20, hold_by=hold_by)
         world.run(1.5)
-        samples = []
-        for _ in range(200):
-            world.tick()
-            samples.append(squeeze_nm(world))
-        torques[hold_by] = sum(samples) / len(samples)
+        torques[hold_by] = fmean(world.track(1.0, partial(getattr, world, "squeeze_nm")))
         assert world.state.is_grasped
     assert torques["torque"] == pytest.approx(2.0, rel=0.05)
     assert torques["gains"] < 1.7
@@ -214,15 +184,15 @@ def test_a_stop_keeps_the_hold_but_no_more_force_than_there_is() -> None:
     grasped(client, force_n=30, config={"force_rate_n_s": 5})
     world.run(0.5)
     client.result("stop")
-    stopped_nm = squeeze_nm(world)
+    stopped_nm = world.squeeze_nm
     assert 0.9 < stopped_nm < 1.5
     world.run(3.0)
-    assert squeeze_nm(world) == pytest.approx(stopped_nm, abs=FORCE_CODE_NM)
+    assert world.squeeze_nm == pytest.approx(stopped_nm, abs=FORCE_CODE_NM)
     assert world.state.is_grasped
     assert client.refusal("motion.set_force", force_n=30) == "stopped"
     world.client().result("stop", level="relax")
     world.run(0.1)
-    assert abs(world.gripper.motor_torque_nm) < 0.05
+    assert world.torque_nm < 0.05
     assert not world.state.is_grasped
 
 
@@ -237,24 +207,9 @@ def test_a_client_that_dies_in_a_grasp_leaves_what_it_asked_for(on_lost: str) ->
     client.leave()
     world.run(0.5)
     expected_nm = 1.0 if on_lost == "hold" else 0.0
-    assert squeeze_nm(world) == pytest.approx(expected_nm, abs=FORCE_CODE_NM)
+    assert world.squeeze_nm == pytest.approx(expected_nm, abs=FORCE_CODE_NM)
     assert world.state.enabled is (on_lost != "disable")
     assert world.state.is_grasped is (on_lost == "hold")
-
-
-def test_the_force_changes_without_a_new_grasp() -> None:
-    world, client = world_with(50.0)
-    number = client.send("motion.grasp", force_n=10)
-    world.run(1.5)
-    assert client.result("motion.set_force", force_n=25)["force_n"] == 25
-    world.run(1.5)
-    assert squeeze_nm(world) == pytest.approx(2.5, abs=FORCE_CODE_NM)
-    assert not client.has_answer(number)
-    other = world.client()
-    assert other.refusal("motion.set_force", force_n=5) == "busy"
-    client.result("motion.set_force", force_n=5)
-    world.run(1.5)
-    assert squeeze_nm(world) == pytest.approx(0.5, abs=FORCE_CODE_NM)
 
 
 @pytest.mark.parametrize(
@@ -314,8 +269,7 @@ def test_progress_tells_the_approach_and_then_the_hold() -> None:
 
 def test_a_grasp_is_refused_while_heat_leaves_too_little_torque_to_feel_anything() -> None:
     """It would take its own standing still, short of the end, for an object."""
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     world.controller.output.heat.allowance_nm = 0.3
     refused = client.call("motion.grasp", force_n=20)["error"]
     assert refused["data"]["reason"] == "motor_hot"

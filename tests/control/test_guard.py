@@ -6,10 +6,9 @@ import pytest
 
 from litegripd.control.detectors import TorqueGuard
 from litegripd.model.motion_config import MotionConfig
-from litegripd.sim.plant import SimulatorParameters, limits_of_mount
-from tests.world import Client, World
+from litegripd.sim.plant import MOUNTS
+from tests.world import Client, World, ready
 
-MOUNTS = ("normal", "reverse")
 JAM: dict[str, float] = {"stiffness_nm_rad": 250.0, "yield_mm_s": 18.0, "yield_torque_nm": 0.5}
 """Gives way at 18 mm/s: more than a fifth of 50 mm/s, so the windowed test never calls it a stall;
 less than half, so the guard does."""
@@ -17,11 +16,7 @@ LATE = {"stop_torque_cycles": 100}
 
 
 def jammed(mount: str, **item: float) -> tuple[World, Client]:
-    closed_rad, open_rad = limits_of_mount(mount)
-    parameters = SimulatorParameters(
-        closed_rad=closed_rad, open_rad=open_rad, initial_opening_mm=80.0
-    )
-    world = World(mount, parameters=parameters)
+    world = World(mount, initial_opening_mm=80.0)
     world.gripper.put_object(width_mm=60.0, **{**JAM, **item})
     return world, world.enabled()
 
@@ -32,8 +27,7 @@ def test_a_jam_that_creeps_is_let_go_and_reported(mount: str) -> None:
     number = client.send("motion.close")
     world.run_until(lambda: world.gripper.opening_mm <= 60.0)
     touched_s = world.now_s
-    world.run_until(lambda: client.has_answer(number))
-    result = client.answers[number]["result"]
+    result = client.wait(number)["result"]
     assert (result["ok"], result["outcome"]) == (False, "protected")
     assert (result["stalled"], result["protected"]) == (True, True)
     assert world.now_s - touched_s < 0.15 + 0.1 + 0.2 + 0.05  # samples, build-up, release
@@ -47,7 +41,7 @@ def test_a_jam_that_creeps_is_let_go_and_reported(mount: str) -> None:
     assert {round(command.velocity_rad_s, 1) for _, command in let_go} == {0.0}
     world.run(0.5)
     assert world.state.mode == "holding"
-    assert abs(world.gripper.motor_torque_nm) < 0.3
+    assert world.torque_nm < 0.3
 
 
 def test_without_the_guard_that_jam_is_never_called_a_stall() -> None:
@@ -57,8 +51,7 @@ def test_without_the_guard_that_jam_is_never_called_a_stall() -> None:
 
 
 def test_pressing_home_is_no_jam() -> None:
-    world = World()
-    client = world.enabled()
+    _world, client = ready()
     config = {"settle_s": 2.0, "stop_torque_nm": 0.5}
     for method in ("motion.open", "motion.close"):
         result = client.result(method, config=config)
@@ -66,8 +59,7 @@ def test_pressing_home_is_no_jam() -> None:
 
 
 def test_a_free_way_at_any_allowed_speed_is_no_jam() -> None:
-    world = World()
-    client = world.enabled()
+    _world, client = ready()
     for speed in (5.0, 50.0, 139.0):
         for method in ("motion.open", "motion.close"):
             answer = client.call(method, within_s=60.0, speed_mm_s=speed)

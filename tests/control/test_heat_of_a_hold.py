@@ -43,7 +43,7 @@ def test_a_hold_that_would_pass_the_limit_is_reduced_step_by_step_and_told() -> 
     assert state.force_set_n == 30.0  # what was asked for is not forgotten
     assert state.requested_torque_nm == pytest.approx(3.0)
     assert state.command_torque_nm == pytest.approx(heat.allowance_nm, rel=0.05)
-    assert abs(world.gripper.motor_torque_nm) == pytest.approx(heat.allowance_nm, rel=0.1)
+    assert world.torque_nm == pytest.approx(heat.allowance_nm, rel=0.1)
     assert state.is_grasped
     assert client.result("motion.open")["ok"]
 
@@ -52,6 +52,6 @@ def test_a_hold_that_the_coil_bears_is_left_alone() -> None:
     world, _ = holding(10.0)
     world.run(60.0)
     assert world.state.limited == ()
-    assert abs(world.gripper.motor_torque_nm) == pytest.approx(1.0, abs=0.05)
+    assert world.torque_nm == pytest.approx(1.0, abs=0.05)
     while events := world.service.take_events():
         assert not [event for event in events if event.kind == "heat"]

@@ -3,13 +3,12 @@
 import pytest
 
 from litegripd.model.motor import MotorPhase
-from tests.world import PERIOD_S, Client, World
+from tests.world import PERIOD_S, Client, World, ready
 
 
 def gripping(force_n: float = 20.0) -> tuple[World, Client]:
     """Return a gripper that holds an object of 40 mm by force, and its client."""
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     world.gripper.put_object(width_mm=40.0)
     assert client.result("motion.grasp", force_n=force_n, until="verdict")["ok"]
     world.run(1.5)
@@ -17,23 +16,18 @@ def gripping(force_n: float = 20.0) -> tuple[World, Client]:
 
 
 def squeezed_n(world: World) -> float:
-    return abs(world.gripper.motor_torque_nm) * 10.0
+    return world.torque_nm * 10.0
 
 
 @pytest.mark.parametrize("silence_s", [PERIOD_S, 3 * PERIOD_S, 0.03, 0.06])
 def test_an_object_is_held_through_a_silence_that_the_motor_survives(silence_s: float) -> None:
     world, client = gripping()
     world.lose_from_motor = lambda _frame: True
-    least_n = squeezed_n(world)
-    for _ in range(round(silence_s / PERIOD_S)):
-        world.tick()
-        least_n = min(least_n, squeezed_n(world))
+    forces_n = world.track(silence_s, lambda: squeezed_n(world))
     world.lose_from_motor = lambda _frame: False
-    for _ in range(100):
-        world.tick()
-        least_n = min(least_n, squeezed_n(world))
+    forces_n += world.track(0.5, lambda: squeezed_n(world))
     assert world.in_phase(MotorPhase.ENABLED)
-    assert least_n > 15.0
+    assert min(forces_n) > 15.0
     assert squeezed_n(world) == pytest.approx(20.0, abs=1.0)
     assert world.state.is_grasped
     assert client.result("motion.open")["ok"]
@@ -67,9 +61,7 @@ def test_an_object_that_vanishes_in_a_silence_is_noticed_after_it() -> None:
     world.lose_from_motor = lambda _frame: False
     world.run(1.0)
     assert not world.state.is_grasped
-    watcher.read()
-    reported = [n["params"]["kind"] for n in watcher.notifications if n["method"] == "event"]
-    assert "object_lost" in reported
+    assert watcher.events("object_lost")
 
 
 def test_a_silence_that_the_motor_does_not_survive_ends_in_a_disabled_motor() -> None:
@@ -101,8 +93,7 @@ def test_a_motion_that_is_cancelled_before_it_begins_changes_nothing() -> None:
 
 
 def test_a_hold_that_a_hand_has_pressed_beyond_a_stop_does_not_press_on() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     client.result("motion.close")
     sign = world.gripper.parameters.close_sign
     client.result("stop", level="relax")

@@ -9,7 +9,7 @@ from tests.control.states import (
     LEVELS,
     is_slack,
 )
-from tests.world import Client, World
+from tests.world import Client, World, ready
 
 
 def check_left(world: World, on_lost: str) -> None:
@@ -147,8 +147,7 @@ class TestLostHolder:
 
 def test_what_is_queued_without_a_lease_outlives_who_does_not_wait_for_it() -> None:
     """A script may ask for two motions, and end."""
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     client.send("motion.open", wait=False)
     client.send("motion.move", opening_mm=20, if_busy="queue", wait=False)
     client.leave()
@@ -160,8 +159,7 @@ def test_what_is_queued_without_a_lease_outlives_who_does_not_wait_for_it() -> N
 
 
 def test_what_is_queued_under_a_lease_that_was_given_back_runs() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     client.result("lease.acquire", on_lost="relax")
     client.send("motion.open", wait=False)
     client.send("motion.move", opening_mm=20, if_busy="queue", wait=False)
@@ -188,8 +186,7 @@ def test_a_holder_may_change_its_mind() -> None:
 
 
 def test_who_never_had_the_lease_leaves_the_jaws_holding() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     client.leave()
     check_left(world, "hold")
 

@@ -6,9 +6,8 @@ import pytest
 
 from litegripd.control.made_torque import LEAST_NM, SHORT_S, STANDS_S, WEAK_S, MadeTorque
 from litegripd.model.motor import CanFrame, Feedback, MitCommand, Status
-from litegripd.sim.plant import SimulatorParameters
 from tests.control.held import Held
-from tests.world import World
+from tests.world import ready
 
 PERIOD_S = 0.005
 COMMANDED_NM = 2.0
@@ -104,8 +103,7 @@ def test_torque_that_the_motors_own_current_limit_withholds() -> None:
 
 def test_frames_that_are_late_make_no_motor_weak() -> None:
     """By 30 ms each way: what the daemon sees is old, and so is what the motor obeys."""
-    world = World(parameters=SimulatorParameters(watchdog_s=0.4))
-    client = world.enabled()
+    world, client = ready(watchdog_s=0.4)
     client.result("events.subscribe", kinds=["weak"])
     delayed: list[tuple[float, CanFrame]] = []
 

@@ -17,9 +17,8 @@ from litegripd.model.gripper import (
     MotorType,
 )
 from litegripd.model.motor import MotorPhase
-from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from tests.control.exchange import exchange
-from tests.world import Client, World
+from tests.world import Client, World, ready
 
 BETWEEN = replace(
     DM4340,
@@ -46,8 +45,7 @@ def gripping(
     motor_type: MotorType, mount: str, force_n: float, **more: Any
 ) -> tuple[World, Client]:
     """Let the jaws open, close on an object of 40 mm and hold it."""
-    world = World(mount, motor_type=motor_type, **more)
-    client = world.enabled()
+    world, client = ready(mount, motor_type=motor_type, **more)
     assert client.result("motion.open")["outcome"] == "pressed_home"
     world.gripper.put_object(width_mm=40.0)
     answer = client.result("motion.grasp", force_n=force_n, until="verdict")
@@ -81,7 +79,7 @@ def test_it_stops_slack_and_disabled(motor_type: MotorType) -> None:
     client.result("stop", level="relax")
     world.run(0.5)
     smallest_nm = 1.01 * motor_type.ranges.torque_nm / 4095
-    assert abs(world.gripper.motor_torque_nm) <= smallest_nm
+    assert world.torque_nm <= smallest_nm
     client.result("stop", level="disable")
     world.run_until(lambda: world.phase is MotorPhase.DISABLED, 1.0)
     assert client.refusal("motion.open") == "stopped"
@@ -120,9 +118,7 @@ def test_the_most_that_may_be_asked_for_follows_from_the_row(motor_type: MotorTy
 
 def most_squeezing(motor_type: MotorType, ambient_c: float = 25.0) -> tuple[World, float]:
     """Return a gripper in whose file a newton is as much torque as the type can give for 40 N."""
-    closed_rad, open_rad = limits_of_mount("normal")
-    room = SimulatorParameters(closed_rad=closed_rad, open_rad=open_rad, ambient_c=ambient_c)
-    world = World(parameters=room.of_motor(motor_type), motor_type=motor_type)
+    world = World(motor_type=motor_type, ambient_c=ambient_c)
     least, _ = NM_TO_N_RANGE
     nm_to_n = max(motor_type.most_force_n / motor_type.holding_nm, least)
     geometry = replace(NOMINAL[0], nm_to_n=nm_to_n)
@@ -139,7 +135,7 @@ def test_what_a_type_bears_for_long_can_be_asked_for(motor_type: MotorType) -> N
     most_n = motor_type.most_force_n
     assert client.result("motion.grasp", force_n=most_n, until="verdict", **rate)["ok"]
     world.run(1.0)
-    assert abs(world.gripper.motor_torque_nm) == pytest.approx(most_n / nm_to_n, rel=0.02)
+    assert world.torque_nm == pytest.approx(most_n / nm_to_n, rel=0.02)
     assert world.state.limited == ()
 
 
@@ -148,8 +144,7 @@ def test_no_command_asks_for_more_than_the_peak_and_that_only_for_a_moment(
     motor_type: MotorType,
 ) -> None:
     """Stiff jaws hold a place that they are pushed away from."""
-    world = World(motor_type=motor_type)
-    client = world.enabled()
+    world, client = ready(motor_type=motor_type)
     world.controller.calibrated.gains = replace(world.controller.gains, kp_nm_rad=500.0)
     client.result("motion.hold")
     world.gripper.push(-2.0 * motor_type.peak_nm)
@@ -192,12 +187,11 @@ def test_a_successor_goes_on_with_the_same_motor(motor_type: MotorType) -> None:
     assert client.result("motion.set_force", force_n=most_n)["force_n"] == most_n
     world.run(most_n / 20.0)
     assert world.state.is_grasped
-    assert abs(world.gripper.motor_torque_nm) == pytest.approx(most_n / 10.0, rel=0.05)
+    assert world.torque_nm == pytest.approx(most_n / 10.0, rel=0.05)
 
 
 @every_type
 def test_what_it_calibrates_names_its_type(motor_type: MotorType) -> None:
-    world = World(motor_type=motor_type)
-    client = world.enabled()
+    world, client = ready(motor_type=motor_type)
     assert client.result("calibration.zero", within_s=60.0)["ok"]
     assert world.disk.saved["calibration.save"]["content"]["motor_type"] == motor_type.name

@@ -10,7 +10,7 @@ from litegripd.model.calibration import NOMINAL, Calibration
 from litegripd.model.gripper import FASTEST_MM_S, Geometry
 from litegripd.model.motion_config import MOVING_KP_NM_RAD, MotionConfig
 from litegripd.sim.plant import SimulatorParameters, limits_of_mount
-from tests.world import PERIOD_S, Client, World
+from tests.world import PERIOD_S, Client, World, ready
 
 MOUNTS = ("normal", "reverse")
 CONFIG, MM_RAD, TRAVEL_MM = MotionConfig(), NOMINAL[0].rad_to_mm, NOMINAL[0].travel_mm
@@ -53,7 +53,7 @@ def record(
 
 
 def blocked_world(width_mm: float, **item: float) -> tuple[World, Client]:
-    world = World(parameters=SimulatorParameters(initial_opening_mm=80.0))
+    world = World(initial_opening_mm=80.0)
     world.gripper.put_object(width_mm=width_mm, **item)
     return world, world.enabled()
 
@@ -71,6 +71,7 @@ def test_the_target_lies_past_the_stop_and_the_stop_ends_the_move(mount: str, me
     assert result["target_rad"] == pytest.approx(limit_rad + 0.05 * (limit_rad - other_rad))
     assert (result["ok"], result["stalled"], result["reached"]) == (True, True, False)
     assert result["outcome"] == "pressed_home"
+    assert result["state"]["mount"] == mount
     assert abs(world.gripper.position_rad - limit_rad) < 0.02
 
 
@@ -80,12 +81,10 @@ def test_the_target_lies_past_the_stop_and_the_stop_ends_the_move(mount: str, me
 def test_the_commands_lead_stays_within_two_tiers_in_every_phase(
     mount: str, method: str, speed: float
 ) -> None:
-    world = World(mount)
-    client = world.enabled()
+    world, client = ready(mount)
     client.result("motion.open" if method == "motion.close" else "motion.close")
     seen = record(world, client, method, speed_mm_s=speed)
-    geometry = world.controller.geometry
-    assert geometry is not None
+    geometry = world.geometry
     limit_rad = geometry.closed_rad if method == "motion.close" else geometry.open_rad
     towards = math.copysign(1.0, limit_rad - seen[0][0])
     fast_rad = LEAD_PERIODS * speed / MM_RAD * PERIOD_S  # softer, with the same torque
@@ -101,27 +100,21 @@ def test_the_commands_lead_stays_within_two_tiers_in_every_phase(
 
 @pytest.mark.parametrize("mount", MOUNTS)
 def test_it_presses_with_about_what_the_stop_lead_means(mount: str) -> None:
-    world = World(mount)
-    client = world.enabled()
-    torques = []
-    number = client.send("motion.close")
-    while not client.has_answer(number):
-        world.tick()
-        torques.append(abs(world.gripper.motor_torque_nm))
+    world, client = ready(mount)
+    torques = client.track(client.send("motion.close"), lambda: world.torque_nm)
     assert torques[-10] == pytest.approx(CONFIG.stop_nm, abs=0.08)
     assert max(torques) < 2.0
 
 
 def test_after_the_move_the_jaws_are_held_where_they_are() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     client.result("motion.close")
     world.run(0.5)
     position_rad = world.state.position_rad
     assert position_rad is not None
     assert world.state.mode == "holding"
     assert abs((world.state.command_rad or 0.0) - position_rad) < 0.01
-    assert abs(world.gripper.motor_torque_nm) < 1.0
+    assert world.torque_nm < 1.0
 
 
 def test_an_object_far_from_the_stop_blocks_the_move() -> None:
@@ -138,9 +131,9 @@ def test_a_blocked_move_ends_within_a_stall_window_and_never_leads_more_than_all
     number = client.send("motion.close")
     world.run_until(lambda: world.gripper.opening_mm < 51.0)
     touched_s = world.now_s
-    world.run_until(lambda: client.has_answer(number))
+    client.wait(number)
     assert world.now_s - touched_s < 0.5
-    assert abs(world.gripper.motor_torque_nm) <= CONFIG.travel_nm * 1.05
+    assert world.torque_nm <= CONFIG.travel_nm * 1.05
 
 
 @pytest.mark.parametrize("share", [-0.008, 0.008, 0.02, 0.03])
@@ -172,8 +165,7 @@ def test_a_stop_that_is_not_there_is_no_success() -> None:
 
 @pytest.mark.parametrize("method", ["motion.open", "motion.close"])
 def test_a_move_that_starts_on_its_stop_presses_home_at_once(method: str) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     client.result(method)
     began_s = world.now_s
     assert client.result(method)["outcome"] == "pressed_home"
@@ -184,8 +176,7 @@ def test_a_move_that_starts_on_its_stop_presses_home_at_once(method: str) -> Non
 @pytest.mark.parametrize("speed", [SLOWEST_MM_S, FASTEST_MM_S])
 def test_the_slowest_and_the_fastest_speed_press_home(method: str, speed: float) -> None:
     """Static friction must not look like a stall, nor the cap clip the ramp's own step."""
-    world = World(parameters=SimulatorParameters(initial_opening_mm=60.0))
-    client = world.enabled()
+    _world, client = ready(initial_opening_mm=60.0)
     answer = client.call(method, within_s=60.0, speed_mm_s=speed)
     assert answer["result"]["outcome"] == "pressed_home"
 
@@ -199,30 +190,18 @@ def test_speeds_that_do_not_go_with_the_settings_are_refused(speed: float) -> No
     assert "speed_mm_s" in error["message"]
 
 
-def test_no_calibration_no_motion() -> None:
-    world = World(calibrated=False)
-    client = world.enabled()
-    assert client.refusal("motion.open") == "not_calibrated"
-    assert client.refusal("motion.close") == "not_calibrated"
-    assert client.result("motion.hold")["position_rad"] == pytest.approx(
-        world.gripper.position_rad, abs=1e-3
-    )
-
-
 def test_a_calibration_file_of_a_gripper_that_never_was_calibrated_does_not_count() -> None:
     world = World()
-    geometry = world.controller.geometry
-    assert geometry is not None
+    geometry = world.geometry
     world.controller.use_calibration(Calibration(geometry, calibrated=False), None)
     assert world.enabled().refusal("motion.open") == "not_calibrated"
 
 
 def test_progress_tells_where_the_move_is() -> None:
-    world = World()
-    client = world.enabled()
+    _world, client = ready()
     number = client.send("motion.close", progress=True)
-    world.run_until(lambda: client.has_answer(number))
-    reports = [n["params"] for n in client.notifications if n["method"] == "job.progress"]
+    client.wait(number)
+    reports = client.told("job.progress")
     phases = [report["phase"] for report in reports]
     assert sorted(set(phases), key=phases.index) == ["ramp", "press", "settle"]
     steps = [report["step"] for report in reports]

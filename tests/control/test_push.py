@@ -1,6 +1,5 @@
 """Set-points of torque: bounded in speed, force and travel, slack at 0, and lapsing as all do."""
 
-import json
 from itertools import pairwise
 from typing import Any
 
@@ -11,11 +10,10 @@ from litegripd.control.motions.stream import PUSHED_RAD_S, RAMP_NM_S
 from litegripd.model.calibration import NOMINAL
 from litegripd.model.motion_config import MotionConfig
 from litegripd.motor import codec
-from litegripd.sim.plant import SimulatorParameters, limits_of_mount
+from litegripd.sim.plant import MOUNTS
 from tests.control.test_given_calibration import given
-from tests.world import Client, World
+from tests.world import Client, World, ready
 
-MOUNTS = ("normal", "reverse")
 MM_RAD, TRAVEL_MM = NOMINAL[0].rad_to_mm, NOMINAL[0].travel_mm
 LEAST_NM = 10.0 / 4095 * 1.01  # the two codes next to zero; there is none for zero
 STOP_NM = MotionConfig().stop_nm
@@ -25,18 +23,7 @@ CLOSING = {"normal": 1.0, "reverse": -1.0}
 def gripper(
     mount: str = "normal", opening_mm: float = 60.0, *, calibrated: bool = True
 ) -> tuple[World, Client]:
-    closed_rad, open_rad = limits_of_mount(mount)
-    parameters = SimulatorParameters(
-        closed_rad=closed_rad, open_rad=open_rad, initial_opening_mm=opening_mm
-    )
-    world = World(mount, calibrated, parameters=parameters)
-    return world, world.enabled()
-
-
-def put(client: Client, **params: Any) -> None:
-    """Send a set-point as a notification."""
-    line = json.dumps({"jsonrpc": "2.0", "method": "stream.set", "params": params})
-    client.world.service.handle(client.session, line.encode(), client.world.now_s)
+    return ready(mount, calibrated, initial_opening_mm=opening_mm)
 
 
 def stream(world: World, client: Client, duration_s: float, **params: Any) -> float:
@@ -44,7 +31,7 @@ def stream(world: World, client: Client, duration_s: float, **params: Any) -> fl
     fastest_rad_s = 0.0
     for number in range(round(duration_s / world.period_s)):
         if number % 4 == 0:
-            put(client, **params)
+            client.notify("stream.set", **params)
         world.tick()
         fastest_rad_s = max(fastest_rad_s, abs(world.gripper.velocity_rad_s))
     return fastest_rad_s
@@ -58,7 +45,7 @@ def test_free_jaws_are_not_flung_and_press_gently_on_the_stop(mount: str, push_n
     closes = push_nm * CLOSING[mount] > 0.0
     assert world.gripper.opening_mm == pytest.approx(0.0 if closes else TRAVEL_MM, abs=2.5)
     expected_nm = min(abs(push_nm), STOP_NM)
-    assert abs(world.gripper.motor_torque_nm) == pytest.approx(expected_nm, abs=0.05)
+    assert world.torque_nm == pytest.approx(expected_nm, abs=0.05)
     assert world.gripper.motor_torque_nm * push_nm > 0.0
 
 
@@ -162,7 +149,7 @@ def test_beyond_the_bounds_nothing_pushes_further_out(push_nm: float) -> None:
     stream(world, client, 3.0, push_nm=push_nm, calibration=calibration)
     beyond_rad = abs(world.gripper.position_rad - here_rad) - half_rad
     assert 0.0 < beyond_rad <= 0.05 * 2.0 * half_rad + 0.02  # 1 mm to stop in
-    assert abs(world.gripper.motor_torque_nm) <= 0.02
+    assert world.torque_nm <= 0.02
     stream(world, client, 0.2, push_nm=-push_nm, calibration=calibration)
     assert abs(world.gripper.position_rad - here_rad) < half_rad + beyond_rad - 0.01
 
@@ -184,7 +171,7 @@ def test_it_lapses_and_the_jaws_hold_where_they_are_without_pressing(valid_s: fl
     here_rad = world.gripper.position_rad
     assert idle.position_rad == pytest.approx(here_rad, abs=0.06)
     world.run(2.0)
-    assert abs(world.gripper.motor_torque_nm) <= STOP_NM + 0.02
+    assert world.torque_nm <= STOP_NM + 0.02
 
 
 def test_running_jaws_are_caught_when_it_lapses() -> None:
@@ -206,7 +193,7 @@ def test_an_elastic_object_does_not_throw_open_jaws_that_become_slack(
     world.gripper.put_object(width_mm=40.0, stiffness_nm_rad=stiffness)
     stream(world, client, 1.5, push_nm=push_nm)
     assert stream(world, client, 1.0, push_nm=0.0) <= PUSHED_RAD_S
-    assert abs(world.gripper.motor_torque_nm) <= LEAST_NM
+    assert world.torque_nm <= LEAST_NM
     world, client = gripper(opening_mm=45.0)
     world.gripper.put_object(width_mm=40.0, stiffness_nm_rad=stiffness)
     stream(world, client, 1.5, push_nm=push_nm)
@@ -231,7 +218,7 @@ def test_a_stop_ends_it_and_latches_while_zero_set_points_do_not() -> None:
     assert client.refusal("stream.set", push_nm=3.0) == "stopped"
     assert client.refusal("stream.set", push_nm=0.0) == "stopped"
     world.run(2.0)
-    assert abs(world.gripper.motor_torque_nm) <= STOP_NM + 0.05
+    assert world.torque_nm <= STOP_NM + 0.05
     client.result("stop.clear")
     stream(world, client, 0.5, push_nm=0.0)
     assert world.controller.stop_latch.latched is None
@@ -246,7 +233,7 @@ def test_a_stop_50_times_a_second_makes_two_events_and_no_more(as_stream: bool) 
     opened = [job.number for job in world.controller.jobs]
     for _ in range(250):
         if as_stream:
-            put(client, push_nm=0.0)
+            client.notify("stream.set", push_nm=0.0)
         else:
             client.send("motion.zero_gravity")
         world.run(0.02)
@@ -287,12 +274,7 @@ def test_it_may_hold_for_long_what_a_grip_may() -> None:
 
 
 def test_a_hot_coil_lowers_it() -> None:
-    closed_rad, open_rad = limits_of_mount("normal")
-    room = SimulatorParameters(
-        closed_rad=closed_rad, open_rad=open_rad, initial_opening_mm=45.0, ambient_c=72.0
-    )
-    world = World(parameters=room)
-    client = world.enabled()
+    world, client = ready(initial_opening_mm=45.0, ambient_c=72.0)
     world.gripper.put_object(width_mm=40.0)
     stream(world, client, 60.0, push_nm=4.0)
     assert world.gripper.motor.coil_c < 81.5
@@ -318,4 +300,4 @@ def test_a_client_that_dies_leaves_no_push_behind() -> None:
     client.leave()
     world.run(1.0)
     assert world.controller.jobs.running is None
-    assert abs(world.gripper.motor_torque_nm) <= STOP_NM + 0.05
+    assert world.torque_nm <= STOP_NM + 0.05

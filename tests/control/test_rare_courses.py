@@ -6,7 +6,7 @@ import pytest
 
 from litegripd.model.motor import CanFrame, MotorPhase, Status
 from litegripd.motor import codec
-from tests.world import CAN_ID, World, is_command
+from tests.world import CAN_ID, World, is_command, ready
 
 
 class FirstCommands:
@@ -25,8 +25,7 @@ class FirstCommands:
 @pytest.mark.parametrize("lost", [0, 1, 2, 3])
 def test_a_stored_command_is_not_applied_though_zero_gain_frames_are_lost(lost: int) -> None:
     """A fault leaves a motion's command stored; a hand has moved the jaws since."""
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     client.send("motion.open")
     world.run(0.3)
     world.gripper.set_supply(40)
@@ -40,19 +39,15 @@ def test_a_stored_command_is_not_applied_though_zero_gain_frames_are_lost(lost: 
     before_mm = world.gripper.opening_mm
     world.lose_to_motor = FirstCommands(lost)
     number = client.send("motor.enable")
-    farthest_mm = 0.0
-    for _ in range(100):
-        world.tick()
-        farthest_mm = max(farthest_mm, abs(world.gripper.opening_mm - before_mm))
+    moved_mm = world.track(0.5, lambda: abs(world.gripper.opening_mm - before_mm))
     assert client.has_answer(number)
     assert world.state.motor == "enabled"
-    assert farthest_mm < 0.2
+    assert max(moved_mm) < 0.2
 
 
 def test_jaws_that_are_told_to_relax_while_the_motor_is_silent_are_disabled() -> None:
     """Its answers are lost, so whether zero gains have arrived would remain unknown."""
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     world.gripper.put_object(width_mm=30.0)
     client.send("motion.close")
     world.run(0.9)
@@ -76,8 +71,7 @@ def test_a_silent_motor_is_stale_at_once_and_not_called_off() -> None:
 
 def test_after_an_unnoticed_power_cycle_the_registers_are_read_anew() -> None:
     """What was not saved in them is lost, the ranges of every frame among it."""
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     world.gripper.power_cycle()
     world.run_until(lambda: not world.state.enabled, 0.1)
     assert world.state.motor == "unknown"
@@ -87,8 +81,7 @@ def test_after_an_unnoticed_power_cycle_the_registers_are_read_anew() -> None:
 
 @pytest.mark.parametrize("params", [{"level": "now"}, {"why": 3}, {"hurry": True}])
 def test_a_stop_that_is_not_understood_stops_all_the_same(params: dict[str, Any]) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     client.send("motion.open")
     world.run(0.3)
     answer = client.call("stop", **params)

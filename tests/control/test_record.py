@@ -14,7 +14,7 @@ from litegripd.trajectories.values import read
 from tests.control.recordings import recording, taken
 from tests.control.states import is_slack
 from tests.trajectories import fetched
-from tests.world import PERIOD_S, Client, World
+from tests.world import PERIOD_S, World, ready
 
 RESOLUTION_RAD = 25.0 / 65535
 
@@ -27,15 +27,6 @@ def teach(world: World) -> None:
         world.run(duration_s)
 
 
-def positions(world: World, client: Client, duration_s: float) -> list[tuple[float, float]]:
-    """Let time pass; return the true positions, each with its time."""
-    seen = []
-    for _ in range(round(duration_s / PERIOD_S)):
-        world.tick()
-        seen.append((world.now_s, world.gripper.position_rad))
-    return seen
-
-
 @pytest.mark.parametrize("mount", ["normal", "reverse"])
 def test_a_motion_that_a_hand_teaches_is_recorded_as_it_was(mount: str) -> None:
     world, client = recording(World(mount))
@@ -43,13 +34,12 @@ def test_a_motion_that_a_hand_teaches_is_recorded_as_it_was(mount: str) -> None:
     truth: list[tuple[float, float]] = []
     for torque_nm in (-0.26, 0.0, 0.27, 0.0):
         world.gripper.push(sign * torque_nm)
-        truth += positions(world, client, 0.3)
+        truth += world.track(0.3, lambda: (world.now_s, world.gripper.position_rad))
     samples = taken(client)
     assert len(samples) == pytest.approx(120, abs=2)
     by_time = {round(at_s / PERIOD_S): position_rad for at_s, position_rad in truth}
     first = min(by_time, key=lambda tick: abs(by_time[tick] - samples[0][2]))
-    geometry = world.controller.geometry
-    assert geometry is not None
+    geometry = world.geometry
     offsets = range(first - 3, first + 4)  # at which tick the first one was measured
 
     def error(offset: int) -> float:
@@ -70,8 +60,7 @@ def test_the_file_says_what_it_was_taught_on() -> None:
     assert (answer["name"], answer["recording"]) == ("pick", None)
     assert answer["path"].endswith("/trajectories/pick.lgt")
     header, _ = read(memoryview(fetched(client, name="pick")))
-    geometry = world.controller.geometry
-    assert geometry is not None
+    geometry = world.geometry
     assert (header.sample_hz, header.mount, header.can_id) == (50.0, "reverse", 8)
     limits = (header.closed_rad, header.open_rad, header.rad_to_mm)
     assert limits == (geometry.closed_rad, geometry.open_rad, geometry.rad_to_mm)
@@ -161,8 +150,7 @@ def test_a_loop_that_died_is_never_a_good_recording() -> None:
 def test_it_ends_when_it_is_full() -> None:
     world, client = recording(rate_hz=100, max_samples=50)
     number = client.send("job.wait", job=client.result("trajectory.status")["job"])
-    world.run_until(lambda: client.has_answer(number), 1.0)
-    result = client.answers[number]["result"]["result"]
+    result = client.wait(number, 1.0)["result"]["result"]
     assert (result["ok"], result["outcome"], result["samples"]) == (True, "full", 50)
     world.run(1.0)
     assert world.state.mode == "holding"
@@ -216,8 +204,7 @@ def test_one_that_is_ended_at_once_has_the_present_measurement() -> None:
 
 def test_an_empty_one_must_be_wanted() -> None:
     """The motor's answers are lost: nothing is measured that is new enough."""
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     world.lose_from_motor = lambda _frame: True
     world.run(2 * PERIOD_S)
     client.result("trajectory.record_start", zero_gravity=False)
@@ -228,8 +215,7 @@ def test_an_empty_one_must_be_wanted() -> None:
 
 
 def test_there_is_nothing_to_stop_before_it_has_begun_or_when_it_was_taken() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     assert client.refusal("trajectory.record_stop") == "recording_failed"
     client.result("trajectory.record_start")
     world.run(0.2)

@@ -15,7 +15,7 @@ from litegripd.model.gripper import DM4310
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.state import Owner
 from litegripd.trajectories.capture import GripNotes
-from tests.control.grips import beside, both, gripper, grips, picked
+from tests.control.grips import beside, both, gripper, grips, picked, recording, taught
 from tests.control.replays import TRAVEL_MM
 from tests.trajectories import fetched, points_of, send
 
@@ -43,10 +43,7 @@ def test_the_file_beside_names_the_trajectory_it_belongs_to() -> None:
 
 
 def test_one_that_is_kept_under_a_name_has_its_grips_with_it() -> None:
-    world, client = gripper()
-    world.gripper.put_object(width_mm=36.0)
-    client.result("trajectory.record_start", zero_gravity=False)
-    client.result("motion.grasp", until="verdict")
+    world, client = recording()
     world.run(0.3)
     answer = client.result("trajectory.record_stop", name="pick")
     assert (answer["grips"], answer["grip_problem"], answer["grips_left_out"]) == (1, None, 0)
@@ -66,8 +63,7 @@ def test_one_that_is_held_already_begins_with_the_recording() -> None:
     other.result("trajectory.record_start", zero_gravity=False)
     world.run(0.5)
     client.result("motion.move", opening_mm=58)
-    name = other.result("trajectory.record_stop")["name"]
-    (grip,) = grips(other, name=name)
+    (grip,) = taught(other)
     assert (grip["closing_s"], grip["start_s"], grip["force_n"]) == (0.0, 0.0, 6.0)
     assert grip["end_s"] == pytest.approx(0.5, abs=0.03)
     assert grip["source"] == "motion.grasp by program101"
@@ -82,36 +78,27 @@ def test_one_that_a_replay_has_left_is_its() -> None:
     assert other.result("trajectory.play", name="pick", force="replay")["ok"]
     client.result("trajectory.record_start", zero_gravity=False)
     world.run(0.3)
-    name = client.result("trajectory.record_stop")["name"]
-    (grip,) = grips(client, name=name)
+    (grip,) = taught(client)
     assert grip["source"] == "trajectory.play by program102"
 
 
 def test_a_force_that_is_changed_makes_another_grip_without_a_gap() -> None:
-    world, client = gripper()
-    world.gripper.put_object(width_mm=36.0)
-    client.result("trajectory.record_start", zero_gravity=False)
-    client.result("motion.grasp", until="verdict", force_n=6)
+    world, client = recording(force_n=6)
     world.run(0.5)
     client.result("motion.set_force", force_n=12)
     world.run(0.5)
-    name = client.result("trajectory.record_stop")["name"]
-    one, two = grips(client, name=name)
+    one, two = taught(client)
     assert (one["force_n"], two["force_n"]) == (6.0, 12.0)
     assert one["end_s"] == two["closing_s"] == two["start_s"]
     assert two["source"] == "motion.set_force by program101"
 
 
 def test_a_grip_that_is_lost_ends_there() -> None:
-    world, client = gripper()
-    world.gripper.put_object(width_mm=36.0)
-    client.result("trajectory.record_start", zero_gravity=False)
-    client.result("motion.grasp", until="verdict")
+    world, client = recording()
     world.run(0.5)
     world.gripper.remove_object()
     world.run(1.0)
-    name = client.result("trajectory.record_stop")["name"]
-    (grip,) = grips(client, name=name)
+    (grip,) = taught(client)
     assert grip["end_s"] - grip["start_s"] == pytest.approx(0.5, abs=0.1)
 
 

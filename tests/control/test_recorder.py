@@ -12,7 +12,7 @@ from litegripd.motor import codec
 from litegripd.recorder import recorder
 from litegripd.recorder.files import Recording, read, tick_fields
 from litegripd.recorder.recorder import Recorder, memory_bytes, tick_slots
-from tests.world import CAN_ID, PERIOD_S, World
+from tests.world import CAN_ID, PERIOD_S, World, ready
 
 
 def recorded(world: World) -> Recording:
@@ -49,8 +49,7 @@ def test_each_tick_tells_the_frame_that_really_went_out() -> None:
 
 
 def test_a_tick_tells_command_feedback_and_whose_motion_it_was() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     number = client.send("motion.move", opening_mm=40, speed_mm_s=100)
     world.run(0.3)
     state, last = world.state, fields(recorded(world))[-1]
@@ -88,8 +87,7 @@ def test_a_silent_motor_and_withheld_commands_are_seen() -> None:
 
 
 def test_a_stop_and_slack_jaws_are_seen() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     client.result("stop", level="relax")
     world.run(0.1)
     last = fields(recorded(world))[-1]
@@ -98,8 +96,7 @@ def test_a_stop_and_slack_jaws_are_seen() -> None:
 
 
 def test_events_are_those_of_the_ticks_that_are_kept() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     client.result("motion.move", opening_mm=40, speed_mm_s=100)
     kinds = [event.content["kind"] for event in recorded(world).events]
     assert kinds.count("job_started") == kinds.count("job_ended") == 2
@@ -110,8 +107,7 @@ def test_events_are_those_of_the_ticks_that_are_kept() -> None:
 
 
 def test_refused_requests_push_nothing_out_but_each_other() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     for _ in range(recorder.EVENTS + 10):
         client.send("no.such.method")
     kinds = [event.content["kind"] for event in recorded(world).events]
@@ -120,8 +116,7 @@ def test_refused_requests_push_nothing_out_but_each_other() -> None:
 
 
 def test_what_flaps_pushes_nothing_of_another_kind_out() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     client.result("stop", why="the one that matters")
     for number in range(recorder.EVENTS + 100):
         world.controller.events.append(Event("bus", f"CAN bus: up -> down, {number}"))

@@ -3,6 +3,7 @@
 import re
 import struct
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -10,258 +11,151 @@ import pytest
 from litegripd.model.errors import at_least, at_most
 from litegripd.model.motor import CanFrame, Status
 from litegripd.motor import codec
-from tests.control.test_exclusive import TELEOP
+from litegripd.rpc.sessions import Role
+from tests.control.teleop_scene import FAKE
 from tests.world import CAN_ID, Client, World
 
-Act = Callable[[World, Client], None]
-OPEN: tuple[str, dict[str, Any]] = ("motion.open", {})
+Call = tuple[str, dict[str, Any]]
+Act = Call | Callable[[World], object] | float | Role
+"""A client's request, something done to the world, seconds that pass, or the client's new role."""
+Acts = tuple[Act, ...]
+
+OPEN: Call = ("motion.open", {})
+FOLLOW: Call = ("teleop.start", FAKE)
+MOVE: Call = ("motion.move", {"opening_mm": 45.0})
+ENABLE: Call = ("motor.enable", {})
+DISABLE: Call = ("motor.disable", {})
+CLEAR_FAULT: Call = ("motor.clear_fault", {})
+STOP: Call = ("stop", {})
+CLEAR: Call = ("stop.clear", {})
+ACQUIRE: Call = ("lease.acquire", {"ttl_s": 60.0})
+TAKE: Call = ("lease.take", {"why": "the test"})
+TEMPLATE: Call = ("calibration.load", {"template": "normal"})
+ZERO_WITH_A_MOUNT: Call = ("calibration.zero", {"mount": "normal"})
+RECORD: Call = ("trajectory.record_start", {})
+END_RECORDING: Call = ("trajectory.record_stop", {"name": "pick"})
+MODE = 10
 
 
-FOLLOW: tuple[str, dict[str, Any]] = ("teleop.start", TELEOP)
-MOVE: tuple[str, dict[str, Any]] = ("motion.move", {"opening_mm": 45.0})
+def do(world: World, client: Client, acts: Acts) -> None:
+    for act in acts:
+        if isinstance(act, float):
+            world.run(act)
+        elif isinstance(act, tuple):
+            assert client.result(act[0], **act[1]).get("ok", True)
+        elif isinstance(act, str):
+            client.session.role = act
+        else:
+            act(world)
 
 
-def fault(status: Status) -> Act:
-    def latch(world: World, client: Client) -> None:
-        client.result("motor.enable")
-        world.gripper.latch_fault(status)
-        world.run(0.2)
-
-    return latch
+def supply(volts: float) -> Acts:
+    return (lambda world: world.gripper.set_supply(volts), 0.2)
 
 
-def nothing(_world: World, _client: Client) -> None:
-    pass
+def coil(celsius: float) -> Acts:
+    return (lambda world: world.gripper.heat_coil(celsius), 0.2)
 
 
-def enable(_world: World, client: Client) -> None:
-    assert client.result("motor.enable")["ok"]
+def jump(by_rad: float) -> Acts:
+    return (lambda world: world.gripper.jump(by_rad), 0.3)
 
 
-def no_supply(world: World, _client: Client) -> None:
-    world.gripper.set_supply(5.0)
-    world.run(0.2)
+def fault(status: Status) -> Acts:
+    return (ENABLE, lambda world: world.gripper.latch_fault(status), 0.2)
 
 
-def supply_lost(world: World, client: Client) -> None:
-    enable(world, client)
-    no_supply(world, client)
+def uncalibrated(world: World) -> None:
+    assert world.controller.calibrated.calibration is not None
+    world.controller.use_calibration(
+        replace(world.controller.calibrated.calibration, calibrated=False)
+    )
 
 
-def supply_on_and_enable(world: World, client: Client) -> None:
-    world.gripper.set_supply(24.0)
-    enable(world, client)
+def other(*calls: Call) -> Callable[[World], None]:
+    """Let another client ask."""
+
+    def act(world: World) -> None:
+        do(world, world.client(), calls)
+
+    return act
 
 
-def supply_high(world: World, client: Client) -> None:
-    enable(world, client)
-    world.gripper.set_supply(40.0)
-    world.run(0.2)
-
-
-def hot(world: World, client: Client) -> None:
-    enable(world, client)
-    world.gripper.heat_coil(110.0)
-    world.run(0.2)
-
-
-def cooled_and_enable(world: World, client: Client) -> None:
-    world.gripper.heat_coil(25.0)
-    world.run(0.2)
-    enable(world, client)
-
-
-def without_power(world: World, _client: Client) -> None:
-    world.gripper.power_off()
-    world.run(1.0)
-
-
-def power_on(world: World, _client: Client) -> None:
-    world.gripper.power_on()
-    world.run(1.0)
-
-
-def jumped(world: World, client: Client) -> None:
-    enable(world, client)
-    client.result("motion.move", opening_mm=60)
-    world.gripper.jump(0.3)
-    world.run(0.3)
-
-
-def clear_fault_and_enable(world: World, client: Client) -> None:
-    client.result("motor.clear_fault")
-    enable(world, client)
-
-
-def zero_moved(world: World, client: Client) -> None:
-    client.result("motor.set_zero")
-    client.result("motor.enable")
-
-
-def zero_with_a_mount(_world: World, client: Client) -> None:
-    assert client.result("calibration.zero", mount="normal")["ok"]
-
-
-def uncalibrated(world: World, client: Client) -> None:
-    content = client.result("calibration.get")["content"]
-    client.result("calibration.load", content={**content, "calibrated": False})
-    enable(world, client)
-
-
-def load_a_template(_world: World, client: Client) -> None:
-    client.result("calibration.load", template="normal")
-
-
-def stopped(world: World, client: Client) -> None:
-    enable(world, client)
-    client.result("stop")
-
-
-def clear(_world: World, client: Client) -> None:
-    client.result("stop.clear")
-
-
-def a_motion_runs(world: World, client: Client) -> None:
-    enable(world, client)
+def a_motion_runs(world: World) -> None:
     world.client().send("motion.move", opening_mm=10.0, duration_s=8.0, detach=True)
     world.run(0.2)
 
 
-def cancel_it(world: World, client: Client) -> None:
-    running = world.controller.jobs.running
-    assert running is not None
-    client.result("job.cancel", job=running.number)
+def cancel_it(world: World) -> None:
+    world.client().result("job.cancel", job=world.running.number)
 
 
-def wait_for_it(_world: World, client: Client) -> None:
-    job = client.result("state.get")["job"]["job"]
-    client.result("job.wait", job=job)
+def wait_for_it(world: World) -> None:
+    client = world.client()
+    client.result("job.wait", job=client.result("state.get")["job"]["job"])
 
 
-def another_has_the_lease(world: World, client: Client) -> None:
-    enable(world, client)
-    world.client().result("lease.acquire", ttl_s=60.0)
-
-
-def take_it(_world: World, client: Client) -> None:
-    client.result("lease.take", why="the test")
-
-
-def the_lease_was_taken(world: World, client: Client) -> None:
-    enable(world, client)
-    client.result("lease.acquire", ttl_s=60.0)
-    other = world.client()
-    other.result("lease.take", why="the test")
-    other.result("lease.release")
-
-
-def acquire(_world: World, client: Client) -> None:
-    client.result("lease.acquire", ttl_s=60.0)
-
-
-def another_program(world: World, client: Client) -> None:
-    enable(world, client)
+def another_program(world: World) -> None:
     world.inject(CanFrame(CAN_ID, bytes.fromhex("79DA7FF3336667FF")))
     world.run(0.1)
 
 
-def it_has_ended(world: World, _client: Client) -> None:
-    world.run(3.0)
-
-
-def register(number: int, raw: bytes) -> Act:
+def mode(number: int) -> Callable[[World], None]:
     """With the maker's tool, while nobody listens; then the motor is read again."""
 
-    def write(world: World, client: Client) -> None:
-        frame = CanFrame(0x7FF, struct.pack("<HBB", CAN_ID, 0x55, number) + raw)
+    def write(world: World) -> None:
+        frame = CanFrame(0x7FF, struct.pack("<HBBI", CAN_ID, 0x55, MODE, number))
         world.gripper.receive(world.now_s, frame)
-        client.call("motor.clear_fault")
+        world.client().call("motor.clear_fault")
         world.run(1.0)
 
     return write
 
 
-def follows(world: World, client: Client) -> None:
-    enable(world, client)
-    client.result("teleop.start", **TELEOP)
+SUPPLY_ON: Acts = (*supply(24.0), ENABLE)
+JUMPED: Acts = (ENABLE, ("motion.move", {"opening_mm": 60.0}), *jump(0.3))
+ZERO_MOVED: Acts = (ENABLE, ("motor.set_zero", {}), ENABLE)
+LEASE_TAKEN: Acts = (ENABLE, ACQUIRE, other(TAKE, ("lease.release", {})))
+POWER_OFF: Acts = (lambda world: world.gripper.power_off(), 1.0)
+POWER_ON: Acts = (lambda world: world.gripper.power_on(), 1.0)
+TURNED: Acts = (*jump(6.28), ENABLE)
+TURNED_BACK: Acts = (DISABLE, *jump(-6.28), ENABLE)
 
-
-def stop_following(_world: World, client: Client) -> None:
-    client.result("teleop.stop")
-
-
-def records(world: World, client: Client) -> None:
-    enable(world, client)
-    client.result("trajectory.record_start")
-
-
-def end_recording(_world: World, client: Client) -> None:
-    client.result("trajectory.record_stop", name="pick")
-
-
-def as_observer(world: World, client: Client) -> None:
-    enable(world, client)
-    client.session.role = "observer"
-
-
-def as_operator(_world: World, client: Client) -> None:
-    client.session.role = "operator"
-
-
-def off_by_a_turn(world: World, client: Client) -> None:
-    world.gripper.jump(6.28)
-    world.run(0.2)
-    enable(world, client)
-
-
-def power_cycle_inside_the_travel(world: World, client: Client) -> None:
-    client.result("motor.disable")
-    world.gripper.jump(-6.28)
-    world.run(0.2)
-    enable(world, client)
-
-
-MODE = 10
-
-
-def other_mode(world: World, client: Client) -> None:
-    register(MODE, struct.pack("<I", 2))(world, client)
-    client.call("motor.enable")
-
-
-def mit_mode(world: World, client: Client) -> None:
-    register(MODE, struct.pack("<I", 1))(world, client)
-
-
-CASES: list[tuple[str, Act, tuple[str, dict[str, Any]], str, Act]] = [
-    ("not_enabled", nothing, OPEN, "motor.enable", enable),
-    ("motor_fault", fault(Status.COMMUNICATION_LOST), OPEN, "enable again", enable),
-    ("motor_fault", fault(Status.OVER_CURRENT), OPEN, "enable again", enable),
-    ("motor_fault", fault(Status.DRIVER_HOT), OPEN, "enable again", enable),
-    ("motor_fault", fault(Status.OVERLOAD), OPEN, "enable again", enable),
-    ("motor_fault", supply_lost, OPEN, "24 V supply .* on, then enable", supply_on_and_enable),
-    ("motor_fault", supply_high, OPEN, "lower .*, then enable", supply_on_and_enable),
-    ("motor_fault", hot, OPEN, "cool down, then enable", cooled_and_enable),
-    ("motor_fault", no_supply, ("motor.enable", {}), "24 V", supply_on_and_enable),
-    ("motor_silent", without_power, ("motor.enable", {}), "24 V", power_on),
-    ("implausible_feedback", jumped, MOVE, "motor.clear_fault", clear_fault_and_enable),
-    ("not_calibrated", zero_moved, OPEN, "calibration.zero with a mount", zero_with_a_mount),
-    ("not_calibrated", uncalibrated, OPEN, "mount", zero_with_a_mount),
-    ("not_calibrated", uncalibrated, OPEN, "mount", load_a_template),
-    ("stopped", stopped, OPEN, "stop.clear", clear),
-    ("busy", a_motion_runs, OPEN, "job.cancel", cancel_it),
-    ("busy", a_motion_runs, OPEN, "job.wait", wait_for_it),
-    ("lease_held", another_has_the_lease, OPEN, "lease.take", take_it),
-    ("lease_lost", the_lease_was_taken, OPEN, "lease.acquire", acquire),
-    ("second_master", another_program, OPEN, "end it", it_has_ended),
-    ("teleop_busy", follows, OPEN, "teleop.stop", stop_following),
-    ("trajectory_busy", records, FOLLOW, "trajectory.record_stop", end_recording),
-    ("busy", records, OPEN, "trajectory.record_stop", end_recording),
-    ("teleop_not_ready", nothing, FOLLOW, "motor.enable", enable),
-    ("not_permitted", as_observer, OPEN, "role", as_operator),
-    ("out_of_limits", off_by_a_turn, OPEN, "power-cycle", power_cycle_inside_the_travel),
-    ("out_of_limits", off_by_a_turn, OPEN, "calibration.zero with a mount", zero_with_a_mount),
-    ("motor_unsuitable", other_mode, ("motor.enable", {}), "motor.clear_fault", mit_mode),
+CASES: list[tuple[str, Acts, Call, str, Acts]] = [
+    ("not_enabled", (), OPEN, "motor.enable", (ENABLE,)),
+    ("motor_fault", fault(Status.COMMUNICATION_LOST), OPEN, "enable again", (ENABLE,)),
+    ("motor_fault", fault(Status.OVER_CURRENT), OPEN, "enable again", (ENABLE,)),
+    ("motor_fault", fault(Status.DRIVER_HOT), OPEN, "enable again", (ENABLE,)),
+    ("motor_fault", fault(Status.OVERLOAD), OPEN, "enable again", (ENABLE,)),
+    ("motor_fault", (ENABLE, *supply(5.0)), OPEN, "24 V supply .* on, then enable", SUPPLY_ON),
+    ("motor_fault", (ENABLE, *supply(40.0)), OPEN, "lower .*, then enable", SUPPLY_ON),
+    ("motor_fault", (ENABLE, *coil(110.0)), OPEN, "cool down, then enable", (*coil(25.0), ENABLE)),
+    ("motor_fault", supply(5.0), ENABLE, "24 V", SUPPLY_ON),
+    ("motor_silent", POWER_OFF, ENABLE, "24 V", POWER_ON),
+    ("implausible_feedback", JUMPED, MOVE, "motor.clear_fault", (CLEAR_FAULT, ENABLE)),
+    ("not_calibrated", ZERO_MOVED, OPEN, "calibration.zero with a mount", (ZERO_WITH_A_MOUNT,)),
+    ("not_calibrated", (ENABLE, uncalibrated), OPEN, "mount", (ZERO_WITH_A_MOUNT,)),
+    ("not_calibrated", (ENABLE, uncalibrated), OPEN, "mount", (TEMPLATE,)),
+    ("stopped", (ENABLE, STOP), OPEN, "stop.clear", (CLEAR,)),
+    ("busy", (ENABLE, a_motion_runs), OPEN, "job.cancel", (cancel_it,)),
+    ("busy", (ENABLE, a_motion_runs), OPEN, "job.wait", (wait_for_it,)),
+    ("lease_held", (ENABLE, other(ACQUIRE)), OPEN, "lease.take", (TAKE,)),
+    ("lease_lost", LEASE_TAKEN, OPEN, "lease.acquire", (ACQUIRE,)),
+    ("second_master", (ENABLE, another_program), OPEN, "end it", (3.0,)),
+    ("teleop_busy", (ENABLE, FOLLOW), OPEN, "teleop.stop", (("teleop.stop", {}),)),
+    ("trajectory_busy", (ENABLE, RECORD), FOLLOW, "trajectory.record_stop", (END_RECORDING,)),
+    ("busy", (ENABLE, RECORD), OPEN, "trajectory.record_stop", (END_RECORDING,)),
+    ("teleop_not_ready", (), FOLLOW, "motor.enable", (ENABLE,)),
+    ("not_permitted", (ENABLE, "observer"), OPEN, "role", ("operator",)),
+    ("out_of_limits", TURNED, OPEN, "power-cycle", TURNED_BACK),
+    ("out_of_limits", TURNED, OPEN, "calibration.zero with a mount", (ZERO_WITH_A_MOUNT,)),
+    (
+        "motor_unsuitable",
+        (mode(2), lambda world: world.client().call("motor.enable")),
+        ENABLE,
+        "motor.clear_fault",
+        (mode(1),),
+    ),
 ]
 
 
@@ -269,16 +163,16 @@ CASES: list[tuple[str, Act, tuple[str, dict[str, Any]], str, Act]] = [
     ("reason", "cause", "call", "says", "remedy"), CASES, ids=[f"{c[0]}-{c[3][:20]}" for c in CASES]
 )
 def test_after_the_remedy_the_call_works(
-    reason: str, cause: Act, call: tuple[str, dict[str, Any]], says: str, remedy: Act
+    reason: str, cause: Acts, call: Call, says: str, remedy: Acts
 ) -> None:
     world = World().start()
     client = world.client()
-    cause(world, client)
+    do(world, client, cause)
     method, params = call
     error = client.call(method, **params)["error"]
     assert error["data"]["reason"] == reason
     assert re.search(says, f"{error['message']} {error['data'].get('hint', '')}")
-    remedy(world, client)
+    do(world, client, remedy)
     assert client.result(method, **params).get("ok", True)
 
 
@@ -328,7 +222,7 @@ def with_scale(rad_to_mm: float) -> Client:
     limits = {"zero_position_rad": 0.05, "max_position_rad": 0.05 - 86.0123456789 / rad_to_mm}
     scale = {"rad_to_mm": rad_to_mm, "nm_to_n": 8.34567}
     client.result("calibration.load", content={**content, **limits, **scale})
-    enable(world, client)
+    client.result("motor.enable")
     return client
 
 
@@ -357,9 +251,7 @@ def test_disabling_stays_possible_and_is_the_end_of_any_fault() -> None:
     world = World().start()
     client = world.client()
     for status in (Status.COMMUNICATION_LOST, Status.UNDER_VOLTAGE, Status.OVERLOAD):
-        enable(world, client)
-        world.gripper.latch_fault(status)
-        world.run(0.2)
+        do(world, client, fault(status))
         assert client.result("motor.disable")["ok"]
         world.gripper.receive(world.now_s, CanFrame(CAN_ID, codec.CLEAR_FAULT))
         world.run(0.2)

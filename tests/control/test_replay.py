@@ -14,13 +14,12 @@ from tests.control.replays import (
     followed,
     openness,
     playing,
-    ready,
     reason_of,
     result_of,
     started,
 )
 from tests.trajectories import fetched, sampled, send, swing, uploaded
-from tests.world import PERIOD_S
+from tests.world import PERIOD_S, ready
 
 MM_RAD = NOMINAL[0].rad_to_mm
 WIDE_MM = 0.92 * TRAVEL_MM
@@ -53,8 +52,7 @@ def test_the_openness_follows_by_another_calibration(content: dict[str, float]) 
     client.result("motion.move", openness=0.5)
     number = started(world, client, SLOW)
     assert max(followed(world, client, number)) < TOLERANCE
-    geometry = world.controller.geometry
-    assert geometry is not None
+    geometry = world.geometry
     assert geometry.open_rad == content["max_position_rad"]
 
 
@@ -79,7 +77,7 @@ def test_it_takes_as_long_as_its_speed_says(speed: float) -> None:
     points = sampled(lambda t_s: 0.5 + 0.05 * t_s, 1.0)
     number = started(world, client, points, speed=speed)
     began_s = world.now_s
-    world.run_until(lambda: client.has_answer(number), 30.0)
+    client.wait(number, 30.0)
     assert world.now_s - began_s == pytest.approx(1.0 / speed, abs=6 * PERIOD_S)
     assert result_of(client, number)["ok"]
 
@@ -92,12 +90,11 @@ def test_nothing_jumps_from_the_first_command_on() -> None:
     since_s = world.now_s
     here_rad = world.gripper.position_rad
     number = client.send("trajectory.play", name=uploaded(client, sampled(swing(0.3), 2.0)))
-    world.run_until(lambda: client.has_answer(number))
+    client.wait(number)
     world.run(0.5)
     commands = world.commands_since(since_s + PERIOD_S)
     assert commands[0][1].position_rad == pytest.approx(here_rad, abs=0.01)
-    geometry = world.controller.geometry
-    assert geometry is not None
+    geometry = world.geometry
     fastest_rad_s = 1.2 * geometry.to_rad(max(50.0, TRAVEL_MM * 0.3 * 6.28 / 4.0)) + 0.2
     for (_, one), (_, other) in pairwise(commands):
         assert abs(other.position_rad - one.position_rad) <= fastest_rad_s * PERIOD_S + 8e-4
@@ -227,7 +224,7 @@ def test_the_gains_are_at_most_the_wanted_ones_but_stiff_enough_to_reach(
     gains = {"kp": kp, "kd": kd} if kp is not None else {}
     number = started(world, client, SLOW, **gains)
     since_s = world.now_s
-    world.run_until(lambda: client.has_answer(number))
+    client.wait(number)
     commands = [command for _, command in world.commands_since(since_s)]
     most_kp = max(MOVING_KP_NM_RAD if kp is None else kp, REACHING_KP_NM_RAD)
     assert max(command.kp_nm_rad for command in commands) == pytest.approx(most_kp, rel=0.02)

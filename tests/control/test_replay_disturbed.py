@@ -14,14 +14,13 @@ from tests.control.replays import (
     followed,
     openness,
     playing,
-    ready,
     reason_of,
     result_of,
     started,
 )
-from tests.control.states import LEVELS, in_state, is_slack
+from tests.control.states import LEVELS, is_slack
 from tests.trajectories import Point, lgt, sampled, send, swing, uploaded
-from tests.world import PERIOD_S
+from tests.world import PERIOD_S, ready
 
 OBJECT_MM = TRAVEL_MM * 5.0 / 12.0
 
@@ -49,7 +48,7 @@ def test_an_object_is_pressed_with_no_more_than_the_torque(
         _, command = world.commands_since(world.now_s)[-1]
         bound = max(bound, bound_nm(command, at_rad))
         if abs(world.gripper.velocity_rad_s) < 0.05:
-            hardest_nm = max(hardest_nm, abs(world.gripper.motor_torque_nm))
+            hardest_nm = max(hardest_nm, world.torque_nm)
     assert hardest_nm <= torque_nm + 0.1
     assert bound <= torque_nm * 1.15  # what the jaws moved since the measurement, and rounding
     assert hardest_nm > 0.6 * torque_nm  # it did press
@@ -60,13 +59,12 @@ def test_ended_by_an_object_it_says_so_and_presses_on() -> None:
     world, client = ready()
     world.gripper.put_object(width_mm=OBJECT_MM, stiffness_nm_rad=2000.0)
     number = started(world, client, sampled(lambda t_s: 0.6 - 0.2 * t_s, 2.0), torque_nm=1.5)
-    world.run_until(lambda: client.has_answer(number))
     result = result_of(client, number)
     assert (result["ok"], result["outcome"]) == (False, "blocked")
     assert result["largest_lag_mm"] == pytest.approx(OBJECT_MM - 0.2 * TRAVEL_MM, abs=0.7)
     world.run(2.0)
     assert world.state.mode == "holding"
-    assert abs(world.gripper.motor_torque_nm) <= 1.6
+    assert world.torque_nm <= 1.6
     assert client.result("trajectory.status")["completed"] is False
 
 
@@ -76,10 +74,7 @@ def test_jaws_that_come_free_catch_up_without_shooting() -> None:
     number = started(world, client, sampled(lambda t_s: 0.6 - 0.1 * t_s, 4.0))
     world.run(2.5)
     world.gripper.remove_object()
-    fastest_rad_s = 0.0
-    while not client.has_answer(number):
-        world.tick()
-        fastest_rad_s = max(fastest_rad_s, abs(world.gripper.velocity_rad_s))
+    fastest_rad_s = max(client.track(number, lambda: abs(world.gripper.velocity_rad_s)))
     # 1.2 of 50 mm/s is what it catches up with; the motor filters its speed, and brakes the later.
     assert fastest_rad_s * NOMINAL[0].rad_to_mm < 180.0
     assert fastest_rad_s < FASTEST_RAD_S
@@ -92,7 +87,6 @@ def test_jaws_that_do_not_get_to_the_start_replay_nothing() -> None:
     client.result("motion.move", openness=0.83)
     world.gripper.put_object(width_mm=0.67 * TRAVEL_MM, stiffness_nm_rad=2000.0)
     number = client.send("trajectory.play", name=uploaded(client, SLOW))
-    world.run_until(lambda: client.has_answer(number))
     result = result_of(client, number)
     assert (result["ok"], result["outcome"], result["loops"]) == (False, "not_aligned", 0)
     assert world.gripper.opening_mm > 0.625 * TRAVEL_MM
@@ -109,7 +103,7 @@ def test_a_stop_ends_it_by_the_next_tick(level: str, phase: str) -> None:
     number = client.send("trajectory.play", name=uploaded(client, SLOW))
     world.run_until(lambda: playing(world).phase == phase)
     world.run(0.0 if phase == "load" else 0.2)
-    here_mm, before_nm = world.gripper.opening_mm, abs(world.gripper.motor_torque_nm)
+    here_mm, before_nm = world.gripper.opening_mm, world.torque_nm
     world.client().send("stop", level=level)
     world.tick()
     assert world.controller.jobs.running is None
@@ -119,7 +113,7 @@ def test_a_stop_ends_it_by_the_next_tick(level: str, phase: str) -> None:
     assert world.state.mode == expected[level]
     if level == "hold":
         assert world.gripper.opening_mm == pytest.approx(here_mm, abs=0.02 * NOMINAL[0].rad_to_mm)
-        assert abs(world.gripper.motor_torque_nm) <= max(before_nm, 0.3)
+        assert world.torque_nm <= max(before_nm, 0.3)
     assert client.refusal("trajectory.play", name="tmp/upload-1") == "stopped"
 
 
@@ -171,35 +165,6 @@ def test_a_few_lost_answers_do_not_bend_the_path() -> None:
     assert world.now_s - began_s == pytest.approx(4.0, abs=4 * PERIOD_S)
 
 
-@pytest.mark.parametrize(
-    ("state", "reason"),
-    [("disabled", "not_enabled"), ("fault", "motor_fault"), ("opening", "busy")],
-)
-def test_it_needs_power_and_a_free_gripper(state: str, reason: str) -> None:
-    _, client = in_state(state)
-    assert client.refusal("trajectory.play", name=uploaded(client, SLOW)) == reason
-
-
-def test_it_needs_a_calibration() -> None:
-    world, client = ready(calibrated=False)
-    name = uploaded(client, SLOW)
-    assert client.refusal("trajectory.play", name=name) == "not_calibrated"
-    assert world.controller.jobs.running is None
-
-
-def test_replay_excludes_replay_and_recording() -> None:
-    world, client = ready()
-    started(world, client, SLOW)
-    for other in (client, world.client()):
-        answer = other.call("trajectory.play", name="x")
-        assert answer["error"]["data"]["reason"] == "trajectory_busy"
-        assert answer["error"]["data"]["owner"]["program"] == client.session.name
-        assert other.refusal("trajectory.record_start") == "trajectory_busy"
-        assert other.refusal("trajectory.record_start", zero_gravity=False) == "trajectory_busy"
-        assert other.refusal("motion.open") == "busy"
-        assert other.refusal("calibration.load", template="reverse") == "busy"
-
-
 def test_one_replay_replaces_or_follows_another_where_that_is_asked_for() -> None:
     world, client = ready()
     first = started(world, client, SLOW)
@@ -248,7 +213,7 @@ def test_a_helper_that_never_answers_is_waited_for_so_long_and_no_longer() -> No
     name = uploaded(client, SLOW)
     number = client.send("trajectory.play", name=name)
     world.disk.silent = True
-    world.run_until(lambda: client.has_answer(number), 12.0)
+    client.wait(number, 12.0)
     assert reason_of(client, number) == "trajectory_unreadable"
     assert world.state.mode == "holding"
 
@@ -274,10 +239,10 @@ def test_a_bad_file_of_the_daemon_is_not_replayed(points: list[Point]) -> None:
 
 
 def test_progress_tells_where_it_is() -> None:
-    world, client = ready()
+    _world, client = ready()
     name = uploaded(client, SLOW)
     number = client.send("trajectory.play", name=name, progress=True, repeat=2, speed=2.0)
-    world.run_until(lambda: client.has_answer(number))
+    client.wait(number)
     seen = [one["params"] for one in client.notifications if one["method"] == "job.progress"]
     assert {one["phase"] for one in seen} >= {"play"}
     assert [one["frames"] for one in seen] == sorted(one["frames"] for one in seen)
@@ -292,7 +257,7 @@ def test_the_torques_that_were_recorded_are_never_fed_forward() -> None:
     world, client = ready()
     number = started(world, client, SLOW)
     since_s = world.now_s
-    world.run_until(lambda: client.has_answer(number))
+    client.wait(number)
     assert all(abs(command.torque_nm) < 0.003 for _, command in world.commands_since(since_s))
 
 
@@ -302,7 +267,7 @@ def test_nothing_leaves_the_travel(mount: str) -> None:
     closed_rad, open_rad = limits_of_mount(mount)
     number = started(world, client, sampled(swing(0.5, 0.5, 6.0), 6.0))
     since_s = world.now_s
-    world.run_until(lambda: client.has_answer(number))
+    client.wait(number)
     low_rad, high_rad = sorted((closed_rad, open_rad))
     for _, command in world.commands_since(since_s):
         assert low_rad - 4e-4 <= command.position_rad <= high_rad + 4e-4

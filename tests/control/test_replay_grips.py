@@ -10,8 +10,8 @@ from tests.control.grips import (
     gripper,
     in_phase,
     on_another,
+    recording,
     replaying,
-    squeeze_n,
     started,
 )
 from tests.control.replays import TRAVEL_MM, openness, reason_of, result_of
@@ -32,12 +32,11 @@ def test_a_taught_grip_is_done_again_with_its_force_whatever_the_object(
     held_s = 0.0
     while in_phase(world, "hold"):
         if held_s > 0.5:
-            assert squeeze_n(world) == pytest.approx(8.0, abs=FORCE_CODE_N)
+            assert 10.0 * world.squeeze_nm == pytest.approx(8.0, abs=FORCE_CODE_N)
             assert world.state.is_grasped
         world.tick()
         held_s += PERIOD_S
     assert held_s == pytest.approx(1.0, abs=0.05)
-    world.run_until(lambda: client.has_answer(number))
     result = result_of(client, number)
     assert (result["ok"], result["outcome"], result["grips"]) == (True, "completed", 1)
     assert result["width_mm"] == pytest.approx(width_mm, abs=2.2)
@@ -49,10 +48,7 @@ def test_along_the_path_alone_it_presses_as_hard_as_the_path_makes_it() -> None:
     """What the force is for: the same object, the same path."""
     world, client = on_another(51.0)
     number = client.send("trajectory.play", name="pick")
-    hardest_n = 0.0
-    while not client.has_answer(number):
-        world.tick()
-        hardest_n = max(hardest_n, squeeze_n(world))
+    hardest_n = max(client.track(number, lambda: 10.0 * world.squeeze_nm))
     assert hardest_n > 15.0
     assert result_of(client, number)["grips"] == 0
     assert result_of(client, number)["width_mm"] is None
@@ -66,9 +62,7 @@ def test_nothing_is_pressed_harder_than_a_grasp_would_and_no_command_jumps(
     world, client = on_another(width_mm, force_n=5.0)
     since_s = world.now_s
     number = client.send("trajectory.play", name="pick", force="replay")
-    while not client.has_answer(number):
-        world.tick()
-        assert squeeze_n(world) < 1.3 * 10.5
+    assert max(client.track(number, lambda: world.squeeze_nm)) < 1.3 * 1.05
     assert result_of(client, number)["ok"]
     world.run(0.2)
     commands = [command for _, command in world.commands_since(since_s + 2 * PERIOD_S)]
@@ -85,7 +79,7 @@ def test_without_an_object_it_ends_and_says_so(loop: bool) -> None:
     world.run(0.5)
     assert world.state.mode == "holding"
     assert not world.state.is_grasped
-    assert abs(squeeze_n(world)) < 3.0
+    assert world.torque_nm < 0.3
 
 
 def test_an_object_that_is_lost_ends_it() -> None:
@@ -93,7 +87,6 @@ def test_an_object_that_is_lost_ends_it() -> None:
     number = started(world, client)
     world.run(0.4)
     world.gripper.remove_object()
-    world.run_until(lambda: client.has_answer(number), 1.0)
     result = result_of(client, number)
     assert (result["ok"], result["outcome"], result["grips"]) == (False, "object_lost", 1)
     assert "object_lost" in kinds(world)
@@ -106,7 +99,6 @@ def test_its_speed_is_that_of_the_path_and_of_the_hold() -> None:
     began_s = world.now_s
     world.run_until(lambda: not in_phase(world, "hold"))
     assert world.now_s - began_s == pytest.approx(0.5, abs=0.04)
-    world.run_until(lambda: client.has_answer(number))
     assert result_of(client, number)["ok"]
 
 
@@ -134,7 +126,7 @@ def test_a_recording_that_ends_in_a_grip_ends_in_its_hold() -> None:
     world.run(2.0)
     assert world.state.is_grasped
     assert world.state.force_set_n == 8.0
-    assert squeeze_n(world) == pytest.approx(8.0, abs=FORCE_CODE_N)
+    assert 10.0 * world.squeeze_nm == pytest.approx(8.0, abs=FORCE_CODE_N)
     world.gripper.remove_object()
     world.run(0.5)
     assert not world.state.is_grasped
@@ -162,12 +154,11 @@ def test_a_pause_holds_in_the_grip_and_closes_no_further_before() -> None:
     client.result("trajectory.control", action="pause")
     world.run(3.0)
     assert in_phase(world, "hold")
-    assert squeeze_n(world) == pytest.approx(8.0, abs=FORCE_CODE_N)
+    assert 10.0 * world.squeeze_nm == pytest.approx(8.0, abs=FORCE_CODE_N)
     client.result("trajectory.control", action="resume")
     resumed_s = world.now_s
     world.run_until(lambda: not in_phase(world, "hold"))
     assert world.now_s - resumed_s == pytest.approx(0.5, abs=0.05)
-    world.run_until(lambda: client.has_answer(number))
     assert result_of(client, number)["ok"]
 
 
@@ -183,19 +174,13 @@ def test_what_is_held_when_the_recording_begins_is_gripped_first() -> None:
     world.gripper.put_object(width_mm=43.0)
     send(client, content, name="pick", grip_bytes=grip_bytes)
     number = client.send("trajectory.play", name="pick", force="replay")
-    hardest_n = 0.0
-    while not client.has_answer(number):
-        world.tick()
-        hardest_n = max(hardest_n, squeeze_n(world))
+    hardest_n = max(client.track(number, lambda: 10.0 * world.squeeze_nm))
     assert (result_of(client, number)["ok"], result_of(client, number)["grips"]) == (True, 1)
     assert hardest_n < 1.3 * 10.5
 
 
 def test_a_changed_force_is_changed_in_the_hold() -> None:
-    taught, teacher = gripper()
-    taught.gripper.put_object(width_mm=36.0)
-    teacher.result("trajectory.record_start", zero_gravity=False)
-    teacher.result("motion.grasp", until="verdict", force_n=6)
+    taught, teacher = recording(force_n=6)
     taught.run(1.0)
     teacher.result("motion.set_force", force_n=12)
     taught.run(1.0)
@@ -206,13 +191,9 @@ def test_a_changed_force_is_changed_in_the_hold() -> None:
     send(client, content, name="pick", grip_bytes=grip_bytes)
     number = started(world, client)
     world.run(0.9)
-    assert squeeze_n(world) == pytest.approx(6.0, abs=FORCE_CODE_N)
-    lowest_n = 12.0
-    while not client.has_answer(number):
-        world.tick()
-        lowest_n = min(lowest_n, squeeze_n(world))
-    assert lowest_n > 5.0
-    assert squeeze_n(world) == pytest.approx(12.0, abs=FORCE_CODE_N)
+    assert 10.0 * world.squeeze_nm == pytest.approx(6.0, abs=FORCE_CODE_N)
+    assert min(client.track(number, lambda: world.squeeze_nm)) > 0.5
+    assert 10.0 * world.squeeze_nm == pytest.approx(12.0, abs=FORCE_CODE_N)
     assert result_of(client, number)["grips"] == 1
 
 
@@ -222,8 +203,7 @@ def test_progress_tells_of_the_grip() -> None:
     client.send("trajectory.play", name="pick", force="replay", progress=True)
     world.run_until(lambda: in_phase(world, "hold"))
     world.run(0.3)
-    client.read()
-    reported = [note["params"] for note in client.notifications if note["method"] == "job.progress"]
+    reported = client.told("job.progress")
     phases = [one["phase"] for one in reported]
     assert [phase for phase, after in pairwise([*phases, ""]) if phase != after] == [
         "load", "align", "play", "approach", "hold",

@@ -3,7 +3,7 @@
 import pytest
 
 from litegripd.sim.plant import SimulatorParameters
-from tests.control.grips import FORCE_CODE_N, gripper, in_phase, on_another, squeeze_n, started
+from tests.control.grips import FORCE_CODE_N, gripper, in_phase, on_another, started
 from tests.control.replays import reason_of
 from tests.trajectories import fetched, lgt, sampled, swing, uploaded
 from tests.world import PERIOD_S
@@ -18,7 +18,7 @@ def test_a_cancel_in_the_grip_keeps_the_hold() -> None:
     since_s = world.now_s
     world.run(1.0)
     assert world.state.is_grasped
-    assert squeeze_n(world) == pytest.approx(8.0, abs=FORCE_CODE_N)
+    assert 10.0 * world.squeeze_nm == pytest.approx(8.0, abs=FORCE_CODE_N)
     assert world.longest_gap_s(since_s) < 2 * PERIOD_S
 
 
@@ -44,12 +44,12 @@ def test_a_stop_ends_every_phase(phase: str, level: str) -> None:
     world.run_until(lambda: in_phase(world, phase))
     if phase == "hold":
         world.run(0.1)  # the force is on its way
-    before_n = squeeze_n(world)
+    before_n = 10.0 * world.squeeze_nm
     world.client().result("stop", level=level)
     assert reason_of(client, number) == "stopped"
     world.run(0.3)
     kept_n = 10.0 * SimulatorParameters().breakaway_nm  # what friction keeps of a hold
-    assert squeeze_n(world) < max(before_n, 0.0) + kept_n
+    assert 10.0 * world.squeeze_nm < max(before_n, 0.0) + kept_n
     mode = {"hold": "holding", "relax": "relaxed", "disable": "disabled"}[level]
     assert world.state.mode == mode
     assert world.state.is_grasped is (phase == "hold" and level == "hold")

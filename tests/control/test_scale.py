@@ -8,8 +8,9 @@ import pytest
 
 from litegripd.model.calibration import NOMINAL, Calibration
 from litegripd.model.gripper import SPAN_INSET_MM, STROKE_MM, Geometry
+from tests.control.test_by_hand import begun, mark
 from tests.motor.helpers import set_register
-from tests.world import Client, World
+from tests.world import Client, World, ready
 
 GEOMETRY = NOMINAL[0]
 SPAN_MM = STROKE_MM + SPAN_INSET_MM
@@ -18,44 +19,18 @@ FARTHEST = (1.15 * SPAN_MM - SPAN_INSET_MM, 0.85 * SPAN_MM - SPAN_INSET_MM)
 TOO_FAR = (FARTHEST[0] + 0.1, FARTHEST[1] - 0.1, 120.0, 8.5)
 
 
-def enabled(*, calibrated: bool = True) -> tuple[World, Client]:
-    world = World(calibrated=calibrated)
-    return world, world.enabled()
-
-
-def pressed(world: World, client: Client, side: str) -> None:
-    """Push the slack jaws to a stop by hand, as a probe would press, and mark it."""
-    sign = world.gripper.parameters.close_sign * (1 if side == "closed" else -1)
-    world.gripper.push(sign * 2.0)
-    world.run(1.5)
-    world.gripper.push(sign * 0.94)
-    world.run(0.3)
-    client.result("calibration.manual", step=side)
-
-
-def marked() -> tuple[World, Client]:
-    """Return a gripper that is calibrated by hand, with both stops marked."""
-    world, client = enabled()
-    client.result("calibration.manual", step="begin")
-    world.run(0.05)
-    pressed(world, client, "closed")
-    pressed(world, client, "open")
-    return world, client
-
-
 def measure(
     by: str, stroke_mm: float, *, calibrated: bool = True
 ) -> tuple[World, Client, dict[str, Any]]:
     """Measure the travel, and return the whole answer."""
     if by == "zero":
-        world, client = enabled(calibrated=calibrated)
+        world, client = ready(calibrated=calibrated)
         params: dict[str, Any] = {} if calibrated else {"mount": "normal"}
-        return (
-            world,
-            client,
-            client.call("calibration.zero", 60.0, stroke_mm=stroke_mm, **params),
-        )
-    world, client = marked()
+        answer = client.call("calibration.zero", 60.0, stroke_mm=stroke_mm, **params)
+        return world, client, answer
+    world, client = begun()
+    mark(client, "closed")
+    mark(client, "open")
     return world, client, client.call("calibration.manual", step="finish", stroke_mm=stroke_mm)
 
 
@@ -69,8 +44,7 @@ def test_the_given_stroke_is_the_scale_of_the_measured_travel(by: str, stroke_mm
     assert result["travel_rad"] == pytest.approx(travel_rad)
     expected = (stroke_mm + SPAN_INSET_MM) / travel_rad
     assert result["rad_to_mm"] == pytest.approx(expected)
-    geometry = world.controller.geometry
-    assert geometry is not None
+    geometry = world.geometry
     assert geometry.rad_to_mm == pytest.approx(expected)
     assert world.disk.saved["calibration.save"]["content"]["rad_to_mm"] == result["rad_to_mm"]
     assert client.result("calibration.get")["travel_mm"] == pytest.approx(stroke_mm + SPAN_INSET_MM)
@@ -110,7 +84,7 @@ def check_refusal(error: dict[str, Any], stroke_mm: float) -> None:
 
 @pytest.mark.parametrize("stroke_mm", [0.5, -85.0, 1001.0, "85"])
 def test_what_no_gripper_has_is_no_stroke(stroke_mm: Any) -> None:
-    world, client = enabled()
+    world, client = ready()
     assert client.refusal("calibration.zero", stroke_mm=stroke_mm) == "invalid_params"
     assert client.refusal("calibration.rescale", stroke_mm=stroke_mm) == "invalid_params"
     assert world.controller.jobs.running is None
@@ -126,7 +100,7 @@ def in_use(world: World) -> Calibration:
 
 
 def test_rescaling_keeps_limits_gains_and_all_else_and_moves_nothing() -> None:
-    world, client = enabled()
+    world, client = ready()
     content = {
         "zero_position_rad": GEOMETRY.closed_rad,
         "max_position_rad": GEOMETRY.open_rad,
@@ -162,7 +136,7 @@ def test_rescaling_keeps_limits_gains_and_all_else_and_moves_nothing() -> None:
 
 
 def test_without_a_stroke_it_is_the_configured_one() -> None:
-    world, client = enabled()
+    world, client = ready()
     wrong = replace(GEOMETRY, rad_to_mm=1.1 * GEOMETRY.rad_to_mm)
     world.controller.use_calibration(Calibration(wrong), file="/mine")
     answer = client.result("calibration.rescale")
@@ -176,7 +150,7 @@ def test_without_a_stroke_it_is_the_configured_one() -> None:
 
 @pytest.mark.parametrize("kind", ["motion.open", "calibration.zero", "motion.grasp"])
 def test_it_is_refused_while_a_job_runs(kind: str) -> None:
-    world, client = enabled()
+    world, client = ready()
     world.gripper.put_object(width_mm=40.0)
     number = client.send(kind)
     world.run(0.3)
@@ -188,7 +162,7 @@ def test_it_is_refused_while_a_job_runs(kind: str) -> None:
 
 
 def test_without_a_calibration_there_is_nothing_to_correct() -> None:
-    world, client = enabled(calibrated=False)
+    world, client = ready(calibrated=False)
     assert client.refusal("calibration.rescale") == "not_calibrated"
     unused = Calibration(Geometry(0.0, -1.6, 50.0), calibrated=False)
     world.controller.use_calibration(unused)
@@ -198,7 +172,7 @@ def test_without_a_calibration_there_is_nothing_to_correct() -> None:
 
 @pytest.mark.parametrize("stroke_mm", TOO_FAR)
 def test_too_different_a_stroke_corrects_nothing(stroke_mm: float) -> None:
-    world, client = enabled()
+    world, client = ready()
     before = in_use(world)
     error = client.call("calibration.rescale", stroke_mm=stroke_mm)["error"]
     assert error["data"]["reason"] == "out_of_limits"
@@ -207,7 +181,7 @@ def test_too_different_a_stroke_corrects_nothing(stroke_mm: float) -> None:
 
 
 def test_a_gripper_that_another_client_has_is_not_rescaled() -> None:
-    world, client = enabled()
+    world, client = ready()
     client.result("lease.acquire")
     assert world.client().refusal("calibration.rescale") == "lease_held"
     assert client.result("calibration.rescale")

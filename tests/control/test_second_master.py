@@ -11,8 +11,7 @@ FOREIGN = CanFrame(CAN_ID, bytes.fromhex("79DA7FF3336667FF"))
 
 def events(client: Client) -> list[dict[str, Any]]:
     """Return the second master's events that this client was sent."""
-    client.read()
-    reported = [n["params"] for n in client.notifications if n["method"] == "event"]
+    reported = client.events()
     return [event for event in reported if event["kind"] == "second_master"]
 
 
@@ -28,8 +27,7 @@ def test_a_running_motion_ends_and_the_jaws_hold() -> None:
     number = client.send("motion.open")
     world.run(0.2)
     world.inject(FOREIGN)
-    world.run_until(lambda: client.has_answer(number), 0.1)
-    assert client.answers[number]["error"]["data"]["reason"] == "second_master"
+    assert client.wait(number, 0.1)["error"]["data"]["reason"] == "second_master"
     assert world.in_phase(MotorPhase.ENABLED)
     world.run(0.3)
     held_mm = world.gripper.opening_mm
@@ -58,8 +56,7 @@ def test_a_motor_can_be_disabled_meanwhile() -> None:
     world.run(0.05)
     number = client.send("motor.disable")
     world.inject(FOREIGN)
-    world.run_until(lambda: client.has_answer(number), 1.0)
-    assert client.answers[number]["result"]["ok"]
+    assert client.wait(number, 1.0)["result"]["ok"]
 
 
 def test_where_it_is_tolerated_it_is_only_told() -> None:

@@ -7,30 +7,18 @@ import pytest
 
 from litegripd.model.calibration import NOMINAL
 from litegripd.model.motor import MotorPhase
-from litegripd.sim.plant import SimulatorParameters, limits_of_mount
+from litegripd.sim.plant import MOUNTS
 from tests.world import Client, World
 
-MOUNTS = ("normal", "reverse")
 MM_RAD = NOMINAL[0].rad_to_mm
 FORCE_CODE_NM = 0.05  # a code of torque, and one of velocity under the damping of a hold
 
 
 def with_object(width_mm: float | None = 50.0, mount: str = "normal") -> tuple[World, Client]:
-    closed_rad, open_rad = limits_of_mount(mount)
-    parameters = SimulatorParameters(
-        closed_rad=closed_rad, open_rad=open_rad, initial_opening_mm=70.0
-    )
-    world = World(mount, parameters=parameters)
+    world = World(mount, initial_opening_mm=70.0)
     if width_mm is not None:
         world.gripper.put_object(width_mm=width_mm)
     return world, world.enabled()
-
-
-def squeeze_nm(world: World) -> float:
-    """Return the motor's true torque in the closing direction."""
-    geometry = world.controller.geometry
-    assert geometry is not None
-    return geometry.close_sign * world.gripper.motor_torque_nm
 
 
 def holding(client: Client, **params: Any) -> int:
@@ -39,8 +27,7 @@ def holding(client: Client, **params: Any) -> int:
     client.send("motion.grasp", force_n=10, **params)
     world.run_until(lambda: world.state.is_grasped)
     world.run(1.0)
-    job = world.controller.jobs.running
-    assert job is not None
+    job = world.running
     return job.number
 
 
@@ -70,7 +57,7 @@ def test_a_running_grasp_goes_on_with_the_new_force(mount: str) -> None:
         assert (result["job"], result["force_n"]) == (number, force_n)
         assert result["state"]["force_set_n"] == force_n
         world.run(2.0)
-        assert squeeze_nm(world) == pytest.approx(force_n / 10, abs=FORCE_CODE_NM)
+        assert world.squeeze_nm == pytest.approx(force_n / 10, abs=FORCE_CODE_NM)
     assert len(list(world.controller.jobs)) == jobs
     assert world.controller.jobs.running is not None
     assert world.controller.jobs.running.number == number
@@ -82,8 +69,7 @@ def test_the_result_of_the_grasp_tells_the_force_that_it_held_with_last() -> Non
     number = client.send("motion.grasp", force_n=10, hold_s=3.0)
     world.run_until(lambda: world.state.is_grasped)
     client.result("motion.set_force", force_n=15)
-    world.run_until(lambda: client.has_answer(number))
-    assert client.answers[number]["result"]["force_n"] == 15
+    assert client.wait(number)["result"]["force_n"] == 15
 
 
 def test_anothers_grasp_is_not_touched() -> None:
@@ -95,7 +81,7 @@ def test_anothers_grasp_is_not_touched() -> None:
     assert answer["error"]["data"]["job"] == number
     world.run(1.0)
     assert world.state.force_set_n == 10
-    assert squeeze_nm(world) == pytest.approx(1.0, abs=FORCE_CODE_NM)
+    assert world.squeeze_nm == pytest.approx(1.0, abs=FORCE_CODE_NM)
 
 
 def test_what_a_grasp_has_left_is_held_with_the_new_force_by_anybody() -> None:
@@ -106,7 +92,7 @@ def test_what_a_grasp_has_left_is_held_with_the_new_force_by_anybody() -> None:
     assert result["state"]["force_set_n"] == 20
     assert client.result("job.get", job=result["job"])["state"] == "done"
     world.run(1.0)
-    assert squeeze_nm(world) == pytest.approx(2.0, abs=FORCE_CODE_NM)
+    assert world.squeeze_nm == pytest.approx(2.0, abs=FORCE_CODE_NM)
     assert world.state.is_grasped
     assert world.state.mode == "holding"
 
@@ -117,7 +103,7 @@ def test_without_a_hold_the_jaws_squeeze_from_where_they_are(mount: str) -> None
     assert client.result("motion.set_force", force_n=12)["force_n"] == 12
     world.run(3.0)
     assert world.gripper.opening_mm == pytest.approx(50.0, abs=2.0)
-    assert squeeze_nm(world) == pytest.approx(1.2, abs=FORCE_CODE_NM)
+    assert world.squeeze_nm == pytest.approx(1.2, abs=FORCE_CODE_NM)
     assert world.state.force_set_n == 12
     assert not world.state.is_grasped  # nobody has looked whether something is there
 
@@ -126,13 +112,9 @@ def test_without_a_hold_the_jaws_squeeze_from_where_they_are(mount: str) -> None
 def test_with_nothing_between_them_the_jaws_close_no_faster_than_a_grasp(force_n: float) -> None:
     world, client = with_object(None)
     client.result("motion.set_force", force_n=force_n)
-    fastest_mm_s = 0.0
-    for _ in range(800):
-        world.tick()
-        fastest_mm_s = max(fastest_mm_s, abs(world.gripper.velocity_rad_s) * MM_RAD)
-    assert fastest_mm_s < 100.0
+    assert max(world.track(4.0, lambda: abs(world.gripper.velocity_rad_s))) * MM_RAD < 100.0
     assert world.gripper.opening_mm < 1.0
-    assert squeeze_nm(world) == pytest.approx(force_n / 10, abs=FORCE_CODE_NM)
+    assert world.squeeze_nm == pytest.approx(force_n / 10, abs=FORCE_CODE_NM)
     assert client.result("motion.open")["outcome"] == "pressed_home"
     assert world.state.force_set_n is None
 
@@ -172,20 +154,6 @@ def test_a_force_that_no_jaw_may_have_is_refused(params: dict[str, float]) -> No
     assert world.state.force_set_n is None
 
 
-def test_it_is_refused_where_no_motion_may_begin() -> None:
-    world = World().start()
-    client = world.client()
-    assert client.refusal("motion.set_force", force_n=5) == "not_enabled"
-    client.result("motor.enable")
-    client.send("motion.open")
-    world.run(0.1)
-    assert client.refusal("motion.set_force", force_n=5) == "busy"
-    client.result("stop")
-    assert client.refusal("motion.set_force", force_n=5) == "stopped"
-    unknown = World(calibrated=False)
-    assert unknown.enabled().refusal("motion.set_force", force_n=5) == "not_calibrated"
-
-
 @pytest.mark.parametrize("when", ["running", "left"])
 def test_a_stop_keeps_the_force_and_lets_it_rise_no_further(when: str) -> None:
     world, client = with_object()
@@ -196,19 +164,18 @@ def test_a_stop_keeps_the_force_and_lets_it_rise_no_further(when: str) -> None:
         world.run(1.0)
     client.result("motion.set_force", force_n=30)
     world.run(0.5)  # at 20 N/s half of the way
-    in_flight_nm = squeeze_nm(world)
+    in_flight_nm = world.squeeze_nm
     assert 1.5 < in_flight_nm < 2.5
     world.client().send("stop")
     assert client.refusal("motion.set_force", force_n=30) == "stopped"
-    for _ in range(400):
-        world.tick()
-        assert squeeze_nm(world) <= in_flight_nm + 2 * FORCE_CODE_NM
-    assert squeeze_nm(world) == pytest.approx(in_flight_nm, abs=2 * FORCE_CODE_NM)
+    squeezes_nm = world.track(2.0, lambda: world.squeeze_nm)
+    assert max(squeezes_nm) <= in_flight_nm + 2 * FORCE_CODE_NM
+    assert world.squeeze_nm == pytest.approx(in_flight_nm, abs=2 * FORCE_CODE_NM)
     assert world.gripper.opening_mm == pytest.approx(50.0, abs=2.0)
     client.result("stop.clear")
     client.result("motion.set_force", force_n=5)
     world.run(2.0)
-    assert squeeze_nm(world) == pytest.approx(0.5, abs=FORCE_CODE_NM)
+    assert world.squeeze_nm == pytest.approx(0.5, abs=FORCE_CODE_NM)
 
 
 @pytest.mark.parametrize("ends_by", ["stop", "hold", "client_lost"])
@@ -241,7 +208,7 @@ def test_what_is_squeezed_when_a_stop_comes_is_squeezed_on() -> None:
     world.run(5.0)
     world.client().send("stop")
     world.run(2.0)
-    assert squeeze_nm(world) == pytest.approx(2.0, abs=0.1)
+    assert world.squeeze_nm == pytest.approx(2.0, abs=0.1)
     client.result("stop.clear")
     client.result("motion.set_force", force_n=5)
     world.gripper.remove_object()
@@ -254,9 +221,7 @@ def test_a_press_of_a_blocked_move_does_not_outlast_it_in_a_gentler_force() -> N
     assert client.result("motion.move", opening_mm=10)["outcome"] == "blocked"
     client.result("motion.set_force", force_n=5)
     world.run(0.05)
-    for _ in range(400):
-        world.tick()
-        assert squeeze_nm(world) < 0.6
+    assert max(world.track(2.0, lambda: world.squeeze_nm)) < 0.6
 
 
 @pytest.mark.parametrize("ends_by", ["stop", "hold"])
@@ -283,7 +248,7 @@ def test_what_is_squeezed_may_be_shaken_and_is_squeezed_on(
     world.run(0.06)
     world.gripper.push(0.0)
     world.run(1.0)
-    assert squeeze_nm(world) == pytest.approx(2.0, abs=0.1)
+    assert world.squeeze_nm == pytest.approx(2.0, abs=0.1)
     assert world.state.force_set_n == pytest.approx(20.0, abs=0.2)
 
 
@@ -294,7 +259,7 @@ def test_a_stop_while_the_force_on_something_soft_rises_keeps_what_there_is(
     world, client = with_object(None)
     world.gripper.put_object(width_mm=50.0, stiffness_nm_rad=stiffness_nm_rad)
     client.result("motion.set_force", force_n=30)
-    world.run_until(lambda: squeeze_nm(world) > 2.5)
+    world.run_until(lambda: world.squeeze_nm > 2.5)
     world.client().send("stop")
     world.run(1.0)
-    assert squeeze_nm(world) > 2.4
+    assert world.squeeze_nm > 2.4

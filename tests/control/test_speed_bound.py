@@ -10,7 +10,7 @@ from litegripd.model.calibration import NOMINAL, Calibration
 from litegripd.model.gripper import DM4310, FASTEST_MM_S, MotorType
 from litegripd.model.motion_config import MOST_PUSH_NM, MotionConfig, fastest_mm_s
 from litegripd.model.motor import Feedback, MitCommand
-from tests.world import Client, World
+from tests.world import Client, World, ready
 
 SMALL_MM_RAD = 20.0
 """A wrong scale: what it calls slow is fast."""
@@ -42,8 +42,7 @@ def stands_still(world: World) -> bool:
 
 @every_motion
 def test_more_than_150_mm_s_cannot_be_asked_for(method: str, params: dict[str, Any]) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     answer = client.call(method, **params, speed_mm_s=FASTEST_MM_S + 1.0)["error"]
     assert answer["data"]["reason"] == "invalid_params"
     assert f"0.1 to {FASTEST_MM_S:g}" in answer["message"]
@@ -92,11 +91,8 @@ def test_a_time_that_is_too_short_is_refused_or_becomes_the_shortest() -> None:
     answer = client.call("motion.move", openness=0.0, duration_s=0.1)["error"]
     assert (answer["data"]["reason"], answer["data"]["field"]) == ("out_of_limits", "duration_s")
     assert stands_still(world)
-    fastest_rad_s = 0.0
     number = client.send("motion.move", openness=0.1, at_least_s=0.1)
-    while not client.has_answer(number):
-        world.tick()
-        fastest_rad_s = max(fastest_rad_s, abs(world.gripper.velocity_rad_s))
+    fastest_rad_s = max(client.track(number, lambda: abs(world.gripper.velocity_rad_s)))
     assert client.answers[number]["result"]["outcome"] == "reached"
     assert fastest_rad_s <= OVERSHOOT * DM4310.fastest_rad_s
 
@@ -133,14 +129,11 @@ def test_a_small_lead_is_no_reason_to_refuse_a_speed(
     method: str, rate_hz: int, lead_mm: float
 ) -> None:
     """At 100 Hz the jaws travel 1.5 mm in a period: a lead grows to what they need at a speed."""
-    world = World(period_s=1.0 / rate_hz)
-    client = world.enabled()
+    world, client = ready(period_s=1.0 / rate_hz)
     client.result("motion.open" if method == "motion.close" else "motion.close")
     config = {"max_lead_mm": lead_mm, "stop_lead_mm": min(lead_mm, 0.7)}
-    number, fastest_rad_s = client.send(method, speed_mm_s=150.0, config=config), 0.0
-    while not client.has_answer(number):
-        world.tick()
-        fastest_rad_s = max(fastest_rad_s, abs(world.gripper.velocity_rad_s))
+    number = client.send(method, speed_mm_s=150.0, config=config)
+    fastest_rad_s = max(client.track(number, lambda: abs(world.gripper.velocity_rad_s)))
     assert client.answers[number]["result"]["outcome"] == "pressed_home"
     assert fastest_rad_s * NOMINAL[0].rad_to_mm > 0.9 * 150.0
     assert fastest_rad_s < OVERSHOOT * DM4310.fastest_rad_s

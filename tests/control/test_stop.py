@@ -13,7 +13,7 @@ from tests.control.states import (
     is_slack,
     sends_disable,
 )
-from tests.world import World
+from tests.world import World, ready
 
 
 @pytest.mark.parametrize("state", STATES)
@@ -45,13 +45,11 @@ def test_a_stop_is_in_force_with_the_next_tick_and_latched(state: str, level: st
 
 
 def test_what_a_stop_broke_off_does_not_read_as_never_begun() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     opening = client.send("motion.open")
     world.run(0.2)
     world.client().result("stop", why="a hand")
-    world.run_until(lambda: client.has_answer(opening))
-    error = client.answers[opening]["error"]
+    error = client.wait(opening)["error"]
     job = error["data"]["job"]
     assert error["data"]["reason"] == "stopped"
     assert error["message"].startswith(f"job {job}, open, was broken off: a stop (hold) by ")
@@ -61,8 +59,7 @@ def test_what_a_stop_broke_off_does_not_read_as_never_begun() -> None:
 @pytest.mark.parametrize("first", LEVELS)
 @pytest.mark.parametrize("second", LEVELS)
 def test_a_latched_stop_is_only_raised(first: str, second: str) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     client.result("stop", level=first, why="one")
     answered = client.result("stop", level=second, why="two")
     highest = max((first, second), key=LEVELS.index)
@@ -90,8 +87,7 @@ def test_after_clearing_the_gripper_gets_back_to_work(state: str, level: str) ->
 
 
 def test_clearing_moves_nothing() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     client.result("stop", level="relax")
     client.result("stop.clear")
     world.run(0.1)
@@ -102,17 +98,14 @@ def test_clearing_moves_nothing() -> None:
 
 def test_a_held_stop_asks_for_no_more_torque_than_there_is() -> None:
     world, client = in_state("pressing")
-    before_nm = abs(world.gripper.motor_torque_nm)
+    before_nm = world.torque_nm
     client.send("stop")
-    for _ in range(100):
-        world.tick()
-        assert abs(world.gripper.motor_torque_nm) <= before_nm + 0.05
+    assert max(world.track(0.5, lambda: world.torque_nm)) <= before_nm + 0.05
 
 
 def test_a_stop_that_is_asked_for_beside_an_idle_enable_keeps_the_hold() -> None:
     """Enabling what is enabled already ends with the next tick; a stop before it drops nothing."""
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     client.send("motor.enable")
     client.send("stop", level="hold")
     world.run(0.2)
@@ -121,8 +114,7 @@ def test_a_stop_that_is_asked_for_beside_an_idle_enable_keeps_the_hold() -> None
 
 
 def test_requests_that_were_sent_before_a_stop_never_run() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     generation = client.result("hello")["stop_generation"]
     client.result("stop")
     client.result("stop.clear")
@@ -134,8 +126,7 @@ def test_requests_that_were_sent_before_a_stop_never_run() -> None:
 
 @pytest.mark.parametrize("mark", ["stop_generation", "sent_s"])
 def test_a_clear_that_was_sent_before_a_stop_does_not_clear_it(mark: str) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     before = {"stop_generation": client.result("stop")["generation"], "sent_s": world.now_s}
     world.tick()
     world.controller.stop("disable", None, "a hand in the jaws", world.now_s)
@@ -152,8 +143,7 @@ def test_a_clear_that_was_sent_before_a_stop_does_not_clear_it(mark: str) -> Non
 
 
 def test_a_clear_that_does_not_say_when_it_was_sent_clears() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     client.result("stop")
     world.client().result("stop")
     client.result("stop.clear")
@@ -169,8 +159,7 @@ def stop_events(world: World) -> list[Event]:
 
 
 def test_a_flood_of_stops_is_one_event_until_the_stop_is_raised_and_is_told_when_cleared() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     stop_events(world)
     for level in ("relax",) * 50 + ("hold",) * 50:
         client.result("stop", level=level)
@@ -194,8 +183,7 @@ def test_a_flood_of_stops_is_one_event_until_the_stop_is_raised_and_is_told_when
 
 
 def test_a_repeated_stop_freezes_what_holds_by_force_again() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     client.result("motion.close")
     client.result("motion.set_force", force_n=5)
     client.result("stop")
@@ -208,8 +196,7 @@ def test_a_repeated_stop_freezes_what_holds_by_force_again() -> None:
 
 @pytest.mark.parametrize("again", LEVELS)
 def test_a_repeated_stop_goes_by_the_level_that_is_latched(again: str) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     client.result("stop", level="relax")
     world.tick()
     world.controller.idle = Hold(world.gripper.position_rad, world.controller.gains)
@@ -221,8 +208,7 @@ def test_a_repeated_stop_goes_by_the_level_that_is_latched(again: str) -> None:
 
 
 def test_a_stop_makes_void_what_was_sent_before_it_however_often_it_is_repeated() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     client.result("stop")
     between_s, known = world.now_s, client.result("state.get")["stop_generation"]
     world.tick()

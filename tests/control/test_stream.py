@@ -1,46 +1,28 @@
 """Streams of set-points: the latest wins, and each has an end."""
 
-import json
 from itertools import pairwise
 from typing import Any
 
 import pytest
 
 from litegripd.model.calibration import NOMINAL
-from litegripd.sim.plant import SimulatorParameters, limits_of_mount
+from litegripd.sim.plant import MOUNTS
+from tests.control.states import at_opening
 from tests.world import PERIOD_S, Client, World
 
 MM_RAD, TRAVEL_MM = NOMINAL[0].rad_to_mm, NOMINAL[0].travel_mm
 CODE_RAD = 25.0 / 65535
-MOUNTS = ("normal", "reverse")
-
-
-def at_opening(opening_mm: float = 60.0, mount: str = "normal") -> tuple[World, Client]:
-    closed_rad, open_rad = limits_of_mount(mount)
-    parameters = SimulatorParameters(
-        closed_rad=closed_rad, open_rad=open_rad, initial_opening_mm=opening_mm
-    )
-    world = World(mount, parameters=parameters)
-    return world, world.enabled()
-
-
-def put(client: Client, **params: Any) -> None:
-    """Send a set-point as a notification."""
-    line = json.dumps({"jsonrpc": "2.0", "method": "stream.set", "params": params})
-    client.world.service.handle(client.session, line.encode(), client.world.now_s)
 
 
 def follow(world: World, client: Client, duration_s: float, **params: Any) -> None:
     """Keep a stream up by a set-point every 50 ms."""
     for _ in range(round(duration_s / 0.05)):
-        put(client, **params)
+        client.notify("stream.set", **params)
         world.run(0.05)
 
 
 def refusals(client: Client) -> list[str]:
-    client.read()
-    reported = [n["params"] for n in client.notifications if n["method"] == "stream.refused"]
-    return [params["data"]["reason"] for params in reported]
+    return [params["data"]["reason"] for params in client.told("stream.refused")]
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
@@ -48,8 +30,8 @@ def test_the_jaws_follow_the_latest_set_point(mount: str) -> None:
     world, client = at_opening(60.0, mount)
     follow(world, client, 0.3, opening_mm=20.0)
     assert world.gripper.opening_mm < 52.0
-    put(client, opening_mm=10.0)
-    put(client, opening_mm=80.0)  # before the other has had a tick
+    client.notify("stream.set", opening_mm=10.0)
+    client.notify("stream.set", opening_mm=80.0)  # before the other has had a tick
     world.run(0.05)
     follow(world, client, 1.5, opening_mm=80.0)
     assert world.gripper.opening_mm == pytest.approx(80.0, abs=0.5)
@@ -60,8 +42,7 @@ def test_the_jaws_follow_the_latest_set_point(mount: str) -> None:
 @pytest.mark.parametrize("name", ["opening_mm", "openness", "position_rad"])
 def test_a_set_point_is_given_in_any_quantity(name: str) -> None:
     world, client = at_opening()
-    geometry = world.controller.geometry
-    assert geometry is not None
+    geometry = world.geometry
     value = {"opening_mm": 75.0, "openness": 75.0 / geometry.travel_mm}.get(
         name, geometry.closed_rad - geometry.to_rad(75.0)
     )
@@ -85,7 +66,7 @@ def test_with_an_id_it_is_answered_by_the_streams_job() -> None:
 @pytest.mark.parametrize("valid_s", [0.02, 0.2, 1.0])
 def test_it_expires_into_a_hold_without_a_jump(valid_s: float) -> None:
     world, client = at_opening(20.0)
-    put(client, opening_mm=80.0, valid_s=valid_s)
+    client.notify("stream.set", opening_mm=80.0, valid_s=valid_s)
     began_s = world.now_s
     world.tick()
     commands = []
@@ -94,9 +75,7 @@ def test_it_expires_into_a_hold_without_a_jump(valid_s: float) -> None:
         commands.append(world.commands_since(world.now_s)[-1][1])
     assert world.now_s - began_s == pytest.approx(valid_s, abs=2 * PERIOD_S)
     moved_rad = 50.0 / MM_RAD * PERIOD_S
-    for _ in range(60):
-        world.tick()
-        commands.append(world.commands_since(world.now_s)[-1][1])
+    commands += world.track(0.3, lambda: world.commands_since(world.now_s)[-1][1])
     assert all(
         abs(later.position_rad - earlier.position_rad) <= moved_rad + CODE_RAD
         for earlier, later in pairwise(commands)
@@ -126,7 +105,7 @@ def test_the_jaws_are_no_faster_than_their_speed(speed: float, every_s: float) -
     opening_mm = [world.gripper.opening_mm]
     for tick in range(120):
         if tick % ticks == 0:
-            put(client, opening_mm=85.0, speed_mm_s=speed)
+            client.notify("stream.set", opening_mm=85.0, speed_mm_s=speed)
         world.tick()
         opening_mm.append(world.gripper.opening_mm)
     commanded = [command.position_rad for _, command in world.commands_since(world.now_s - 0.59)]
@@ -150,16 +129,14 @@ def test_it_presses_on_what_it_meets_with_no_more_than_its_clamp(
     world.gripper.put_object(width_mm=40.0)
     pressed_nm = []
     for _ in range(60):
-        put(client, opening_mm=5.0, speed_mm_s=speed, torque_nm=torque_nm)
-        for _ in range(5):
-            world.tick()
-            pressed_nm.append(abs(world.gripper.motor_torque_nm))
+        client.notify("stream.set", opening_mm=5.0, speed_mm_s=speed, torque_nm=torque_nm)
+        pressed_nm += world.track(0.025, lambda: world.torque_nm)
     assert max(pressed_nm) <= 1.3 * torque_nm
     assert pressed_nm[-1] == pytest.approx(torque_nm, rel=0.1)
     assert world.gripper.opening_mm == pytest.approx(40.0, abs=2.0)
     world.run(1.0)
     assert world.state.mode == "holding"  # and presses on as it did last
-    assert abs(world.gripper.motor_torque_nm) <= 1.3 * torque_nm
+    assert world.torque_nm <= 1.3 * torque_nm
 
 
 def test_a_stream_may_press_less_from_one_set_point_to_the_next() -> None:
@@ -167,21 +144,21 @@ def test_a_stream_may_press_less_from_one_set_point_to_the_next() -> None:
     world.gripper.put_object(width_mm=40.0)
     follow(world, client, 1.0, opening_mm=5.0, torque_nm=2.0)
     follow(world, client, 0.5, opening_mm=5.0, torque_nm=0.5)
-    assert abs(world.gripper.motor_torque_nm) <= 0.65
+    assert world.torque_nm <= 0.65
 
 
 def test_a_refused_notification_is_told_once_per_change_of_reason() -> None:
     world, client = at_opening()
     for _ in range(5):
-        put(client, opening_mm=500.0)
+        client.notify("stream.set", opening_mm=500.0)
         world.run(0.02)
     assert refusals(client) == ["out_of_limits"]
     for _ in range(3):
-        put(client, opening_mm="far")
-        put(client)
+        client.notify("stream.set", opening_mm="far")
+        client.notify("stream.set")
     assert refusals(client) == ["out_of_limits", "invalid_params"]
-    put(client, opening_mm=50.0)
-    put(client, opening_mm=500.0)
+    client.notify("stream.set", opening_mm=50.0)
+    client.notify("stream.set", opening_mm=500.0)
     assert refusals(client) == ["out_of_limits", "invalid_params", "out_of_limits"]
     client.read()
     assert client.answers.keys() <= {1}  # only motor.enable had an id
@@ -201,9 +178,9 @@ def test_with_an_id_every_refusal_is_an_answer() -> None:
 
 def test_a_bad_set_point_does_not_end_the_stream() -> None:
     world, client = at_opening()
-    put(client, opening_mm=85.0, valid_s=0.5)
+    client.notify("stream.set", opening_mm=85.0, valid_s=0.5)
     world.run(0.1)
-    put(client, opening_mm=500.0)
+    client.notify("stream.set", opening_mm=500.0)
     world.run(0.1)
     assert world.state.mode == "moving"
     assert world.gripper.opening_mm > 64.0
@@ -214,15 +191,15 @@ def test_another_clients_stream_is_refused_as_busy() -> None:
     other = world.client()
     follow(world, client, 0.1, opening_mm=80.0)
     for _ in range(5):
-        put(other, opening_mm=10.0)
-        put(client, opening_mm=80.0)
+        other.notify("stream.set", opening_mm=10.0)
+        client.notify("stream.set", opening_mm=80.0)
         world.run(0.05)
     assert refusals(other) == ["busy"]
     assert other.refusal("stream.set", opening_mm=10.0) == "busy"
     assert other.refusal("motion.open") == "busy"
     assert world.gripper.opening_mm > 70.0
     world.run(0.5)  # the first one's has expired
-    put(other, opening_mm=10.0)
+    other.notify("stream.set", opening_mm=10.0)
     world.run(0.1)
     assert world.state.job is not None
     assert world.state.job.pid == other.session.peer.pid
@@ -234,10 +211,9 @@ def test_a_stream_does_not_interrupt_a_motion(spoil: str) -> None:
     mover = client if spoil == "other motion" else world.client()
     number = mover.send("motion.open")
     world.run(0.1)
-    put(client, opening_mm=10.0)
+    client.notify("stream.set", opening_mm=10.0)
     assert refusals(client) == ["busy"]
-    world.run_until(lambda: mover.has_answer(number))
-    assert mover.answers[number]["result"]["ok"]
+    assert mover.wait(number)["result"]["ok"]
 
 
 @pytest.mark.parametrize("level", ["hold", "relax", "disable"])
@@ -251,20 +227,20 @@ def test_a_stop_ends_a_stream_and_what_was_sent_before_it_never_runs(level: str)
     here_mm = world.gripper.opening_mm
     assert world.controller.jobs.running is None
     for _ in range(5):
-        put(client, opening_mm=85.0)
+        client.notify("stream.set", opening_mm=85.0)
         world.run(0.02)
     assert refusals(client) == ["stopped"]
     client.result("stop.clear")
     if level == "disable":
         client.result("motor.enable")
     for _ in range(5):
-        put(client, opening_mm=85.0, sent_s=sent_s)
-        put(client, opening_mm=85.0, stop_generation=0)
+        client.notify("stream.set", opening_mm=85.0, sent_s=sent_s)
+        client.notify("stream.set", opening_mm=85.0, stop_generation=0)
         world.run(0.02)
     assert refusals(client) == ["stopped", "sent_before_stop"]
     assert world.controller.jobs.running is None
     assert world.gripper.opening_mm == pytest.approx(here_mm, abs=0.5)
-    put(client, opening_mm=85.0, sent_s=world.now_s)
+    client.notify("stream.set", opening_mm=85.0, sent_s=world.now_s)
     world.run(0.1)
     assert world.gripper.opening_mm > here_mm + 2.0
 
@@ -273,8 +249,7 @@ def test_a_stop_ends_a_stream_and_what_was_sent_before_it_never_runs(level: str)
 def test_a_stream_without_its_client_ends_in_a_hold(end: str) -> None:
     world, client = at_opening()
     follow(world, client, 0.2, opening_mm=85.0, valid_s=2.0)
-    running = world.controller.jobs.running
-    assert running is not None
+    running = world.running
     if end == "leave":
         client.leave()
     else:
@@ -290,4 +265,4 @@ def test_the_ends_of_the_travel_are_set_points_too(opening_mm: float) -> None:
     world, client = at_opening()
     follow(world, client, 2.5, openness=opening_mm / TRAVEL_MM)
     assert world.gripper.opening_mm == pytest.approx(opening_mm, abs=1.5)
-    assert abs(world.gripper.motor_torque_nm) <= 1.3
+    assert world.torque_nm <= 1.3

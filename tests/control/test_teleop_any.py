@@ -55,20 +55,16 @@ def damped(given: dict[str, Any]) -> dict[str, Any]:
 
 def check(follower: Follower, given: dict[str, Any]) -> None:
     """Check what was wanted and sent in this tick, and what is reported."""
-    controller = follower.world.controller
-    wanted, feedback = controller.output.requested, controller.motor.feedback
-    assert wanted is not None
-    assert feedback is not None
+    world, wanted, feedback = follower.world, follower.world.wanted, follower.world.measured
     lead_rad = abs(wanted.position_rad - feedback.position_rad)
-    travel_nm = controller.config.travel_nm
+    travel_nm = world.controller.config.travel_nm
     most_nm = min(travel_nm, given.get("force_limit_n", math.inf) / 10.0)
     usual_kp = min(max(given.get("kp", MOVING_KP_NM_RAD), REACHING_KP_NM_RAD), MOVING_KP_NM_RAD)
     assert lead_rad <= travel_nm / usual_kp + 1e-9
     assert wanted.kp_nm_rad * lead_rad <= most_nm + 1e-9
     assert abs(wanted.velocity_rad_s) <= min(given.get("dq_max", 10.0), FASTEST_RAD_S) + 1e-9
     assert wanted.torque_nm == 0.0
-    geometry = controller.geometry
-    assert geometry is not None
+    geometry = world.geometry
     low_rad, high_rad = sorted((geometry.closed_rad, geometry.open_rad, feedback.position_rad))[::2]
     assert low_rad - CODE_RAD <= wanted.position_rad <= high_rad + CODE_RAD
     json.dumps(follower.status(), allow_nan=False)

@@ -32,16 +32,9 @@ def test_what_was_sent_during_a_cut_is_not_followed_afterwards(given_back_in_s: 
     follower = following()
     before = follower.world.openness
     cut(follower, given_back_in_s)
-    seen: list[float] = []
-
-    def look() -> None:
-        seen.append(follower.world.openness)
-
-    ends_s = follower.world.now_s + given_back_in_s
-    while follower.world.now_s < ends_s - 1e-9:
-        follower.world.tick()  # old frames alone: the network gives them back in their order
-        look()
-    follower.lead(lambda _t: before, 1.0, each=look)
+    # Old frames alone come first: the network gives them back in their order.
+    seen = follower.world.track(given_back_in_s, lambda: follower.world.openness)
+    seen += follower.lead(lambda _t: before, 1.0, each=lambda: follower.world.openness)
     assert max(seen) - min(seen) < 0.03
     assert follower.status()["late"] > 800
     assert follower.status()["phase"] == "following"

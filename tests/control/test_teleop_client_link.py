@@ -1,7 +1,6 @@
 """A link that a client carries: what it brings is bounded, and without it the jaws hold."""
 
 import itertools
-import json
 import math
 from collections.abc import Callable
 from typing import Any
@@ -26,18 +25,14 @@ def carrying(mode: str, **params: Any) -> tuple[TeleopWorld, Client]:
 
 def sent(client: Client) -> Sent:
     """Return what the client is to send, since the last call."""
-    client.read()
-    told = [n["params"] for n in client.notifications if n["method"] == "teleop.send"]
+    told = client.told("teleop.send")
     client.notifications.clear()
     return [(row["topic"], bytes.fromhex(row["payload"])) for row in told]
 
 
 def bring(client: Client, payload: bytes, topic: str = TOPIC) -> None:
     """Bring a payload as a client does that waits for no answer."""
-    params = {"topic": topic, "payload": payload.hex()}
-    line = {"jsonrpc": "2.0", "method": "teleop.receive", "params": params}
-    world = client.world
-    world.service.handle(client.session, json.dumps(line).encode(), world.now_s)
+    client.notify("teleop.receive", topic=topic, payload=payload.hex())
 
 
 def lead(
@@ -50,9 +45,7 @@ def lead(
 
 
 def refused(client: Client) -> list[str]:
-    client.read()
-    told = [n["params"] for n in client.notifications if n["method"] == "teleop.refused"]
-    return [error["data"]["reason"] for error in told]
+    return [error["data"]["reason"] for error in client.told("teleop.refused")]
 
 
 @pytest.mark.parametrize("rate_hz", [50, 200])
@@ -242,30 +235,12 @@ def test_what_was_sent_before_a_stop_does_not_count_after_it() -> None:
     assert client.result("teleop.status")["frames"] == 0
 
 
-@pytest.mark.parametrize(
-    ("mode", "more", "name"),
-    [
-        ("slave", {"host": "10.0.0.2"}, "host"),
-        ("slave", {"reflect": True}, "reflect"),
-        ("master", {"reflect_n": 4.0}, "reflect_n"),
-        ("master", {"detach": True}, "detach"),
-        ("slave", {"bind": "10.0.0.2"}, "bind"),
-    ],
-)
-def test_what_it_cannot_do_is_refused(mode: str, more: dict[str, Any], name: str) -> None:
-    client = TeleopWorld().enabled()
-    error = client.call("teleop.start", mode=mode, **CARRIED, **more)["error"]
-    assert (error["data"]["reason"], error["data"]["parameter"]) == ("invalid_params", name)
-
-
 def test_what_a_client_brings_presses_no_harder_than_any_leader() -> None:
     """Frames that leap to and fro: the command leads the jaws by the torque of a lead at most."""
     world, client = carrying("slave", align=False)
     for number, _ in itertools.product(range(30), range(4)):
         bring(client, packed(float(number % 2), world.now_s))
         world.tick()
-        wanted, measured = world.controller.output.requested, world.controller.motor.feedback
-        assert wanted is not None
-        assert measured is not None
+        wanted, measured = world.wanted, world.measured
         asked_nm = wanted.kp_nm_rad * (wanted.position_rad - measured.position_rad)
         assert abs(asked_nm) <= 2.05

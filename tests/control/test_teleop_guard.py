@@ -41,8 +41,7 @@ def test_it_trips_after_60_ms_and_not_before() -> None:
     over: list[bool] = []
 
     def note() -> None:
-        feedback = follower.world.controller.motor.feedback
-        assert feedback is not None
+        feedback = follower.world.measured
         over.append(abs(feedback.torque_nm) >= 1.0)
 
     began = follower.world.now_s
@@ -143,8 +142,7 @@ def stop_by(world: TeleopWorld, follower: Follower, how: str) -> dict[str, Any] 
     if how == "stop":
         client.result("stop")
     elif how == "cancel":
-        job = world.controller.jobs.running
-        assert job is not None
+        job = world.running
         client.result("job.cancel", job=job.number)
     else:
         client.leave()

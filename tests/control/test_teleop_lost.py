@@ -84,16 +84,13 @@ def test_a_cable_that_is_cut_for_ten_seconds_is_no_step_though_the_leader_went_e
     follower.world.run(9.5)
     assert follower.world.gripper.opening_mm == pytest.approx(held_mm, abs=0.01)
     assert follower.status()["phase"] == "stale"
-    leads: list[float] = []
-    speeds: list[float] = []
-
-    def note() -> None:
-        leads.append(follower.lead_rad)
-        speeds.append(abs(follower.world.gripper.velocity_rad_s) * MM_RAD)
-
-    follower.lead(lambda _t: 0.2, 2.5, each=note)
+    gripper = follower.world.gripper
+    seen = follower.lead(
+        lambda _t: 0.2, 2.5, each=lambda: (follower.lead_rad, abs(gripper.velocity_rad_s) * MM_RAD)
+    )
+    leads, speeds_mm_s = zip(*seen, strict=True)
     assert max(leads) < 0.04
-    assert max(speeds) < 65.0  # aligning is at 50 mm/s
+    assert max(speeds_mm_s) < 65.0  # aligning is at 50 mm/s
     assert follower.status()["phase"] == "following"
     assert follower.world.openness == pytest.approx(0.2, abs=0.005)
 
@@ -101,11 +98,8 @@ def test_a_cable_that_is_cut_for_ten_seconds_is_no_step_though_the_leader_went_e
 def test_a_short_gap_needs_no_aligning_and_makes_no_step() -> None:
     follower = following()
     follower.lead(lambda t: 0.5 + 0.5 * t, 0.2)
-    leads: list[float] = []
-    for _ in range(30):
-        follower.world.tick()
-        leads.append(follower.lead_rad)
-    follower.lead(lambda _t: 0.7, 0.3, each=lambda: leads.append(follower.lead_rad))
+    leads = follower.world.track(0.15, lambda: follower.lead_rad)
+    leads += follower.lead(lambda _t: 0.7, 0.3, each=lambda: follower.lead_rad)
     assert follower.status()["phase"] == "following"
     assert max(leads) <= MAX_LEAD_RAD + CODE_RAD
     assert follower.world.openness == pytest.approx(0.7, abs=0.005)
@@ -113,16 +107,10 @@ def test_a_short_gap_needs_no_aligning_and_makes_no_step() -> None:
 
 def test_the_velocity_lasts_until_the_next_frame_of_a_slow_leader_but_not_long() -> None:
     follower = following(aligned=True)
-    speeds: list[float] = []
-    follower.lead(
-        lambda t: 0.5 + 0.3 * t, 0.4, rate_hz=50.0, each=lambda: speeds.append(dq(follower))
-    )
+    speeds = follower.lead(lambda t: 0.5 + 0.3 * t, 0.4, 50.0, each=lambda: dq(follower))
     expected = -0.3 * TRAVEL_MM / MM_RAD  # closing is +, on a normal mount
     assert speeds[20:] == pytest.approx([expected] * (len(speeds) - 20), rel=0.05)
-    left: list[float] = []
-    for _ in range(15):
-        follower.world.tick()
-        left.append(dq(follower))
+    left = follower.world.track(0.075, lambda: dq(follower))
     fed = [at for at, speed in enumerate(left) if speed != 0.0]
     assert fed == list(range(len(fed)))
     assert 20e-3 + PERIOD_S * (len(fed) - 3) <= 0.05 + 1e-9  # the last frame was 3 ticks old
@@ -285,9 +273,7 @@ def test_however_frames_jump_the_command_steps_by_no_more_than_any_motion_may() 
     for tick in range(200):
         follower.say(0.9 if tick // 3 % 2 else 0.1)
         follower.world.tick()
-        requested = follower.world.controller.output.requested
-        assert requested is not None
-        wanted.append(requested.position_rad)
+        wanted.append(follower.world.wanted.position_rad)
         assert follower.lead_rad <= MAX_LEAD_RAD + CODE_RAD
     steps = [abs(later - earlier) for earlier, later in pairwise(wanted)]
     assert max(steps) == pytest.approx(FASTEST_RAD_S * PERIOD_S)

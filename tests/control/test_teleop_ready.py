@@ -2,10 +2,7 @@
 
 import itertools
 import math
-import random
 import struct
-from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Any
 
 import pytest
@@ -17,8 +14,11 @@ from litegripd.model.teleop import Arrival
 from tests.control.states import is_slack
 from tests.control.teleop_scene import (
     CODE_RAD,
+    MASTER,
     MAX_LEAD_RAD,
+    SLAVE,
     TRAVEL_MM,
+    Pair,
     TeleopWorld,
     following,
     sweep,
@@ -27,63 +27,6 @@ from tests.properties import examples
 from tests.world import PERIOD_S, Client
 
 NOT_READY, READY = b"\x00", b"\x01"
-MASTER: dict[str, Any] = {"mode": "master"}
-SLAVE: dict[str, Any] = {"mode": "slave", "host": "leader"}
-
-
-@dataclass(slots=True)
-class Network:
-    """A leader and a follower, and what is between them: it loses, delays, or is cut."""
-
-    leader: TeleopWorld
-    follower: TeleopWorld
-    leading: Client
-    following: Client
-    loss: float = 0.0
-    delay_s: float = 0.0
-    jitter_s: float = 0.0
-    is_cut: bool = False
-    passes_ready: bool = True
-    """False for an older end: it neither says nor hears whether it is ready."""
-    dice: random.Random = field(default_factory=lambda: random.Random(5))
-    carried: dict[int, int] = field(default_factory=dict)
-
-    def tick(self) -> None:
-        self.leader.tick()
-        self.follower.tick()
-        for one, other in ((self.leader, self.follower), (self.follower, self.leader)):
-            for wire in one.wires.made:
-                self._carry(wire.sent, other)
-                self._carry(wire.told if self.passes_ready else [], other)
-
-    def _carry(self, sent: list[tuple[float, bytes]], to: TeleopWorld) -> None:
-        begin = self.carried.get(id(sent), 0)
-        for at_s, payload in sent[begin:]:
-            if not self.is_cut and self.dice.random() >= self.loss and to.wires.made:
-                late_s = self.delay_s + self.jitter_s * self.dice.random()
-                to.wire.arriving.append(Arrival(payload, at_s + late_s, "other"))
-        self.carried[id(sent)] = len(sent)
-
-    def run(self, duration_s: float, each: Callable[[], None] = lambda: None) -> None:
-        for _ in range(round(duration_s / PERIOD_S)):
-            self.tick()
-            each()
-
-    def until(self, condition: Callable[[], bool], within_s: float = 12.0) -> float:
-        """Let time pass until a condition holds; return for how long."""
-        for tick in range(round(within_s / PERIOD_S)):
-            if condition():
-                return tick * PERIOD_S
-            self.tick()
-        raise AssertionError(f"did not happen: {self.leads}, {self.follows}")
-
-    @property
-    def leads(self) -> dict[str, Any]:
-        return self.leading.result("teleop.status")
-
-    @property
-    def follows(self) -> dict[str, Any]:
-        return self.following.result("teleop.status")
 
 
 def network(
@@ -92,22 +35,20 @@ def network(
     leads: dict[str, Any] | None = None,
     follows: dict[str, Any] | None = None,
     **more: Any,
-) -> Network:
+) -> Pair:
     """Return a leader that has begun, and a follower that begins when it is told to."""
     leader, follower = TeleopWorld("normal", leader_mm), TeleopWorld("reverse", follower_mm)
     leading, following_ = leader.enabled(), follower.enabled()
     leading.result("events.subscribe", kinds=["teleop"])
     leading.result("teleop.start", **MASTER, **(leads or {}))
-    between = Network(leader, follower, leading, following_, **more)
+    between = Pair(leader, follower, leading, following_, **more)
     if follows is not None:
         between.following.result("teleop.start", **SLAVE, **follows)
     return between
 
 
 def reported(client: Client) -> list[tuple[str, bool]]:
-    client.read()
-    told = [n["params"] for n in client.notifications if n["method"] == "event"]
-    return [(event["message"], event["data"]["warning"]) for event in told]
+    return [(event["message"], event["data"]["warning"]) for event in client.events()]
 
 
 # Two ends ----------------------------------------------------------------------------------------
@@ -158,14 +99,14 @@ def test_no_loss_and_no_delay_keep_the_gate_shut(
     loss: float, delay_s: float, jitter_s: float
 ) -> None:
     between = network(follows={}, loss=loss, delay_s=delay_s, jitter_s=jitter_s)
-    between.until(lambda: bool(between.leads["phase"] == "leading"), 8.0)
+    between.until(lambda: between.leads["phase"] == "leading", 8.0)
     assert not between.leads["ready_timed_out"]
     assert between.follower.openness == pytest.approx(between.leader.openness, abs=0.04)
 
 
 def test_the_first_ready_opens_the_gate_for_the_session() -> None:
     between = network(follows={})
-    between.until(lambda: bool(between.leads["phase"] == "leading"))
+    between.until(lambda: between.leads["phase"] == "leading")
     between.is_cut = True
     between.run(1.0)
     assert between.follows["stale"]
@@ -181,7 +122,7 @@ def test_the_first_ready_opens_the_gate_for_the_session() -> None:
 
 def test_a_follower_that_begins_again_is_aligned_and_says_when_it_is_ready() -> None:
     between = network(follows={})
-    between.until(lambda: bool(between.leads["phase"] == "leading"))
+    between.until(lambda: between.leads["phase"] == "leading")
     between.following.result("teleop.stop")
     between.leader.gripper.push(-0.6)
     between.run(0.5)
@@ -190,13 +131,13 @@ def test_a_follower_that_begins_again_is_aligned_and_says_when_it_is_ready() -> 
     between.following.result("teleop.start", **SLAVE)
     between.run(0.2)
     assert not between.follows["ready"]
-    between.until(lambda: bool(between.follows["ready"]))
+    between.until(lambda: between.follows["ready"])
     assert between.follower.openness == pytest.approx(between.leader.openness, abs=0.03)
 
 
 def test_a_leader_that_begins_again_waits_again() -> None:
     between = network(follows={})
-    between.until(lambda: bool(between.leads["phase"] == "leading"))
+    between.until(lambda: between.leads["phase"] == "leading")
     between.leading.result("teleop.stop")
     between.run(0.5)
     assert not between.follows["ready"]
@@ -204,12 +145,12 @@ def test_a_leader_that_begins_again_waits_again() -> None:
     between.leading.result("teleop.start", **MASTER)
     status = between.leads
     assert (status["phase"], status["ready"], status["ready_rx"]) == ("waiting", False, 0)
-    assert 0.0 < between.until(lambda: bool(between.leads["phase"] == "leading")) < 1.0
+    assert 0.0 < between.until(lambda: between.leads["phase"] == "leading") < 1.0
 
 
 def test_of_an_older_follower_nothing_is_heard_and_the_leader_goes_slack_after_10_s() -> None:
     between = network(follows={}, passes_ready=False)
-    waited_s = between.until(lambda: bool(between.leads["phase"] == "leading"))
+    waited_s = between.until(lambda: between.leads["phase"] == "leading")
     assert waited_s == pytest.approx(10.0, abs=0.02)
     status = between.leads
     assert (status["ready"], status["ready_rx"], status["ready_timed_out"]) == (False, 0, True)
@@ -228,7 +169,7 @@ def test_of_an_older_follower_nothing_is_heard_and_the_leader_goes_slack_after_1
 def test_an_older_leader_is_followed_as_ever_and_hears_nothing() -> None:
     between = network(leads={"require_ready": False}, follows={}, passes_ready=False)
     assert between.leads["phase"] == "leading"
-    between.until(lambda: bool(between.follows["ready"]))
+    between.until(lambda: between.follows["ready"])
     between.leader.gripper.push(-0.6)
     between.run(0.3)
     between.leader.gripper.push(0.0)
@@ -250,7 +191,7 @@ def test_the_time_of_waiting_is_the_callers_and_0_is_for_ever(
         assert between.leads["phase"] == "waiting"
         assert not between.leads["ready_timed_out"]
     else:
-        waited_s = between.until(lambda: bool(between.leads["phase"] == "leading"))
+        waited_s = between.until(lambda: between.leads["phase"] == "leading")
         assert waited_s == pytest.approx(waits_s, abs=0.02)
 
 
@@ -326,9 +267,7 @@ def test_whatever_pushes_a_leader_that_holds_it_pushes_back_within_a_followers_b
         world.gripper.push(push_nm)
         for _ in range(ticks):
             world.tick()
-            wanted, measured = world.controller.output.requested, world.controller.motor.feedback
-            assert wanted is not None
-            assert measured is not None
+            wanted, measured = world.wanted, world.measured
             asked_nm = wanted.kp_nm_rad * (wanted.position_rad - measured.position_rad)
             assert abs(asked_nm) <= MotionConfig().travel_nm + 500.0 * CODE_RAD
             assert wanted.velocity_rad_s == 0.0
@@ -341,10 +280,7 @@ def test_a_leader_that_holds_presses_no_harder_than_a_press_for_long() -> None:
     between.run(0.1)
     between.leader.gripper.push(1.6)
     between.run(1.5)
-    wanted = between.leader.controller.output.requested
-    measured = between.leader.controller.motor.feedback
-    assert wanted is not None
-    assert measured is not None
+    wanted, measured = between.leader.wanted, between.leader.measured
     asked_nm = abs(wanted.kp_nm_rad * (wanted.position_rad - measured.position_rad))
     assert asked_nm <= MotionConfig().stop_nm + 100.0 * CODE_RAD
 
@@ -427,16 +363,12 @@ def test_over_udp_it_tells_nobody_but_its_status_has_it() -> None:
 def test_without_aligning_it_goes_there_at_once_and_does_not_jump(openness: float) -> None:
     follower = following(aligned=False, align=False, align_speed_mm_s=10.0)
     began_s = follower.world.now_s
-    leads: list[float] = []
-    phases: set[str] = set()
-
-    def note() -> None:
-        leads.append(follower.lead_rad)
-        phases.add(follower.status()["phase"])
-
-    follower.lead(lambda _t: openness, 0.8, each=note)
+    seen = follower.lead(
+        lambda _t: openness, 0.8, each=lambda: (follower.lead_rad, follower.status()["phase"])
+    )
+    leads, phases = zip(*seen, strict=True)
     assert follower.world.openness == pytest.approx(openness, abs=0.02)  # 35 mm
-    assert phases == {"following"}
+    assert set(phases) == {"following"}
     assert max(leads) <= MAX_LEAD_RAD + CODE_RAD
     commands = [command for _, command in follower.world.commands_since(began_s)]
     steps = [abs(b.position_rad - a.position_rad) for a, b in itertools.pairwise(commands)]
@@ -466,9 +398,8 @@ def test_the_lead_is_capped_and_never_beyond_what_presses_anyway(
 ) -> None:
     follower = following(lead_cap_mm=cap_mm)
     follower.world.gripper.put_object(width_mm=follower.world.gripper.opening_mm - 1.0)
-    pressed: list[float] = []
-    follower.lead(sweep(0.5, 0.2, 0.3), 0.7, each=lambda: pressed.append(100.0 * follower.lead_rad))
-    assert max(pressed) == pytest.approx(most_nm, abs=0.06)
+    leads = follower.lead(sweep(0.5, 0.2, 0.3), 0.7, each=lambda: follower.lead_rad)
+    assert 100.0 * max(leads) == pytest.approx(most_nm, abs=0.06)
 
 
 @pytest.mark.parametrize(("rate_hz", "most_mm"), [(50, 2.7), (200, 1.1)])
@@ -481,43 +412,17 @@ def test_a_hand_at_110_mm_s_is_followed_without_lagging(rate_hz: float, most_mm:
         return 0.5 - swing_mm / TRAVEL_MM * math.cos(110.0 / swing_mm * t_s)
 
     follower.lead(sweep(follower.world.openness, course(0.0), 0.8), 1.2)
-    began_s, lags_mm = follower.world.now_s, [0.0]
+    began_s = follower.world.now_s
 
-    def note() -> None:
+    def lag_mm() -> float:
         wanted = course(follower.world.now_s - began_s)
-        lags_mm.append(abs(wanted - follower.world.openness) * TRAVEL_MM)
+        return abs(wanted - follower.world.openness) * TRAVEL_MM
 
-    follower.lead(course, 4.0 * math.pi * swing_mm / 110.0, rate_hz, each=note)
-    assert max(lags_mm) < most_mm
+    assert max(follower.lead(course, 4.0 * math.pi * swing_mm / 110.0, rate_hz, lag_mm)) < most_mm
     assert follower.status()["phase"] == "following"
 
 
-# Refusals and the status -------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "limit"),
-    [
-        ("require_ready", 1, "must be true or false"),
-        ("align", "no", "must be true or false"),
-        ("ready_timeout_s", -1, "0 to 3600"),
-        ("ready_tolerance_mm", -0.1, "0 to 100"),
-        ("ready_period_s", 0, "0.001 to 10"),
-        ("align_speed_mm_s", 0, "0.1 to 150"),
-        ("align_speed_mm_s", 151, "0.1 to 150"),
-        ("lead_cap_mm", -1, "0 to 100"),
-        ("lead_cap_mm", 0.05, "0 (as far as the most torque leads), or 0.1 to 100"),
-    ],
-)
-def test_what_is_out_of_range_is_refused_with_the_limit(
-    name: str, value: object, limit: str
-) -> None:
-    client = TeleopWorld().enabled()
-    for mode in (MASTER, SLAVE):
-        params: dict[str, Any] = {**mode, name: value}
-        error = client.call("teleop.start", **params)["error"]
-        assert (error["data"]["reason"], error["data"]["parameter"]) == ("invalid_params", name)
-        assert limit in error["message"]
+# The order of refusals, and the status ------------------------------------------------------------
 
 
 def test_what_is_missing_is_told_before_who_is_in_the_way() -> None:

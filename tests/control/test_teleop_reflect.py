@@ -15,6 +15,7 @@ from litegripd.teleop.link import InProcessLinks
 from tests.control.reflection_pair import FORCE, force_frame, pair
 from tests.control.teleop_scene import (
     HALF_MM,
+    MASTER,
     MM_RAD,
     OBJECT_MM,
     TRAVEL_MM,
@@ -25,36 +26,34 @@ from tests.control.teleop_scene import (
 from tests.properties import examples
 from tests.world import PERIOD_S
 
-MASTER: dict[str, Any] = {"mode": "master"}
-SLAVE: dict[str, Any] = {"mode": "slave", "host": "leader"}
 NEAR_MM, PRESSED_MM = OBJECT_MM + 0.025 * TRAVEL_MM, 0.8 * OBJECT_MM
 
 
 @pytest.mark.parametrize("mounts", [("normal", "normal"), ("normal", "reverse")])
 def test_a_hand_feels_the_contact_and_nothing_before_or_after(mounts: tuple[str, str]) -> None:
     both = pair(5.0, mounts=mounts)
-    on_the_way = both.run(0.4, to_mm=NEAR_MM)
+    on_the_way = both.move(0.4, to_mm=NEAR_MM)
     assert max(map(abs, on_the_way)) == 0.0
-    felt = both.run(0.6, to_mm=PRESSED_MM)
+    felt = both.move(0.6, to_mm=PRESSED_MM)
     assert felt[-1] > 0.25
     assert max(felt) <= 0.5 + 1e-9
-    leader, follower = both.status()
+    leader, follower = both.leads, both.follows
     assert leader["reflects"] is follower["reflects"] is True
     assert leader["followers"] == 1
     assert leader["reflected_n"] == pytest.approx(10.0 * felt[-1])
-    assert float(str(leader["round_trip_ms"])) < 30.0
-    assert float(str(follower["reflected_n"])) > 5.0
+    assert leader["round_trip_ms"] < 30.0
+    assert follower["reflected_n"] > 5.0
     assert leader["rejected"] == leader["late"] == leader["out_of_order"] == 0
-    both.run(0.6, to_mm=HALF_MM)
-    assert abs(both.run(0.2)[-1]) < 0.001
+    both.move(0.6, to_mm=HALF_MM)
+    assert abs(both.move(0.2)[-1]) < 0.001
 
 
 def test_it_is_off_unless_both_ends_ask_for_it() -> None:
     for reflect_n, reflect in ((0.0, True), (5.0, False), (0.0, False)):
         both = pair(reflect_n, reflect=reflect)
-        felt = both.run(0.8, to_mm=PRESSED_MM)
+        felt = both.move(0.8, to_mm=PRESSED_MM)
         assert max(map(abs, felt)) == 0.0
-        leader, follower = both.status()
+        leader, follower = both.leads, both.follows
         assert leader["reflects"] is (reflect_n > 0.0)
         assert follower["reflects"] is reflect
         assert (follower["reflected_n"] is None) is not reflect
@@ -65,17 +64,17 @@ def test_it_is_off_unless_both_ends_ask_for_it() -> None:
 def test_a_cut_cable_lets_go_of_the_hand_gently() -> None:
     both = pair(10.0, gain=1.0)
     both.hand.stiffness_nm_mm = 0.2
-    before = both.run(1.0, to_mm=PRESSED_MM)[-1]
+    before = both.move(1.0, to_mm=PRESSED_MM)[-1]
     assert before > 0.9
     both.is_cut = True
-    ending = both.run(0.6)
+    ending = both.move(0.6)
     steps = [abs(later - earlier) for earlier, later in pairwise(ending)]
     assert max(steps) <= 10.0 / 10.0 * PERIOD_S / 0.1 + 1e-9
     assert ending[20] > 0.5 * before  # for 0.2 s the last force counts
     assert abs(ending[80]) < 0.01
-    assert both.status()[0]["followers"] == 0
+    assert both.leads["followers"] == 0
     both.is_cut = False
-    assert both.run(0.8)[-1] > 0.2
+    assert both.move(0.8)[-1] > 0.2
 
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.01, 0.03, 0.06, 0.09])
@@ -84,34 +83,31 @@ def test_no_delay_and_no_hand_make_it_swing(delay_s: float, stiffness_nm_mm: flo
     """The most force and the whole gain, into a rigid object: all comes to rest."""
     both = pair(10.0, delay_s=delay_s, gain=1.0)
     both.hand.stiffness_nm_mm = stiffness_nm_mm or 0.06
-    both.run(1.0, to_mm=PRESSED_MM)
+    both.move(1.0, to_mm=PRESSED_MM)
     both.hand.stiffness_nm_mm = stiffness_nm_mm  # 0: it lets go
-    gripper, fastest = both.leader.gripper, 0.0
-    for _ in range(400):
+    speeds_mm_s, places_mm = [], []
+    for _ in range(600):
         both.tick()
-        fastest = max(fastest, abs(gripper.velocity_rad_s) * MM_RAD)
-    seen = []
-    for _ in range(200):
-        both.tick()
-        seen.append(gripper.opening_mm)
-    assert max(seen) - min(seen) < 0.1
-    assert fastest < 100.0
+        speeds_mm_s.append(abs(both.leader.gripper.velocity_rad_s) * MM_RAD)
+        places_mm.append(both.leader.gripper.opening_mm)
+    assert max(places_mm[400:]) - min(places_mm[400:]) < 0.1
+    assert max(speeds_mm_s[:400]) < 100.0
 
 
 def test_over_a_network_that_is_too_slow_nothing_is_felt() -> None:
     both = pair(10.0, delay_s=0.12, gain=1.0)
-    assert max(map(abs, both.run(1.5, to_mm=PRESSED_MM))) == 0.0
-    leader = both.status()[0]
+    assert max(map(abs, both.move(1.5, to_mm=PRESSED_MM))) == 0.0
+    leader = both.leads
     assert leader["followers"] == 0
-    assert int(str(leader["late"])) > 50
+    assert leader["late"] > 50
 
 
 def test_a_tripped_guard_is_not_felt_nor_is_the_way_to_the_leader() -> None:
     both = pair(10.0, gain=1.0, torque_limit_nm=1.0)
     both.hand.stiffness_nm_mm = 0.2
-    both.run(0.8, to_mm=PRESSED_MM)
-    assert both.status()[1]["over_torque"] is True
-    assert abs(both.run(0.4)[-1]) < 0.001
+    both.move(0.8, to_mm=PRESSED_MM)
+    assert both.follows["over_torque"] is True
+    assert abs(both.move(0.4)[-1]) < 0.001
     follower = following(reflect=True, aligned=False, opening_mm=72.0)
     follower.stay(0.1, 0.2)
     assert follower.status()["phase"] == "aligning"
@@ -167,44 +163,14 @@ def test_a_leader_that_is_heard_again_is_answered_again() -> None:
 
 def test_it_ends_with_teleoperation() -> None:
     both = pair(10.0, gain=1.0)
-    both.run(0.8, to_mm=PRESSED_MM)
+    both.move(0.8, to_mm=PRESSED_MM)
     assert both.commanded_nm > 0.2
     both.leading.result("teleop.stop")
     both.leader.tick()
     assert both.commanded_nm == 0.0
     assert both.leader.state.mode == "holding"
-    status = both.status()[0]
+    status = both.leads
     assert (status["active"], status["reflected_n"], status["followers"]) == (False, None, None)
-
-
-@pytest.mark.parametrize(
-    ("params", "parameter"),
-    [
-        ({**MASTER, "reflect": True}, "reflect"),
-        ({**SLAVE, "reflect_n": 3.0}, "reflect_n"),
-        ({**SLAVE, "bind": "127.0.0.1"}, "bind"),
-        ({**MASTER, "bind": "127.0.0.1"}, "bind"),
-        ({"mode": "slave", "link": "udp", "bind": "127.0.0.1/8"}, "bind"),
-        ({**SLAVE, "reflect_gain": 0.5}, "reflect_gain"),
-        ({**MASTER, "reflect_gain": 0.5}, "reflect_gain"),
-        ({**MASTER, "reflect_gain": 0.5, "reflect_n": 0}, "reflect_gain"),
-        ({"mode": "slave", "fake_leader": True, "reflect": True}, "reflect"),
-        ({**MASTER, "reflect_n": 10.1}, "reflect_n"),
-        ({**MASTER, "reflect_n": -1.0}, "reflect_n"),
-        ({**MASTER, "link": "udp", "host": "a:0"}, "host"),
-        ({**MASTER, "link": "udp", "host": "a/b,c"}, "host"),
-        ({**SLAVE, "link": "udp", "host": "a,b"}, "host"),
-    ],
-)
-def test_what_does_not_go_together_is_refused_by_name(
-    params: dict[str, Any], parameter: str
-) -> None:
-    world = TeleopWorld()
-    client = world.enabled()
-    answer = client.call("teleop.start", **params)
-    assert answer["error"]["data"]["reason"] in ("invalid_params", "out_of_limits")
-    assert parameter in answer["error"]["message"]
-    assert world.wires.made == []
 
 
 def test_inside_one_process_forces_come_to_the_leader() -> None:
@@ -259,9 +225,7 @@ def test_no_frames_push_a_hand_beyond_the_bounds(
             world.gripper.push(push_nm)
         for _ in range(ticks):
             world.tick()
-            wanted, measured = world.controller.output.requested, world.controller.motor.feedback
-            assert wanted is not None
-            assert measured is not None
+            wanted, measured = world.wanted, world.measured
             assert (wanted.kp_nm_rad, wanted.velocity_rad_s) == (0.0, 0.0)
             assert wanted.position_rad == measured.position_rad
             assert abs(wanted.torque_nm) <= reflect_n / 10.0 + 1e-9

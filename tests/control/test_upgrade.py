@@ -22,10 +22,8 @@ def upgraded(geometry: Geometry = OLD_ZERO) -> tuple[World, Client]:
 
 def fastest_rad_s(world: World, client: Client, method: str, **params: Any) -> float:
     """Return the motor's highest true speed during a motion."""
-    number, fastest = client.send(method, **params), 0.0
-    while not client.has_answer(number):
-        world.tick()
-        fastest = max(fastest, abs(world.gripper.velocity_rad_s))
+    number = client.send(method, **params)
+    fastest = max(client.track(number, lambda: abs(world.gripper.velocity_rad_s)))
     assert "result" in client.answers[number], client.answers[number]
     return fastest
 

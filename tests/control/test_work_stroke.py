@@ -9,9 +9,9 @@ import pytest
 
 from litegripd.io.helper.files import DATA
 from litegripd.model.calibration import NOMINAL, Calibration
-from litegripd.model.gripper import FASTEST_MM_S, Geometry
+from litegripd.model.gripper import FASTEST_MM_S
 from litegripd.model.motor import MotorPhase
-from litegripd.sim.plant import SimulatorParameters, limits_of_mount
+from litegripd.sim.plant import limits_of_mount
 from tests.app.test_facts import info
 from tests.world import Client, World
 
@@ -28,14 +28,9 @@ def gripper(
     kp_nm_rad: float | None = None,
     kd_nm_s_rad: float | None = None,
 ) -> tuple[World, Client]:
-    closed_rad, open_rad = limits_of_mount(mount)
-    parameters = SimulatorParameters(
-        closed_rad=closed_rad, open_rad=open_rad, initial_opening_mm=opening_mm
-    )
-    world = World(mount, parameters=parameters)
-    geometry = Geometry(closed_rad, open_rad, MM_RAD)
+    world = World(mount, initial_opening_mm=opening_mm)
     file = Calibration(
-        geometry, kp_nm_rad=kp_nm_rad, kd_nm_s_rad=kd_nm_s_rad, work_stroke_mm=work_mm
+        world.geometry, kp_nm_rad=kp_nm_rad, kd_nm_s_rad=kd_nm_s_rad, work_stroke_mm=work_mm
     )
     world.controller.use_calibration(file)
     return world, world.enabled()
@@ -43,10 +38,8 @@ def gripper(
 
 def opened(world: World, client: Client, **params: Any) -> tuple[dict[str, Any], float]:
     """Open; return the result, and the widest opening meanwhile."""
-    number, widest_mm = client.send("motion.open", **params), 0.0
-    while not client.has_answer(number):
-        world.tick()
-        widest_mm = max(widest_mm, world.gripper.opening_mm)
+    number = client.send("motion.open", **params)
+    widest_mm = max(client.track(number, lambda: world.gripper.opening_mm))
     result: dict[str, Any] = client.answers[number]["result"]
     return result, widest_mm
 
@@ -65,7 +58,7 @@ def test_open_ends_there_and_never_nearer_the_stop(mount: str, speed_mm_s: float
     assert widest_mm < WORK_MM + REACH_MM
     world.run(0.5)
     assert world.state.mode == "holding"
-    assert abs(world.gripper.motor_torque_nm) < 0.3  # it presses on nothing
+    assert world.torque_nm < 0.3  # it presses on nothing
 
 
 @pytest.mark.parametrize(("kp_nm_rad", "kd_nm_s_rad"), [(5.0, 2.0), (5.0, 0.05), (500.0, 1.0)])
@@ -140,13 +133,9 @@ def test_what_is_held_and_wider_is_let_go_and_not_squeezed(
     world.gripper.put_object(width_mm=width_mm)
     assert client.result("motion.grasp", force_n=10.0, until="verdict")["outcome"] == "object_held"
     world.run(0.5)
-    sign, hardest_nm = world.gripper.parameters.close_sign, 0.0
     number = client.send("motion.open")
-    while not client.has_answer(number):
-        world.tick()
-        hardest_nm = max(hardest_nm, sign * world.gripper.motor_torque_nm)
+    assert max(client.track(number, lambda: world.squeeze_nm)) < 1.1
     assert client.answers[number]["result"]["outcome"] == "reached"
-    assert hardest_nm < 1.1
     assert world.gripper.opening_mm == pytest.approx(TRAVEL_MM, abs=REACH_MM)
 
 
@@ -167,8 +156,7 @@ def test_a_stop_and_another_client_are_heeded_as_ever() -> None:
     assert world.state.job.kind == "open"
     assert world.client().refusal("motion.open") == "busy"
     world.client().result("stop")
-    world.run_until(lambda: client.has_answer(number))
-    assert client.answers[number]["error"]["data"]["reason"] == "stopped"
+    assert client.wait(number)["error"]["data"]["reason"] == "stopped"
     assert world.in_phase(MotorPhase.ENABLED)
     assert world.gripper.opening_mm < 50.0
 

@@ -10,9 +10,9 @@ from litegripd.model.gripper import SPAN_INSET_MM, STROKE_MM
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import ZeroView
 from litegripd.motor import codec
-from litegripd.sim.plant import SimulatorParameters, limits_of_mount
+from litegripd.sim.plant import limits_of_mount
 from tests.control.limits import LimitWatch
-from tests.world import CAN_ID, Client, World, is_command
+from tests.world import CAN_ID, Client, World, is_command, ready
 
 MOUNTS = ("normal", "reverse")
 CONFIG = MotionConfig()
@@ -39,12 +39,7 @@ KEYS = {
 def gripper(
     mount: str = "normal", *, opening_mm: float = 60.0, calibrated: bool = True
 ) -> tuple[World, Client]:
-    closed_rad, open_rad = limits_of_mount(mount)
-    parameters = SimulatorParameters(
-        closed_rad=closed_rad, open_rad=open_rad, initial_opening_mm=opening_mm
-    )
-    world = World(mount, calibrated=calibrated, parameters=parameters)
-    return world, world.enabled()
+    return ready(mount, calibrated, initial_opening_mm=opening_mm)
 
 
 def watched(world: World, client: Client, *, most: float = 1.0, **params: Any) -> dict[str, Any]:
@@ -61,7 +56,7 @@ def watched(world: World, client: Client, *, most: float = 1.0, **params: Any) -
         command = codec.decode_command(commands[-1], world.ranges)
         watch.check(world.now_s, command, feedback, world.ranges, is_motion=is_on, in_codes=True)
         if is_on:
-            strongest_nm = max(strongest_nm, abs(world.gripper.motor_torque_nm))
+            strongest_nm = max(strongest_nm, world.torque_nm)
     ceiling_nm = params.get("config", {}).get("calib_tau_limit", CONFIG.calib_tau_limit)
     assert strongest_nm <= most * ceiling_nm + 0.05
     result: dict[str, Any] = client.answers[number]["result"]
@@ -80,8 +75,7 @@ def test_it_measures_the_travel(mount: str, opening_mm: float) -> None:
     assert result["closed_rad"] == pytest.approx(closed_rad, abs=0.01)
     assert result["open_rad"] == pytest.approx(open_rad, abs=0.01)
     assert result["state"]["mount"] == mount
-    geometry = world.controller.geometry
-    assert geometry is not None
+    geometry = world.geometry
     assert (geometry.closed_rad, geometry.open_rad) == (result["closed_rad"], result["open_rad"])
 
 
@@ -91,7 +85,7 @@ def test_the_jaws_do_not_stay_pressed_against_each_other(mount: str) -> None:
     watched(world, client)
     world.run(0.5)
     assert 2.0 < world.gripper.opening_mm < 6.0
-    assert abs(world.gripper.motor_torque_nm) < 0.3
+    assert world.torque_nm < 0.3
     assert world.state.mode == "holding"
     for method in ("motion.open", "motion.close"):
         assert client.result(method)["outcome"] == "pressed_home"
@@ -166,8 +160,7 @@ def test_it_need_not_be_saved() -> None:
     assert result["content"].keys() == KEYS
     assert world.disk.saved == {}
     assert client.result("calibration.get")["file"] is None
-    geometry = world.controller.geometry
-    assert geometry is not None
+    geometry = world.geometry
     assert geometry.closed_rad == result["closed_rad"]
 
 
@@ -183,15 +176,14 @@ def test_nothing_else_runs_meanwhile_and_no_calibration_is_loaded() -> None:
         ("motor.set_zero", {}),
     ):
         assert world.client().refusal(method, **params) == "busy"
-    world.run_until(lambda: client.has_answer(number))
-    assert client.answers[number]["result"]["ok"]
+    assert client.wait(number)["result"]["ok"]
 
 
 def test_progress_tells_the_phases() -> None:
-    world, client = gripper()
+    _world, client = gripper()
     number = client.send("calibration.zero", progress=True)
-    world.run_until(lambda: client.has_answer(number))
-    reports = [n["params"] for n in client.notifications if n["method"] == "job.progress"]
+    client.wait(number)
+    reports = client.told("job.progress")
     phases = [report["phase"] for report in reports]
     seen = sorted(set(phases), key=phases.index)
     assert seen[:4] == ["probe_open", "probe_closed", "confirm_open", "confirm_closed"]

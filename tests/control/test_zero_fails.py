@@ -26,7 +26,7 @@ def test_something_between_the_jaws_changes_nothing(mount: str, width_mm: float)
     assert in_use(world) == before
     assert world.disk.saved == {}
     world.run(0.5)
-    assert abs(world.gripper.motor_torque_nm) < 0.3
+    assert world.torque_nm < 0.3
 
 
 def test_a_stop_that_is_not_met_in_time_changes_nothing() -> None:
@@ -81,8 +81,7 @@ def test_ended_early_in_any_phase_it_changes_nothing(phase: str, end: str) -> No
     world.run_until(lambda: world.state.job is not None and world.state.job.phase == phase)
     if phase.startswith(("probe", "confirm")):
         world.run(0.2)
-    job = world.controller.jobs.running
-    assert job is not None
+    job = world.running
     if end == "cancel":
         world.client().result("job.cancel", job=job.number)
     elif end == "leave":
@@ -102,9 +101,9 @@ def test_ended_early_in_any_phase_it_changes_nothing(phase: str, end: str) -> No
     if end in ("cancel", "stop", "leave"):
         assert world.state.mode == "holding"
         assert world.gripper.position_rad == pytest.approx(here_rad, abs=0.05)
-        assert abs(world.gripper.motor_torque_nm) <= 1.1
+        assert world.torque_nm <= 1.1
     else:
-        assert abs(world.gripper.motor_torque_nm) <= 0.01
+        assert world.torque_nm <= 0.01
 
 
 def test_it_is_refused_where_no_motion_may_begin() -> None:

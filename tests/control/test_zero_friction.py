@@ -18,10 +18,7 @@ def zero(plant: Plant) -> tuple[World, Client, dict[str, object], float]:
     """Return the result, and the strongest true torque meanwhile."""
     world, client = plant.world()
     number = client.send("calibration.zero", mount=plant.mount)
-    strongest_nm = 0.0
-    while not client.has_answer(number):
-        world.tick()
-        strongest_nm = max(strongest_nm, abs(world.gripper.motor_torque_nm))
+    strongest_nm = max(client.track(number, lambda: world.torque_nm))
     return world, client, client.answers[number]["result"], strongest_nm
 
 
@@ -56,8 +53,7 @@ def test_friction_above_what_a_close_presses_with_is_told() -> None:
     before = world.controller.calibrated.calibration
     config = {"stop_lead_mm": 0.2}
     number = client.send("calibration.zero", mount="reverse", config=config)
-    world.run_until(lambda: client.has_answer(number), 40.0)
-    result = client.answers[number]["result"]
+    result = client.wait(number, 40.0)["result"]
     assert (result["ok"], result["outcome"]) == (False, "not_confirmed")
     assert "stop_lead_mm" in result["message"]
     assert world.controller.calibrated.calibration is before

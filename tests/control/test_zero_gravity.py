@@ -2,17 +2,15 @@
 
 import pytest
 
-from litegripd.motor import codec
-from tests.control.states import in_state, is_slack
-from tests.world import PERIOD_S, World
+from tests.control.states import is_slack
+from tests.world import PERIOD_S, ready
 
 LEAST_NM = 10.0 / 4095 * 1.01  # the two codes next to zero; there is none for zero
 
 
 @pytest.mark.parametrize("state", ["holding", "pressed", "gripped", "stuck out"])
 def test_it_lets_everything_go_at_once(state: str) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     if state == "pressed":
         client.result("motion.close")
     elif state == "gripped":
@@ -32,15 +30,14 @@ def test_it_lets_everything_go_at_once(state: str) -> None:
     for _, command in commands:
         assert command.kp_nm_rad == command.kd_nm_s_rad == 0.0
         assert abs(command.torque_nm) <= LEAST_NM
-    assert abs(world.gripper.motor_torque_nm) <= LEAST_NM
+    assert world.torque_nm <= LEAST_NM
     assert world.state.mode == "relaxed"
     assert world.state.enabled
     assert (world.state.is_grasped, world.state.force_set_n) == (False, None)
 
 
 def test_a_hand_moves_the_jaws_against_friction_alone() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     client.result("motion.zero_gravity")
     began_mm = world.gripper.opening_mm
     world.gripper.push(0.3)  # the breakaway friction is 0.21 N·m
@@ -54,8 +51,7 @@ def test_a_hand_moves_the_jaws_against_friction_alone() -> None:
 
 
 def test_it_lasts_without_its_client() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     other = world.client()
     other.result("motion.zero_gravity")
     other.leave()
@@ -67,8 +63,7 @@ def test_it_lasts_without_its_client() -> None:
 
 
 def test_hold_ends_it_where_the_jaws_are_now() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     client.result("motion.zero_gravity")
     world.gripper.push(1.0)
     world.run(0.15)
@@ -97,8 +92,7 @@ def test_hold_ends_it_where_the_jaws_are_now() -> None:
 def test_any_motion_ends_it_and_holds_afterwards(
     method: str, params: dict[str, float | str]
 ) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     client.result("motion.zero_gravity")
     client.result(method, **params)
     world.run_until(lambda: world.controller.jobs.running is None)
@@ -107,26 +101,8 @@ def test_any_motion_ends_it_and_holds_afterwards(
     assert not is_slack(world)
 
 
-@pytest.mark.parametrize("state", ["opening", "closing", "pressing"])
-def test_it_does_not_interrupt_a_motion(state: str) -> None:
-    world, client = in_state(state)
-    assert client.refusal("motion.zero_gravity") == "busy"
-    assert world.client().refusal("motion.zero_gravity") == "busy"
-
-
-@pytest.mark.parametrize("state", ["disabled", "fault"])
-def test_it_needs_power(state: str) -> None:
-    world, client = in_state(state)
-    sent = len(world.sent)
-    reason = client.refusal("motion.zero_gravity")
-    assert reason == ("motor_fault" if state == "fault" else "not_enabled")
-    world.run(0.1)
-    assert codec.ENABLE not in [later.frame.data for later in world.sent[sent:]]
-
-
 def test_it_needs_no_calibration() -> None:
-    world = World(calibrated=False)
-    client = world.enabled()
+    world, client = ready(calibrated=False)
     client.result("motion.zero_gravity")
     world.run(0.1)
     assert is_slack(world)
@@ -134,8 +110,7 @@ def test_it_needs_no_calibration() -> None:
 
 @pytest.mark.parametrize("level", ["hold", "relax"])
 def test_a_stop_leaves_slack_jaws_slack(level: str) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     client.result("motion.zero_gravity")
     client.result("stop", level=level)
     world.run(0.2)

@@ -10,11 +10,7 @@ def moved_by_an_enable(world: FaultWorld) -> float:
     """Let somebody else enable the motor; return how far the jaws then move, in mm."""
     before_mm = world.gripper.opening_mm
     world.inject(CanFrame(CAN_ID, codec.ENABLE))
-    furthest_mm = 0.0
-    for _ in range(20):
-        world.tick()
-        furthest_mm = max(furthest_mm, abs(world.gripper.opening_mm - before_mm))
-    return furthest_mm
+    return max(world.track(0.1, lambda: abs(world.gripper.opening_mm - before_mm)))
 
 
 def test_who_enables_the_motor_finds_no_motion_of_ours_in_it() -> None:

@@ -239,7 +239,7 @@ def trajectories() -> GoldenWorld:
     world.run(0.3)
     client.call("trajectory.control", action="resume")
     client.call("trajectory.control", action="speed", speed=2.0)
-    world.run_until(lambda: client.has_answer(number))
+    client.wait(number)
     client.call("trajectory.list")
     client.call("trajectory.status")
     return world
