@@ -172,11 +172,18 @@ def parse(given: list[str], rows: Sequence[Row]) -> argparse.Namespace:
     is true if the command changes nothing. `call` is how the same gripper is called again.
     """
     parser = whole_parser(rows)
+    words = list(given)
+    if "move" in words:  # 45 mm is 45mm
+        for at in range(len(words) - 1, 0, -1):
+            if words[at] in _UNITS and _TARGET.fullmatch(words[at - 1] + words[at]):
+                words[at - 1 : at + 1] = [words[at - 1] + words[at]]
     # A target below zero looks like an option; behind a space it is none.
-    words = [f" {one}" if one.startswith("-") and _TARGET.fullmatch(one) else one for one in given]
+    words = [f" {one}" if one.startswith("-") and _TARGET.fullmatch(one) else one for one in words]
     options, rest = parser.parse_known_args(words)
     if rest:
         message = f"unrecognized arguments: {' '.join(rest)}"
+        if options.command == "grasp" and re.fullmatch(f"{NUMBER}N?", rest[0]):
+            message += f"; a force is an option: --force {rest[0].rstrip('N')}"
         message += _did_you_mean(rest[0].partition("=")[0], options.known)
         raise UsageError(message, parser.format_usage(), options.help_of)
     chosen = getattr(options, "channel", None) or os.environ.get(CHANNEL_VARIABLE)
@@ -258,6 +265,9 @@ def target(text: str) -> tuple[str, float]:
     """Read a target with its unit; gives the parameter of motion.move, and its value."""
     found = _TARGET.fullmatch(text.strip())
     if found is None:
+        if other := re.fullmatch(rf"({NUMBER}) ?(cm|m)", text.strip()):
+            value_mm = float(other[1]) * {"cm": 10.0, "m": 1000.0}[other[2]]
+            raise ArgumentTypeError(f"{text.strip()!r} is no target: say {value_mm:g}mm")
         raise ArgumentTypeError(
             f"{text.strip()!r} is no target: say 45mm (opening), -0.3rad (position of the motor) "
             "or 50% (of the travel, 0% is closed)"

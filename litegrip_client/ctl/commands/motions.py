@@ -280,6 +280,8 @@ def force(run: Run) -> int:
     _note_force(run, run.options.newtons)
     data = run.connection.command("motion.set_force", {"force_n": run.options.newtons})
     text = f"force: squeezing with {figure(data.get('force_n'), '.1f', 'N')}"
+    if data.get("state", {}).get("is_grasped") is False:
+        text += ", no object is held"
     text += f", at {opening_of(data)}; let go with: litegripctl release"
     return run.done(data, text)
 
