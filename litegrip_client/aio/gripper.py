@@ -14,7 +14,7 @@ import math
 import os
 import socket
 from collections.abc import Callable, Coroutine, Mapping, Sequence
-from typing import Any, Generic, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Generic, NoReturn, TypeVar, overload
 
 from litegrip_client.core.actions import GripperActions
 from litegrip_client.core.discovery import reach
@@ -490,6 +490,13 @@ class LiteGrip(Gripper):
     async def __aenter__(self) -> LiteGrip:
         await self.connect()
         return self
+
+    if not TYPE_CHECKING:  # else a type checker would find every name here
+
+        def __getattr__(self, name: str) -> NoReturn:
+            from litegrip_client.values.misnamed import no_attribute  # noqa: PLC0415 - an error
+
+            raise no_attribute(self, name)
 
     def __repr__(self) -> str:
         what = "connected" if self.is_connected else "not connected"

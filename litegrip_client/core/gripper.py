@@ -19,6 +19,7 @@ if TYPE_CHECKING:  # see the package: what is seldom needed takes its time to im
 
     from litegrip_client.core.session import Wire
     from litegrip_client.values.calibration import GripperConfig
+    from litegrip_client.values.job_table import JobTable
     from litegrip_client.values.motion_config import MotionConfig
 
 
@@ -118,7 +119,7 @@ class Gripper(GripperActions):
         options = {"purpose": purpose, "ttl_s": ttl_s, "wait_s": wait_s, "on_lost": on_lost}
         return Lease(self._session, options)
 
-    async def take_lease(self, why: str, *, jaws: str = "hold") -> None:
+    async def take_lease(self, why: str = "no reason given", *, jaws: str = "hold") -> None:
         """Take the lease from its present owner; the owner is notified of the reason `why`.
 
         The owner's motion ends. The jaws then keep what they hold, or follow `jaws`: "relax" (no
@@ -212,10 +213,14 @@ class Gripper(GripperActions):
         dumped = await self._session.wire.call("recorder.dump", params, ACTION_TIMEOUT_S)
         return str(dumped["path"])
 
-    async def jobs(self) -> list[dict[str, Any]]:
-        """Return the running jobs and the ended ones that are still kept, of all clients."""
-        jobs: list[dict[str, Any]] = (await self._session.wire.call("job.list"))["jobs"]
-        return jobs
+    async def jobs(self) -> JobTable:
+        """Return the running jobs and the ended ones that are still kept, of all clients.
+
+        It is a list of dictionaries, which prints as a table.
+        """
+        from litegrip_client.values.job_table import JobTable  # noqa: PLC0415 - see above
+
+        return JobTable((await self._session.wire.call("job.list"))["jobs"])
 
     async def mount(self) -> str | None:
         """Return which way the motor is mounted, "normal" or "reverse"; None until calibrated.

@@ -17,6 +17,7 @@ if TYPE_CHECKING:  # importing typing and dataclasses is slow
     from litegrip_client.core import session as core_session
     from litegrip_client.core.actions import ProgressCallback
     from litegrip_client.values.calibration import CalibrationData, GripperConfig
+    from litegrip_client.values.job_table import JobTable
     from litegrip_client.values.motion_config import MotionConfig
     from litegrip_client.values.results import (
         EnableResult,
@@ -901,7 +902,7 @@ class BlockingGripper(GripperActions):
         """
         return Lease(self._core.lease(purpose, ttl_s=ttl_s, wait_s=wait_s, on_lost=on_lost))
 
-    def take_lease(self, why: str, *, jaws: str = "hold") -> None:
+    def take_lease(self, why: str = "no reason given", *, jaws: str = "hold") -> None:
         """Take the lease from its present owner; the owner is notified of the reason `why`.
 
         The owner's motion ends. The jaws then keep what they hold, or follow `jaws`: "relax" (no
@@ -971,8 +972,11 @@ class BlockingGripper(GripperActions):
         """
         return complete(self._core.dump(note))
 
-    def jobs(self) -> list[dict[str, Any]]:
-        """Return the running jobs and the ended ones that are still kept, of all clients."""
+    def jobs(self) -> JobTable:
+        """Return the running jobs and the ended ones that are still kept, of all clients.
+
+        It is a list of dictionaries, which prints as a table.
+        """
         return complete(self._core.jobs())
 
     @property

@@ -14,7 +14,7 @@ from litegrip_client.values.errors import LiteGripError
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # importing dataclasses is slow
-    from typing import Any, overload
+    from typing import Any, NoReturn, overload
 
     from litegrip_client.line.feeds import EventSubscription, Subscription
     from litegrip_client.values.calibration import GripperConfig
@@ -88,6 +88,13 @@ class LiteGrip(SdkGripper):
     def __repr__(self) -> str:
         what = "connected" if self.is_connected else "not connected"
         return f"<LiteGrip {self.channel}, {what}>"
+
+    if not TYPE_CHECKING:  # else a type checker would find every name here
+
+        def __getattr__(self, name: str) -> NoReturn:
+            from litegrip_client.values.misnamed import no_attribute  # noqa: PLC0415 - an error
+
+            raise no_attribute(self, name)
 
     @property
     def actions(self) -> GripperActions:

@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -11,6 +12,7 @@ from litegrip_client import (
     CommandError,
     ConnectError,
     EnableResult,
+    GripperState,
     HardwareError,
     LeaseError,
     LiteGrip,
@@ -18,6 +20,7 @@ from litegrip_client import (
     StoppedError,
     aio,
 )
+from litegrip_client.values.misnamed import MEANT
 from litegripd.model.sentence import method_name, with_terms
 from tests.client.rig import (
     GUARDS,
@@ -501,3 +504,37 @@ def test_reading(daemon: Heard, enabled: LiteGrip) -> None:
     assert enabled.health() == {"verdict": "ok", "reasons": ["gripper.enable()"]}
     del daemon.instead["health"]
     assert enabled.health()["verdict"] == daemon.client().result("health")["verdict"]
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"), [("move", "goto("), ("state", "get_state()"), ("width", "opening_mm")]
+)
+@pytest.mark.parametrize("kind", [LiteGrip, aio.LiteGrip])
+def test_a_name_that_hands_type_is_hinted_at(
+    kind: type[LiteGrip] | type[aio.LiteGrip], name: str, meant: str
+) -> None:
+    gripper = kind("can0")
+    with pytest.raises(AttributeError, match=f"no attribute {name!r}; use .*{re.escape(meant)}"):
+        getattr(gripper, name)
+    assert not hasattr(gripper, name)
+    with pytest.raises(AttributeError, match=r"no attribute 'mvoe'\Z"):
+        gripper.mvoe  # type: ignore[union-attr]  # noqa: B018 - a type checker knows it, too
+
+
+def test_every_member_that_a_hint_names_is_there() -> None:
+    for hint in MEANT.values():
+        for call, field in re.findall(r"(\w+)\((?:\)\.(\w+))?", hint):
+            assert hasattr(LiteGrip, call), hint
+            assert not field or hasattr(GripperState, field), hint
+
+
+def test_jobs_print_as_a_table(enabled: LiteGrip) -> None:
+    enabled.open()
+    lines = str(enabled.jobs()).splitlines()
+    assert lines[0].split() == ["job", "kind", "state", "by", "took", "result"]
+    assert re.fullmatch(r"2 +open +done +\S+ \(pid \d+\) +\d\.\d s +pressed home", lines[2])
+
+
+def test_who_takes_the_lease_may_give_a_reason(daemon: Heard, gripper: LiteGrip) -> None:
+    gripper.take_lease()
+    assert daemon.asked("lease.take")[0]["why"] == "no reason given"
