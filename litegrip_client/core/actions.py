@@ -109,7 +109,8 @@ class GripperActions:
         """Enable the motor; true if its status says so.
 
         `retries`: enable commands at most, 1 to 20; None means `motion_config.enable_retries`.
-        It takes the lease: until the gripper is disconnected no other client moves it.
+        It takes the lease: until the gripper is disconnected no other client moves it. An older
+        object of the same program hands it over between motions, if `enable` gave it the lease.
         If this process ends without disabling the motor, the daemon disables it, or continues to
         hold, according to the present `disable_on_disconnect`. Raises `LeaseError`, which names
         the owner, when another client has the lease, `StoppedError` while a stop is latched and
@@ -119,7 +120,7 @@ class GripperActions:
         wire = session.wire
         params = {} if retries is None else {"retries": integer("retries", retries)}
         call = wire.connection.prepare_guarded("motor.enable", self._tuned(params))
-        await session.acquire(on_lost="disable" if session.disable_on_disconnect else "hold")
+        await session.acquire_to_enable("disable" if session.disable_on_disconnect else "hold")
         if self._mount_due is not None:
             await self._load_mount(wire)
         before = session.enabled_here, session.keeps_lease

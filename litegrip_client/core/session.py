@@ -6,8 +6,10 @@ This module must not know motions.
 from __future__ import annotations
 
 import contextlib
+import os
 import sys
 from collections.abc import Callable, Coroutine, Mapping
+from weakref import WeakSet
 
 from litegrip_client.core.discovery import chosen_channel
 from litegrip_client.values.checks import given_numbers
@@ -65,6 +67,10 @@ ACTION_TIMEOUT_S = 30.0
 """For enabling and disabling: retries and register reads included, the daemon is done by then."""
 
 
+_SESSIONS: WeakSet[DaemonSession] = WeakSet()
+"""All of this process."""
+
+
 class DaemonSession:
     """A daemon, by channel, and the connection to it while there is one.
 
@@ -94,6 +100,7 @@ class DaemonSession:
         self._grant: int | None = None
         self._wire: Wire | None = None
         self._connect_first: Callable[[], Awaitable[object]] | None = None
+        _SESSIONS.add(self)
 
     async def _connect(self) -> Wire:
         """Connect to the daemon; raises `ConnectError`."""
@@ -238,6 +245,39 @@ class DaemonSession:
         if purpose is not None or not self.leased:
             params["purpose"] = purpose or _program()
         return await self._get("lease.acquire", params, numbers.get("wait_s", 0.0))
+
+    async def acquire_to_enable(self, on_lost: str) -> None:
+        """Get the lease to keep it; an older object of this program hands it over.
+
+        So the cell of a notebook that connects and enables may be run again. What the older one
+        enabled is this session's then. It hands over only between motions, and only what it keeps
+        since its own `enable`: a block of `lease` is meant.
+        """
+        try:
+            await self.acquire(on_lost=on_lost)
+        except LeaseError as error:
+            older = self._older(error.data.get("owner"))
+            if older is None or (await self.ask("state.get")).get("job") is not None:
+                raise
+            why = "a newer object of the same program enables the motor"
+            params = {"why": why, "purpose": _program(), "on_lost": on_lost}
+            await self._get("lease.take", params, 0.0)
+            older.enabled_here = older.keeps_lease = False
+
+    def _older(self, owner: object) -> DaemonSession | None:
+        """Return the other session of this process that keeps the lease which `owner` has."""
+        if not isinstance(owner, dict) or owner.get("pid") != os.getpid():
+            return None
+        daemon_pid = self.wire.connection.daemon_pid
+        others = (one for one in _SESSIONS if one is not self and one.only_keeps(daemon_pid))
+        return next(others, None)
+
+    def only_keeps(self, daemon_pid: int) -> bool:
+        """Return True if this session has that daemon's lease by `enable` alone."""
+        if self._wire is None or not self.is_open or not self.keeps_lease or self._leases:
+            return False
+        connection = self._wire.connection
+        return connection.is_own and connection.daemon_pid == daemon_pid
 
     async def _get(self, method: str, params: dict[str, Any], wait_s: float) -> dict[str, Any]:
         wire = self.wire

@@ -538,3 +538,43 @@ def test_jobs_print_as_a_table(enabled: LiteGrip) -> None:
 def test_who_takes_the_lease_may_give_a_reason(daemon: Heard, gripper: LiteGrip) -> None:
     gripper.take_lease()
     assert daemon.asked("lease.take")[0]["why"] == "no reason given"
+
+
+def test_an_older_object_of_the_program_hands_the_gripper_over(daemon: Heard, kind: Kind) -> None:
+    """As when the cell of a notebook that connects and enables is run again."""
+    older, newer = kind.gripper(), kind.gripper()
+    older.connect()
+    older.enable()
+    newer.connect()
+    assert newer.enable()
+    with pytest.raises(LeaseError, match="a newer object of the same program"):
+        older.open()
+    older.disconnect()  # it disables nothing: the motor is the newer one's
+    assert newer.get_state().enabled
+    assert newer.open()
+    newer.disconnect()
+    assert not daemon.is_energised
+
+
+def test_an_older_object_hands_nothing_over_that_it_has_by_a_block(
+    daemon: Heard, kind: Kind
+) -> None:
+    older, newer = kind.gripper(), kind.gripper()
+    older.connect()
+    newer.connect()
+    with older.lease("sorting"):
+        with pytest.raises(LeaseError, match="sorting"):
+            newer.enable()
+        assert older.enable()
+
+
+def test_an_object_that_moves_hands_nothing_over(daemon: Heard, kind: Kind, site: Bench) -> None:
+    older, newer = kind.gripper(), kind.gripper()
+    older.connect()
+    older.enable()
+    newer.connect()
+    kind.ask(older, "motion.close", wait=False)
+    site.run(0.1)
+    with pytest.raises(LeaseError):
+        newer.enable()
+    assert older.get_state().enabled
