@@ -1,6 +1,5 @@
 """Where trajectories lie on the client's side."""
 
-import math
 import os
 import threading
 from pathlib import Path
@@ -137,7 +136,7 @@ def test_the_list_tells_of_each_file_what_its_header_says(folder: Path) -> None:
     trajectory(101).save("b")
     trajectory(0).save("a")
     (folder / "c.lgt").write_bytes(trajectory(2).to_bytes()[:-1])
-    (folder / "d.lgt").write_bytes(lgt([], sample_hz=math.nan))
+    (folder / "d.lgt").write_bytes(lgt([], sample_hz=0.0))
     (folder / "e.lgt").write_bytes(lgt([(2.5, 0.5), (2.75, 0.5)]))
     (folder / "note.txt").write_text("no trajectory")
     (folder / ".b.lgt.1.2.new").write_bytes(b"")
@@ -150,5 +149,5 @@ def test_the_list_tells_of_each_file_what_its_header_says(folder: Path) -> None:
     assert c.error is not None
     assert str(c) == f"c: {c.error}"
     assert "145 bytes, but 2 samples make 146" in c.error
-    assert d.error == "sample_hz of the header is nan, it must be a finite number"
+    assert d.error == "sample_hz is 0.0, it must be above 0"
     assert e.duration_s == 0.25

@@ -34,6 +34,11 @@ def test_what_is_measured_is_a_number(site: Site, daemon: Daemon, gripper: LiteG
     assert (gripper.is_enabled, gripper.can_id, gripper.mst_id) == (True, 8, 0x18)
     assert (gripper.is_moving(), gripper.is_grasped(), gripper.poll()) == (False, False, True)
     assert f"{gripper.get_position():.1f} {gripper.get_temperature()[0]:+.0f}" == "60.0 +25"
+    daemon.gripper.put_object(width_mm=30.0)
+    assert gripper.grasp(10.0, until="verdict")
+    site.run(1.0)
+    assert gripper.is_grasped()
+    assert gripper.get_force() == pytest.approx(10.0, abs=1.0)  # on both mounts
 
 
 def test_a_motor_that_is_silent_has_no_figures_and_is_not_ready(
