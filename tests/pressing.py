@@ -12,12 +12,12 @@ from typing import Any
 from bench.teleop.follow import SETTLE_S, ScriptedLeader
 from litegripd.app.build import build_service
 from litegripd.model.teleop import LinkOptions
-from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from litegripd.teleop.link import Link
-from tests.plants.parameters import MM_RAD, TRAVEL_RAD, Item, PlantParameters
-from tests.plants.world import LOOK_S, Look, PlantWorld
+from tests.plants.parameters import MM_RAD, TRAVEL_RAD, PlantParameters
+from tests.plants.rigs import PlantRig, Rig, SimulatedRig
+from tests.plants.world import Look
 from tests.trajectories import uploaded
-from tests.world import Client, FixedFacts, World
+from tests.world import Client, FixedFacts
 
 TRAVEL_MM = TRAVEL_RAD * MM_RAD
 FROM_MM, OBJECT_MM, TO_MM = 70.0, 60.0, 25.0
@@ -59,20 +59,13 @@ class _Heard(ScriptedLeader):
         return super().receive(now_s) if now_s < self._leader.silent_s else []
 
 
-class Rig(World):
-    """A daemon on some gripper: what both kinds of plant have in common.
+class Pressing(Rig):
+    """A gripper with a client, a watcher and a leader that follows nothing yet."""
 
-    `looks` has what is true in each millisecond, `torque_nm` as the motor believes it.
-    """
-
-    looks: list[Look]
-    friction_nm: float
-    """What may hold standing jaws in the middle of their travel."""
-    torque_factor: float
     cord_nm_rad: float = 0.0
 
     def begin(self, openness: Callable[[float], float]) -> None:
-        """Be ready, with a client and a leader that follows nothing yet."""
+        """Be ready."""
         self.leader = Leader(openness)
         self.service = build_service(
             self.controller, FixedFacts(), self.period_s, dumps=self.dumps, links=self.leader
@@ -81,19 +74,9 @@ class Rig(World):
         self.watcher: Client = self.client()
         self.watcher.result("events.subscribe")
 
-    def put(self, item: Item) -> None:
-        """Put an object between the jaws."""
-        raise NotImplementedError
-
-    def remove(self) -> None:
-        """Take it away at once."""
-        raise NotImplementedError
-
-    def events_of(self, kind: str) -> list[dict[str, Any]]:
-        """Return what has been reported of a kind."""
-        self.watcher.read()
-        told = [note["params"] for note in self.watcher.notifications if note["method"] == "event"]
-        return [event for event in told if event["kind"] == kind]
+    def pull_by_a_cord(self, stiffness_nm_rad: float) -> None:
+        """Let a cord resist that the jaws open."""
+        self.cord_nm_rad, self.pull_nm = stiffness_nm_rad, self.cord_nm
 
     def cord_nm(self, opening_mm: float) -> float:
         """Return with which torque a cord pulls the jaws together."""
@@ -104,73 +87,12 @@ class Rig(World):
         return max(look.clamp_n / 10.0, self.cord_nm(look.opening_mm))
 
 
-class SimulatedRig(Rig):
-    """The simulator of this project."""
-
-    torque_factor = 1.0
-
-    def __init__(self, mount: str, rate_hz: int, opening_mm: float) -> None:
-        closed_rad, open_rad = limits_of_mount(mount)
-        parameters = SimulatorParameters(
-            closed_rad=closed_rad, open_rad=open_rad, initial_opening_mm=opening_mm
-        )
-        self.friction_nm = parameters.breakaway_nm
-        self.looks = []
-        self._looked_s = 1000.0
-        super().__init__(mount, parameters=parameters, period_s=1.0 / rate_hz)
-
-    def put(self, item: Item) -> None:
-        self.gripper.put_object(
-            width_mm=item.width_mm,
-            stiffness_nm_rad=item.stiffness_nm_rad,
-            damping_nm_s_rad=item.damping_nm_s_rad,
-            friction_nm=item.friction_nm,
-            yield_mm_s=item.yield_mm_s,
-            yield_torque_nm=item.yield_nm,
-        )
-
-    def remove(self) -> None:
-        self.gripper.remove_object()
-
-    def advance(self) -> None:
-        gripper, sign = self.gripper, self.gripper.parameters.close_sign
-        while self._looked_s + LOOK_S <= self.now_s + 1e-9:
-            self._looked_s += LOOK_S
-            if self.cord_nm_rad:
-                gripper.push(sign * self.cord_nm(gripper.opening_mm))
-            gripper.advance(self._looked_s)
-            speed_mm_s = sign * gripper.velocity_rad_s * MM_RAD
-            torque_nm = sign * gripper.motor_torque_nm
-            clamp_n = 10.0 * gripper.clamp_nm
-            look = Look(
-                self._looked_s, clamp_n, gripper.opening_mm, speed_mm_s, speed_mm_s, torque_nm
-            )
-            self.looks.append(look)
-        super().advance()
+class PressingSimulator(SimulatedRig, Pressing):
+    """The simulator of this project, pressing."""
 
 
-class PlantRig(PlantWorld, Rig):
-    """A gripper that is not the simulator's."""
-
-    def __init__(
-        self, parameters: PlantParameters, mount: str, rate_hz: int, opening_mm: float
-    ) -> None:
-        super().__init__(parameters, mount, rate_hz, opening_mm=opening_mm)
-        self.torque_factor = parameters.torque_factor
-        self.friction_nm = parameters.breakaway_nm
-
-    def put(self, item: Item) -> None:
-        self.mechanics.put(item)
-
-    def remove(self) -> None:
-        self.mechanics.put(None)
-
-    def _look_until(self, at_s: float) -> None:
-        while self._next_look_s <= at_s:
-            if self.cord_nm_rad:
-                self.mechanics.hand_nm = self.cord_nm(self.mechanics.opening_mm)
-            super()._look_until(self._next_look_s)
-        super()._look_until(at_s)
+class PressingPlant(PlantRig, Pressing):
+    """A gripper that is not the simulator's, pressing."""
 
 
 def rig_of(
@@ -179,13 +101,13 @@ def rig_of(
     rate_hz: int = 200,
     opening_mm: float = FROM_MM,
     openness: Callable[[float], float] | None = None,
-) -> Rig:
+) -> Pressing:
     """Return a gripper of these figures, None for the simulator, enabled."""
-    rig: Rig
+    rig: Pressing
     if plant is None:
-        rig = SimulatedRig(mount, rate_hz, opening_mm)
+        rig = PressingSimulator(mount, rate_hz, opening_mm)
     else:
-        rig = PlantRig(plant, mount, rate_hz, opening_mm)
+        rig = PressingPlant(plant, mount, rate_hz, opening_mm)
     rig.begin(openness or closing(50.0))
     return rig
 
@@ -195,61 +117,51 @@ def closing(speed_mm_s: float) -> Callable[[float], float]:
     return lambda at_s: max(FROM_MM - speed_mm_s * max(at_s - SETTLE_S, 0.0), TO_MM) / TRAVEL_MM
 
 
-Act = Callable[[Rig], float | None]
+Act = Callable[[Pressing], float | None]
 """Presses on the object; returns the torque that somebody has set, None where nobody has."""
 
 
 def calls(method: str, **params: Any) -> Act:
     """Return a motion that is called and ends."""
 
-    def act(rig: Rig) -> None:
+    def act(rig: Pressing) -> None:
         rig.owner.call(method, within_s=60.0, **params)
 
     return act
 
 
 def ended_by(
-    method: str, then: Callable[[Rig, int], None], felt_nm: float = 1.1, **params: Any
+    method: str, then: Callable[[Pressing, int], object], felt_nm: float = 1.1, **params: Any
 ) -> Act:
     """Return a motion that something else ends while it presses, with 0 N·m while it moves."""
 
-    def act(rig: Rig) -> None:
+    def act(rig: Pressing) -> None:
         number = rig.owner.send(method, **params)
         if felt_nm:
             rig.run_until(lambda: rig.felt_nm(rig.looks[-1]) > felt_nm, 10.0)
         else:
             rig.run(0.15)
-        running = rig.controller.jobs.running
-        assert running is not None
         assert not rig.owner.has_answer(number)
-        then(rig, running.number)
+        then(rig, rig.running.number)
 
     return act
 
 
-def cancelled(rig: Rig, job: int) -> None:
+def cancelled(rig: Pressing, job: int) -> None:
     rig.owner.result("job.cancel", job=job)
 
 
-def stopped(rig: Rig, _job: int) -> None:
+def stopped(rig: Pressing, _job: int) -> None:
     rig.watcher.result("stop", level="hold")
 
 
-def left(rig: Rig, _job: int) -> None:
-    rig.owner.leave()
-
-
-def taken(rig: Rig, _job: int) -> None:
-    rig.watcher.result("lease.take", why="test")
-
-
-def forced(rig: Rig) -> float:
+def forced(rig: Pressing) -> float:
     """Squeeze without a grasp."""
     rig.owner.result("motion.set_force", force_n=8.0)
     return 0.8
 
 
-def grasped(rig: Rig) -> float:
+def grasped(rig: Pressing) -> float:
     """Grasp."""
     rig.owner.result("motion.grasp", force_n=15.0, until="verdict")
     return 1.5
@@ -258,7 +170,7 @@ def grasped(rig: Rig) -> float:
 def streamed(torque_nm: float, **more: Any) -> Act:
     """Return a stream of set-points beyond the object, which ends."""
 
-    def act(rig: Rig) -> float:
+    def act(rig: Pressing) -> float:
         for _ in range(round(2.5 / rig.period_s)):
             rig.owner.send("stream.set", opening_mm=TO_MM, torque_nm=torque_nm, **more)
             rig.tick()
@@ -267,7 +179,7 @@ def streamed(torque_nm: float, **more: Any) -> Act:
     return act
 
 
-def path(rig: Rig) -> str:
+def path(rig: Pressing) -> str:
     """Upload a path through the object."""
     count = round((FROM_MM - TO_MM) / 50.0 / 0.01)
     way_mm = (FROM_MM - TO_MM) / count
@@ -275,12 +187,12 @@ def path(rig: Rig) -> str:
     return uploaded(rig.owner, points)
 
 
-def played(rig: Rig) -> None:
+def played(rig: Pressing) -> None:
     """Play to the end, which is not reached."""
     rig.owner.result("trajectory.play", name=path(rig), torque_nm=3.0)
 
 
-def paused(rig: Rig) -> float:
+def paused(rig: Pressing) -> float:
     """Play, and pause where the jaws press."""
     rig.owner.send("trajectory.play", name=path(rig), torque_nm=2.0)
     rig.run_until(lambda: rig.felt_nm(rig.looks[-1]) > 0.8, 10.0)
@@ -288,10 +200,10 @@ def paused(rig: Rig) -> float:
     return 2.0
 
 
-def follows(then: Callable[[Rig], None] | None = None, **params: Any) -> Act:
+def follows(then: Callable[[Pressing], object] | None = None, **params: Any) -> Act:
     """Return a follower whose leader closes and stays closed."""
 
-    def act(rig: Rig) -> float | None:
+    def act(rig: Pressing) -> float | None:
         rig.leader.began_s = rig.now_s
         rig.owner.result("teleop.start", mode="slave", host="leader", **params)
         rig.run(SETTLE_S + 1.5)
@@ -303,49 +215,33 @@ def follows(then: Callable[[Rig], None] | None = None, **params: Any) -> Act:
     return act
 
 
-def unheard(rig: Rig) -> None:
+def unheard(rig: Pressing) -> None:
     rig.leader.silent_s = rig.now_s
 
 
-def unfollowed(rig: Rig) -> None:
-    rig.owner.result("teleop.stop")
-
-
-def dropped(rig: Rig) -> None:
-    rig.owner.leave()
-
-
-def recorded(rig: Rig) -> None:
+def recorded(rig: Pressing) -> None:
     """Record a move that is blocked, with the jaws driven."""
     rig.owner.result("trajectory.record_start", zero_gravity=False)
     rig.owner.call("motion.move", opening_mm=TO_MM)
     rig.owner.result("trajectory.record_stop")
 
 
-def enabled_upon(rig: Rig) -> None:
+def enabled_upon(rig: Pressing) -> None:
     """Enable jaws that somebody has pressed onto the object, and holds there until then."""
-    pressed(rig, 3.0)
+    rig.hand(3.0)
     rig.owner.result("motor.disable")
     rig.run(0.3)
     rig.owner.result("motor.enable")
-    pressed(rig, 0.0)
+    rig.hand(0.0)
 
 
-def held_upon(rig: Rig) -> None:
+def held_upon(rig: Pressing) -> None:
     """Hold jaws that somebody has pressed onto the object while they were slack."""
     rig.owner.result("motion.zero_gravity")
-    pressed(rig, 3.0)
+    rig.hand(3.0)
     rig.run(0.5)
     rig.owner.result("motion.hold")
-    pressed(rig, 0.0)
-
-
-def pressed(rig: Rig, torque_nm: float) -> None:
-    """Let a hand close the jaws with this torque from now on."""
-    if isinstance(rig, PlantRig):
-        rig.mechanics.hand_nm = torque_nm
-    else:
-        rig.gripper.push(rig.gripper.parameters.close_sign * torque_nm)
+    rig.hand(0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -357,7 +253,7 @@ class Press:
     opens: bool = False
 
 
-def _move(then: Callable[[Rig, int], None]) -> Act:
+def _move(then: Callable[[Pressing, int], object]) -> Act:
     return ended_by("motion.move", then, opening_mm=TO_MM)
 
 
@@ -383,14 +279,18 @@ PRESSES: dict[str, Press] = {
     "hold": Press(held_upon, ("motion.hold", "motion.zero_gravity")),
     "cancel": Press(_move(cancelled), ("motion.move",)),
     "stop": Press(_move(stopped), ("motion.move",)),
-    "lost client": Press(_move(left), ("motion.move",)),
-    "take": Press(_move(taken), ("lease.take",)),
+    "lost client": Press(_move(lambda rig, _: rig.owner.leave()), ("motion.move",)),
+    "take": Press(
+        _move(lambda rig, _: rig.watcher.result("lease.take", why="test")), ("lease.take",)
+    ),
     "cancelled close": Press(ended_by("motion.close", cancelled, 0.8), ("motion.close",)),
     "follow": Press(follows(), ("teleop.start",)),
     "follow with a limit": Press(follows(force_limit_n=20.0), ("teleop.start",)),
     "silent leader": Press(follows(unheard), ("teleop.start",)),
-    "end of following": Press(follows(unfollowed), ("teleop.start",)),
-    "follower of a lost client": Press(follows(dropped), ("teleop.start",)),
+    "end of following": Press(
+        follows(lambda rig: rig.owner.result("teleop.stop")), ("teleop.start",)
+    ),
+    "follower of a lost client": Press(follows(lambda rig: rig.owner.leave()), ("teleop.start",)),
 }
 
 NOT_PRESSING = {

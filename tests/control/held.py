@@ -3,12 +3,18 @@
 from collections.abc import Callable
 from typing import Any
 
+import pytest
+
 from bench.jaws.hand import Hand
-from litegripd.sim.plant import SimulatorParameters, limits_of_mount
+from litegripd.sim.plant import MOUNTS
 from tests.world import Client, World
 
-MOUNTS = ("normal", "reverse")
 RATES_HZ = (100, 200, 1000)
+every_mount = pytest.mark.parametrize("mount", MOUNTS)
+every_setting = pytest.mark.parametrize(
+    ("rate_hz", "mount"), [(100, "reverse"), (200, "normal"), (200, "reverse"), (1000, "normal")]
+)
+"""Each rate, and at the usual one both mounts: a mount turns signs, whatever the rate."""
 WIDTH_MM = 50.0
 BACK_SHARE = 0.8
 BACK_S = 0.5
@@ -29,18 +35,13 @@ class Held(World):
         rate_hz: int = 200,
         *,
         far_mm: float = 20.0,
-        figures: dict[str, float] | None = None,
+        figures: dict[str, Any] | None = None,
         **grasp: Any,
     ) -> None:
-        closed_rad, open_rad = limits_of_mount(mount)
-        changed: dict[str, Any] = {
-            "closed_rad": closed_rad,
-            "open_rad": open_rad,
-            "initial_opening_mm": WIDTH_MM + far_mm,
-            **(figures or {}),
-        }
-        parameters = SimulatorParameters(**changed)
-        super().__init__(mount, parameters=parameters, period_s=1.0 / rate_hz)
+        opening_mm = WIDTH_MM + far_mm
+        super().__init__(
+            mount, period_s=1.0 / rate_hz, initial_opening_mm=opening_mm, **(figures or {})
+        )
         self.hand: Hand | None = None
         self._moved_until_s = self.now_s
         self.gripper.put_object(width_mm=WIDTH_MM)
@@ -63,16 +64,9 @@ class Held(World):
         """What the object truly feels."""
         return 10.0 * self.gripper.clamp_nm
 
-    @property
-    def close_sign(self) -> int:
-        """Which way closing turns the motor."""
-        return self.gripper.parameters.close_sign
-
     def events(self, kind: str) -> list[dict[str, Any]]:
         """Return the events of a kind so far."""
-        self.watcher.read()
-        reported = [n["params"] for n in self.watcher.notifications if n["method"] == "event"]
-        return [event for event in reported if event["kind"] == kind]
+        return self.watcher.events(kind)
 
     def moved_mm(self) -> list[float]:
         """Return by how much the object moved, each time that it was reported."""
@@ -80,18 +74,14 @@ class Held(World):
 
     def least_clamp_n(self, duration_s: float) -> float:
         """Let time pass; return the least that the object felt meanwhile."""
-        least_n = self.clamp_n
-        for _ in range(round(duration_s / self.period_s)):
-            self.tick()
-            least_n = min(least_n, self.clamp_n)
-        return least_n
+        return min(self.clamp_n, *self.track(duration_s, lambda: self.clamp_n))
 
 
 def push(torque_nm: float, lasts_s: float) -> Happen:
     """Let a hand push the jaws open for a while."""
 
     def happen(held: Held) -> None:
-        held.gripper.push(-held.close_sign * torque_nm)
+        held.gripper.push(-held.gripper.parameters.close_sign * torque_nm)
         held.run(lasts_s)
         held.gripper.push(0.0)
 

@@ -8,7 +8,6 @@ import pytest
 from litegripd.control.holds import Slack
 from litegripd.model.motor import MotorPhase
 from litegripd.model.state import Event, Job
-from litegripd.sim.plant import SimulatorParameters
 from tests.control.states import LEVELS
 from tests.trajectories import lgt, pieces
 from tests.world import Client, World
@@ -40,7 +39,7 @@ ACTS += [*["stop.clear"] * 3, *["move"] * 12]
 class AnyLoss:
     def __init__(self, seed: int) -> None:
         self.random = random.Random(seed)
-        self.world = World(parameters=SimulatorParameters(initial_opening_mm=80.0)).start()
+        self.world = World(initial_opening_mm=80.0).start()
         self.world.gripper.put_object(width_mm=40.0)
         self.clients = [self.world.client() for _ in range(3)]
         self.token = "none"

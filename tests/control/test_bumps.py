@@ -3,10 +3,11 @@
 import pytest
 
 from tests.control.held import (
-    MOUNTS,
     RATES_HZ,
     Happen,
     Held,
+    every_mount,
+    every_setting,
     gives_way,
     kept,
     opened,
@@ -25,15 +26,14 @@ BUMPS: dict[str, tuple[float, Happen]] = {
 }
 
 
-@pytest.mark.parametrize("mount", MOUNTS)
-@pytest.mark.parametrize("rate_hz", RATES_HZ)
+@every_setting
 @pytest.mark.parametrize("name", BUMPS)
 def test_what_is_bumped_is_held_on(name: str, rate_hz: int, mount: str) -> None:
     force_n, happen = BUMPS[name]
     kept(Held(force_n, mount, rate_hz), happen)
 
 
-@pytest.mark.parametrize("mount", MOUNTS)
+@every_mount
 @pytest.mark.parametrize("name", BUMPS)
 def test_a_hold_by_gains_survives_the_same_bumps(name: str, mount: str) -> None:
     """How hard it holds after a step is another matter: a stiff hold loses force there."""
@@ -46,8 +46,7 @@ def test_a_hold_by_gains_survives_the_same_bumps(name: str, mount: str) -> None:
     assert held.clamp_n > 0.5 * force_n
 
 
-@pytest.mark.parametrize("mount", MOUNTS)
-@pytest.mark.parametrize("rate_hz", RATES_HZ)
+@every_setting
 @pytest.mark.parametrize(("force_n", "way_mm"), [(10.0, 2.0), (10.0, 1.7), (5.0, 1.0)])
 def test_how_far_the_object_moved_is_reported_once(
     force_n: float, way_mm: float, rate_hz: int, mount: str
@@ -69,8 +68,7 @@ def test_a_bump_moves_no_object() -> None:
     assert held.moved_mm() == []
 
 
-@pytest.mark.parametrize("mount", MOUNTS)
-@pytest.mark.parametrize("rate_hz", RATES_HZ)
+@every_setting
 @pytest.mark.parametrize("force_n", [10.0, 20.0, 30.0])
 def test_an_object_that_vanishes_is_reported_once_and_the_jaws_stop(
     force_n: float, rate_hz: int, mount: str
@@ -113,12 +111,11 @@ def test_a_running_grasp_continues_through_a_bump_until_the_object_vanishes(happ
     assert len(held.events("object_lost")) == 1
 
 
-@pytest.mark.parametrize("mount", MOUNTS)
 @pytest.mark.parametrize("way_mm", [0.3, 0.5, 0.7])
 @pytest.mark.parametrize("force_n", [5.0, 10.0, 20.0, 30.0])
-def test_half_a_millimetre_at_1000_hz_is_no_loss(force_n: float, way_mm: float, mount: str) -> None:
+def test_half_a_millimetre_at_1000_hz_is_no_loss(force_n: float, way_mm: float) -> None:
     """What is counted is time: at 1000 Hz three measurements are 3 ms."""
-    held = Held(force_n, mount, rate_hz=1000)
+    held = Held(force_n, rate_hz=1000)
     held.gripper.give_way(way_mm)
     held.run(0.6)
     assert held.state.is_grasped

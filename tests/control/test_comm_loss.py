@@ -17,7 +17,7 @@ from litegripd.model.motor import CanFrame, MotorPhase, Status
 from litegripd.motor.codec import TIMEOUT_UNIT_S
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.plant import SimulatorParameters
-from tests.world import CAN_ID, PERIOD_S, Client, World
+from tests.world import CAN_ID, PERIOD_S, Client, World, ready
 
 LOSSES_S = [0.1, 0.4, 0.9]
 UNASKED_HZ = [0.0, 10.0]
@@ -25,6 +25,8 @@ READS = [8000, 0, 2000]
 every_motor = pytest.mark.parametrize(
     ("loss_s", "unasked_hz", "reads"), list(product(LOSSES_S, UNASKED_HZ, READS))
 )
+WORST = (0.1, 10.0, 8000)
+"""Misses its daemon soonest, and says otherwise: it holds for a minute."""
 each_rate = pytest.mark.parametrize("unasked_hz", UNASKED_HZ)
 
 
@@ -43,14 +45,11 @@ def enabled(loss_s: float, unasked_hz: float, reads: int = 8000) -> tuple[World,
 
 
 def kinds(client: Client) -> list[str]:
-    client.read()
-    return [n["params"]["kind"] for n in client.notifications if n["method"] == "event"]
+    return [event["kind"] for event in client.events()]
 
 
 @every_motor
-def test_it_opens_closes_grips_and_holds_for_a_minute(
-    loss_s: float, unasked_hz: float, reads: int
-) -> None:
+def test_it_opens_closes_grips_and_holds(loss_s: float, unasked_hz: float, reads: int) -> None:
     world, client = enabled(loss_s, unasked_hz, reads)
     client.read()
     client.notifications.clear()
@@ -60,7 +59,7 @@ def test_it_opens_closes_grips_and_holds_for_a_minute(
     assert client.result("motion.open")["outcome"] == "pressed_home"
     world.gripper.put_object(width_mm=40.0)
     assert client.result("motion.grasp", force_n=10.0, until="verdict")["outcome"] == "object_held"
-    world.run(60.0)
+    world.run(60.0 if (loss_s, unasked_hz, reads) == WORST else 5.0)
     assert world.state.is_grasped
     assert world.state.age_s == pytest.approx(PERIOD_S)
     counters = world.machine.motor.counters
@@ -111,12 +110,9 @@ def test_a_motor_that_reports_but_no_longer_hears_is_silent() -> None:
     world.lose_to_motor = everything
     since_s = world.now_s
     world.run_until(lambda: world.in_phase(MotorPhase.SILENT), 0.05)
-    phases, ages_s = set(), []
-    for _ in range(100):
-        world.tick()
-        phases.add(world.phase)
-        ages_s.append(world.state.age_s or 0.0)
-    assert phases == {MotorPhase.SILENT}
+    seen = world.track(0.5, lambda: (world.phase, world.state.age_s or 0.0))
+    phases, ages_s = zip(*seen, strict=True)
+    assert set(phases) == {MotorPhase.SILENT}
     assert max(ages_s) < 0.12  # what it reports is a measurement
     assert client.has_answer(moving)
     assert client.answers[moving]["error"]["data"]["reason"] == "motor_silent"
@@ -184,8 +180,7 @@ def test_a_single_false_status_is_left_out_beside_unasked_reports(
 
 @pytest.mark.parametrize("period_s", [0.010, 0.002, 0.001])
 def test_unasked_reports_are_plausible_at_any_rate_of_ticks(period_s: float) -> None:
-    world = World(parameters=a_motor(0.1, 37.0), period_s=period_s)
-    client = world.enabled()
+    world, client = ready(parameters=a_motor(0.1, 37.0), period_s=period_s)
     for method in ("motion.open", "motion.close"):
         answer = client.result(method, speed_mm_s=60.0)
         assert answer["outcome"] == "pressed_home"

@@ -7,7 +7,7 @@ from litegripd.model.state import TaskResult
 from litegripd.motor import codec
 from litegripd.recorder.recorder import APART_S
 from tests.control.test_dumps import causes, recover, watching
-from tests.world import CAN_ID, World
+from tests.world import CAN_ID, World, ready
 
 SLOW_S = 0.01
 """The slowest control rate: these scenes wait for minutes."""
@@ -26,8 +26,7 @@ def lose_frames(world: World, duration_s: float) -> None:
 
 
 def test_an_enabled_motor_that_is_switched_off_is_dumped_each_time_it_was_enabled() -> None:
-    world = World(period_s=SLOW_S)
-    client = world.enabled()
+    world, client = ready(period_s=SLOW_S)
     observer = watching(world)
     for count in (1, 2):
         world.gripper.power_off()
@@ -38,7 +37,7 @@ def test_an_enabled_motor_that_is_switched_off_is_dumped_each_time_it_was_enable
         recover(world, client)
         until_dumped(world, count)
         assert world.disk.dumps[-1].ticks[0].at_s < at_s - 0.1
-    world.run(130.0)
+    world.run(2.0 * APART_S)
     assert causes(observer) == ["motor_silent", "motor_silent"]
 
 
@@ -47,7 +46,7 @@ def test_a_silence_that_comes_again_and_again_is_dumped_once() -> None:
     world = World(period_s=SLOW_S)
     world.enabled()
     observer = watching(world)
-    for _ in range(12):
+    for _ in range(5):
         lose_frames(world, 0.05)
         assert world.in_phase(MotorPhase.SILENT)
         world.run(20.0)
@@ -60,8 +59,7 @@ def test_a_silence_that_comes_again_and_again_is_dumped_once() -> None:
 
 
 def test_a_disabled_motor_that_is_switched_off_is_not_dumped() -> None:
-    world = World(period_s=SLOW_S)
-    client = world.enabled()
+    world, client = ready(period_s=SLOW_S)
     client.result("motor.disable")
     world.gripper.power_off()
     world.run_until(lambda: world.in_phase(MotorPhase.SILENT), 5.0)
@@ -70,8 +68,7 @@ def test_a_disabled_motor_that_is_switched_off_is_not_dumped() -> None:
 
 
 def test_a_motor_that_is_disabled_by_nobody_here_is_dumped() -> None:
-    world = World(period_s=SLOW_S)
-    client = world.enabled()
+    world, client = ready(period_s=SLOW_S)
     observer = watching(world)
     world.gripper.power_cycle()
     world.run_until(lambda: world.in_phase(MotorPhase.DISABLED), 1.0)
@@ -85,14 +82,13 @@ def test_a_motor_that_is_disabled_by_nobody_here_is_dumped() -> None:
 
 
 def test_a_position_that_jumps_is_dumped_with_the_jump() -> None:
-    world = World(period_s=SLOW_S)
-    client = world.enabled()
+    world, client = ready(period_s=SLOW_S)
     observer = watching(world)
     client.result("motion.move", opening_mm=60)
     world.gripper.jump(0.5)
     world.run_until(lambda: world.in_phase(MotorPhase.DISABLED), 1.0)
     at_s = world.now_s
-    world.run(130.0)
+    world.run(2.0 * APART_S)
     assert causes(observer) == ["implausible"]
     (dump,) = world.disk.dumps
     assert dump.ticks[0].at_s < at_s - 0.2
@@ -103,7 +99,7 @@ def test_a_second_master_is_dumped_when_it_begins() -> None:
     world = World(period_s=SLOW_S)
     world.enabled()
     observer = watching(world)
-    for _ in range(40):
+    for _ in range(20):
         world.inject(FOREIGN)
         world.run(4.0)  # each ends an episode of the refusal, and begins another
     assert causes(observer) == ["second_master"]
@@ -123,8 +119,7 @@ def test_a_second_master_that_is_tolerated_is_not() -> None:
 
 
 def test_a_jump_is_dumped_once_however_often_the_motor_is_disabled_after_it() -> None:
-    world = World(period_s=SLOW_S)
-    client = world.enabled()
+    world, client = ready(period_s=SLOW_S)
     observer = watching(world)
     world.gripper.jump(0.5)
     until_dumped(world, 1)

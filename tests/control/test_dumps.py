@@ -4,7 +4,7 @@ import pytest
 
 from litegripd.model.motor import BusCondition, MotorPhase
 from litegripd.recorder.recorder import AFTER_S, APART_S
-from tests.world import PERIOD_S, Client, World
+from tests.world import PERIOD_S, Client, World, ready
 
 
 def watching(world: World) -> Client:
@@ -14,8 +14,7 @@ def watching(world: World) -> Client:
 
 
 def reported(client: Client) -> list[dict[str, object]]:
-    client.read()
-    return [n["params"]["data"] for n in client.notifications if n["method"] == "event"]
+    return [event["data"] for event in client.events()]
 
 
 def causes(observer: Client) -> list[object]:
@@ -34,8 +33,7 @@ def recover(world: World, client: Client) -> None:
 
 
 def test_a_fault_is_dumped_once_with_what_came_before_and_after() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     observer = watching(world)
     client.send("motion.open")
     world.run(0.2)
@@ -47,15 +45,14 @@ def test_a_fault_is_dumped_once_with_what_came_before_and_after() -> None:
     assert dump.ticks[0].at_s < at_s - 0.2
     assert dump.ticks[-1].at_s > at_s + 0.9
     assert "motor" in [event.content["kind"] for event in dump.events]
-    world.run(130.0)
+    world.run(2.0 * APART_S)
     assert len(world.disk.dumps) == 1
     (event,) = reported(observer)
     assert event == {"cause": "motor_fault", "path": "/state/dumps/1"}
 
 
 def test_a_fault_soon_after_a_dump_waits_and_is_still_in_the_next_one() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     fault(world)
     world.run_until(lambda: bool(world.disk.dumps), 2.0)
     first_s = world.disk.dumps[0].ticks[-1].at_s
@@ -110,7 +107,7 @@ def test_a_bus_that_is_lost_while_the_motor_is_off_is_not() -> None:
 def test_a_defect_that_stays_is_dumped_once() -> None:
     world = World().start()
     observer = watching(world)
-    for _ in range(round(3 * APART_S / PERIOD_S)):
+    for _ in range(round(2 * APART_S / PERIOD_S)):
         world.tick()
         world.dumps.step(world.now_s, failed=True, bus_is_up=True)
     assert causes(observer) == ["tick_error"]
@@ -136,13 +133,12 @@ def test_one_dump_is_written_at_a_time() -> None:
     client = world.client()
     first = client.send("recorder.dump")
     assert client.refusal("recorder.dump") == "too_many_requests"
-    world.run_until(lambda: client.has_answer(first))
+    client.wait(first)
     assert client.result("recorder.dump")["ticks"]
 
 
 def test_a_fault_while_a_dump_is_written_is_dumped_after_it() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     fault(world)
     world.run(AFTER_S - 2 * PERIOD_S)
     client.send("recorder.dump")
@@ -151,8 +147,7 @@ def test_a_fault_while_a_dump_is_written_is_dumped_after_it() -> None:
 
 
 def test_a_disk_that_fails_is_told_and_ends_nothing() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     observer = watching(world)
     world.disk.error = "OSError: no space left"
     answer = client.call("recorder.dump")

@@ -105,8 +105,8 @@ def test_the_files_factor_says_how_much_torque_a_force_is(
     assert state.force_set_n == 20.0
     assert state.force_n == pytest.approx(20.0, abs=1.0)
     if method == "motion.grasp":
-        assert state.clamp_n is not None
-        assert state.clamp_n[0] <= nm_to_n * world.gripper.clamp_nm <= state.clamp_n[1]
+        low_n, high_n = world.clamp_range_n
+        assert low_n <= nm_to_n * world.gripper.clamp_nm <= high_n
         world.gripper.remove_object()
         world.run_until(lambda: not world.state.is_grasped, 0.1)
 

@@ -1,5 +1,6 @@
 """Gains that cannot be safe: refused where a caller gives them, without effect in a file."""
 
+from functools import cache
 from typing import Any
 
 import pytest
@@ -8,20 +9,18 @@ from litegripd.control.limiter import DEFAULT_GAINS, Gains
 from litegripd.model.calibration import Calibration
 from litegripd.model.motion_config import LEAST_DAMPING_S, damping_conflict
 from tests.control.replays import SLOW
+from tests.control.teleop_scene import FAKE
 from tests.plants.holds import unguard
 from tests.plants.parameters import PlantParameters
 from tests.plants.world import PlantWorld
 from tests.trajectories import uploaded
-from tests.world import World
-
-SLAVE = {"mode": "slave", "fake_leader": True}
+from tests.world import World, ready
 
 
 def shaken_mm_s(gains: Gains, *, guarded: bool = False) -> float:
     """Return how fast the jaws still are a second after a blow, on a motor that is no simulator."""
     world = PlantWorld(PlantParameters(), "normal", 200, opening_mm=60.0)
-    geometry = world.controller.geometry
-    assert geometry is not None
+    geometry = world.geometry
     kp, kd = gains.kp_nm_rad, gains.kd_nm_s_rad
     world.controller.use_calibration(Calibration(geometry, kp_nm_rad=kp, kd_nm_s_rad=kd))
     if not guarded:
@@ -53,8 +52,7 @@ def test_jaws_held_by_a_file_without_damping_do_not_swing(kp_nm_rad: float) -> N
 @pytest.mark.parametrize("kp_nm_rad", [5.0, 100.0, 500.0])
 def test_no_command_is_without_damping_because_a_file_is(kp_nm_rad: float) -> None:
     """Of all that uses a file's gains: the hold, a stream, a follower."""
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     content = client.result("calibration.get")["content"]
     client.result("calibration.load", content={**content, "kp": kp_nm_rad, "kd": 0})
     since_s = world.now_s
@@ -62,7 +60,7 @@ def test_no_command_is_without_damping_because_a_file_is(kp_nm_rad: float) -> No
     world.run(0.5)
     client.result("stream.set", opening_mm=40.0)
     world.run(0.5)
-    client.result("teleop.start", **SLAVE)
+    client.result("teleop.start", **FAKE)
     world.run(1.0)
     stiff = [command for _, command in world.commands_since(since_s) if command.kp_nm_rad > 0.0]
     assert len(stiff) > 200
@@ -70,8 +68,7 @@ def test_no_command_is_without_damping_because_a_file_is(kp_nm_rad: float) -> No
 
 
 def test_a_file_with_one_gain_does_not_get_the_other_of_a_stiffer_one() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     content = client.result("calibration.get")["content"]
     for kp, kd, expected in (
         (500, 1.5, Gains(500.0, 1.5)),
@@ -98,11 +95,11 @@ FILES = [
 ]
 
 
+@cache
 def came_to(kp_nm_rad: float, kd_nm_s_rad: float) -> list[tuple[str, float, float]]:
     """Return outcome, place (mm) and time (s) of some motions with a file of these gains."""
     world = World()
-    geometry = world.controller.geometry
-    assert geometry is not None
+    geometry = world.geometry
     file = Calibration(geometry, kp_nm_rad=kp_nm_rad, kd_nm_s_rad=kd_nm_s_rad)
     world.controller.use_calibration(file)
     client, seen = world.enabled(), []
@@ -149,19 +146,19 @@ def test_no_gains_of_a_file_change_what_a_motion_comes_to(
         ("trajectory.play", {"kd": 0.1}, 0.2),
         ("motion.move", {"kp": 500, "kd": 0.1}, 1.0),
         ("motion.move", {"kd": 0.1}, 0.2),
+        ("stream.set", {"kp": 500, "kd": 0.5}, 1.0),
     ],
 )
 def test_what_a_motion_gives_is_judged_with_what_it_leaves_out(
     method: str, gains: dict[str, Any], least: float
 ) -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     content = client.result("calibration.get")["content"]
     client.result("calibration.load", content={**content, "kp": 100, "kd": 0.5})
     if method == "trajectory.play":
         params: dict[str, Any] = {"name": uploaded(client, SLOW)}
     else:
-        params = SLAVE if method == "teleop.start" else {"opening_mm": 30.0}
+        params = FAKE if method == "teleop.start" else {"opening_mm": 30.0}
     error = client.call(method, **params, **gains)["error"]
     assert error["data"]["reason"] == "out_of_limits"
     assert (error["data"]["field"], error["data"]["limit"]) == ("kd", pytest.approx(least))
@@ -171,8 +168,7 @@ def test_what_a_motion_gives_is_judged_with_what_it_leaves_out(
 @pytest.mark.parametrize("method", ["trajectory.play", "motion.move"])
 def test_a_motion_does_not_take_what_it_leaves_out_from_the_file(method: str) -> None:
     """The usual damping, 2 N·m·s/rad, goes with every stiffness."""
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     content = client.result("calibration.get")["content"]
     client.result("calibration.load", content={**content, "kp": 100, "kd": 0.5})
     plays = method == "trajectory.play"
@@ -184,8 +180,7 @@ def test_a_motion_does_not_take_what_it_leaves_out_from_the_file(method: str) ->
 
 
 def test_a_hold_by_gains_damps_enough_or_is_refused() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     grasp: dict[str, Any] = {"hold_by": "gains", "until": "verdict"}
     error = client.call("motion.grasp", **grasp, config={"hold_kp": 300, "hold_kd": 0.1})["error"]
     assert error["data"]["field"] == "hold_kd"

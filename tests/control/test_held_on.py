@@ -6,7 +6,7 @@ import pytest
 
 from litegrip_client import MoveResult
 from litegripd.model.calibration import NOMINAL
-from tests.control.held import MOUNTS, Held
+from tests.control.held import Held, every_mount
 
 CLOSING: list[tuple[str, dict[str, Any]]] = [
     ("motion.close", {}),
@@ -19,21 +19,17 @@ CLOSING: list[tuple[str, dict[str, Any]]] = [
 
 def held_on(held: Held, force_n: float, duration_s: float = 1.0) -> None:
     """Nothing presses harder than the hold meanwhile, and it holds on."""
-    least_n = most_n = held.clamp_n
-    most_nm = 0.0
-    for _ in range(round(duration_s / held.period_s)):
-        held.tick()
-        least_n, most_n = min(least_n, held.clamp_n), max(most_n, held.clamp_n)
-        most_nm = max(most_nm, abs(held.gripper.motor_torque_nm))
-    assert least_n > 0.85 * force_n
-    assert most_n < 1.1 * force_n
-    assert most_nm < force_n / 10.0 + 0.1
+    seen = held.track(duration_s, lambda: (held.clamp_n, held.torque_nm))
+    clamps_n, torques_nm = zip(*seen, strict=True)
+    assert 0.85 * force_n < min(clamps_n)
+    assert max(clamps_n) < 1.1 * force_n
+    assert max(torques_nm) < force_n / 10.0 + 0.1
     assert held.state.is_grasped
     assert held.state.force_set_n == force_n
     assert held.events("object_lost") == []
 
 
-@pytest.mark.parametrize("mount", MOUNTS)
+@every_mount
 @pytest.mark.parametrize("hold_by", ["torque", "gains"])
 @pytest.mark.parametrize(("method", "params"), CLOSING)
 def test_closing_on_what_is_held_is_blocked_at_once(
@@ -73,18 +69,14 @@ def test_a_closing_that_waited_for_a_grasp_is_blocked_after_it() -> None:
     assert held.owner.answers[closing]["result"]["outcome"] == "blocked"
 
 
-def test_opening_lets_go_as_ever() -> None:
+@pytest.mark.parametrize(
+    ("method", "params", "to_mm"),
+    [("motion.open", {}, NOMINAL[0].travel_mm), ("motion.move", {"opening_mm": 80}, 80.0)],
+)
+def test_opening_lets_go_as_ever(method: str, params: dict[str, Any], to_mm: float) -> None:
     held = Held(20.0)
-    assert held.owner.result("motion.open")["ok"]
-    assert held.gripper.opening_mm > NOMINAL[0].travel_mm - 1.0
-    assert not held.state.is_grasped
-
-
-def test_moving_towards_open_lets_go_as_ever() -> None:
-    held = Held(20.0)
-    result = held.owner.result("motion.move", opening_mm=80)
-    assert result["ok"]
-    assert held.gripper.opening_mm == pytest.approx(80.0, abs=1.5)
+    assert held.owner.result(method, **params)["ok"]
+    assert held.gripper.opening_mm == pytest.approx(to_mm, abs=1.5)
     assert not held.state.is_grasped
 
 

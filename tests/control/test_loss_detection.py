@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from litegripd.model.motor import CanFrame
-from tests.control.held import MOUNTS, Held
+from tests.control.held import Held, every_mount, every_setting
 
 TOLD_S = 0.2
 COULOMB_NM, BREAKAWAY_NM = 0.15, 0.21
@@ -28,7 +28,7 @@ def loses(held: Held) -> bool:
     return bool(lost) and lost[0]["monotonic_s"] <= began_s + TOLD_S
 
 
-@pytest.mark.parametrize("mount", MOUNTS)
+@every_mount
 @pytest.mark.parametrize("rate_hz", [100, 200])
 @pytest.mark.parametrize("times", [1.0, 2.0, 3.0])
 @pytest.mark.parametrize("far_mm", [3.0, 20.0])
@@ -80,8 +80,7 @@ class Noisy(Held):
         return replace(frame, data=bytes(data))
 
 
-@pytest.mark.parametrize("mount", MOUNTS)
-@pytest.mark.parametrize("rate_hz", [100, 200, 1000])
+@every_setting
 @pytest.mark.parametrize("noise_rad_s", [0.1, 0.2, 0.3])
 @pytest.mark.parametrize("speed_mm_s", [25.0, 50.0])
 def test_a_noisy_speed_delays_neither_the_verdict_nor_the_report_of_a_loss(

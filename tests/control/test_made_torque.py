@@ -96,9 +96,8 @@ def test_torque_that_the_motors_own_current_limit_withholds() -> None:
     held = Held(40.0, figures={"current_limit_a": 2.0})
     held.run(1.0)
     assert weak_events(held) == [True]
-    clamp_n = held.state.clamp_n
-    assert clamp_n is not None
-    assert clamp_n[0] <= held.clamp_n <= clamp_n[1]
+    low_n, high_n = held.clamp_range_n
+    assert low_n <= held.clamp_n <= high_n
 
 
 def test_frames_that_are_late_make_no_motor_weak() -> None:

@@ -13,13 +13,12 @@ import pytest
 from bench.jaws.rig import PERIOD_S, Rig, ours
 from litegripd.control.motions.grasp import GraspRequest
 from litegripd.model.calibration import NOMINAL, Calibration
-from litegripd.model.gripper import FASTEST_MM_S, Geometry
+from litegripd.model.gripper import FASTEST_MM_S
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.state import GraspResult, Job
-from litegripd.sim.plant import GrippedObject, SimulatorParameters, limits_of_mount
+from litegripd.sim.plant import MOUNTS, GrippedObject
 from tests.world import World
 
-MOUNTS = ("normal", "reverse")
 NIGHTLY = os.environ.get("LITEGRIPD_PROPERTIES") == "nightly"
 BLOCK, BLOCKS = 50, 20 if NIGHTLY else 10
 TRAVEL_MM, MM_RAD = NOMINAL[0].travel_mm, NOMINAL[0].rad_to_mm
@@ -285,13 +284,8 @@ def test_with_any_gains_the_empty_end_is_no_object(
 ) -> None:
     """A soft file must not leave the jaws stuck short of it, nor a stiff one feel friction."""
     for mount in MOUNTS:
-        closed_rad, open_rad = limits_of_mount(mount)
-        parameters = SimulatorParameters(
-            closed_rad=closed_rad, open_rad=open_rad, initial_opening_mm=share * TRAVEL_MM
-        )
-        world = World(mount, parameters=parameters)
-        geometry = Geometry(closed_rad, open_rad, MM_RAD)
-        file = Calibration(geometry, kp_nm_rad=kp_nm_rad, kd_nm_s_rad=2.0)
+        world = World(mount, initial_opening_mm=share * TRAVEL_MM)
+        file = Calibration(world.geometry, kp_nm_rad=kp_nm_rad, kd_nm_s_rad=2.0)
         world.controller.use_calibration(file)
         result = world.enabled().result(
             "motion.grasp",

@@ -50,13 +50,7 @@ class Held:
         return is_shaking(self.world.looks_since(self.world.now_s - 0.45))
 
     def told(self) -> list[dict[str, Any]]:
-        return told(self.client)
-
-
-def told(client: Client) -> list[dict[str, Any]]:
-    client.read()
-    events = [note["params"] for note in client.notifications if note["method"] == "event"]
-    return [event for event in events if event["kind"] == "swing"]
+        return self.client.events("swing")
 
 
 @pytest.mark.parametrize("rate_hz", [100, 200, 1000])
@@ -104,7 +98,7 @@ def test_a_follower_that_swings_at_rest_is_calmed_and_told_of(name: str) -> None
     assert max(torques_nm) - min(torques_nm) > 8.0
     world.run(2.0)
     assert not is_shaking(world.looks_since(world.now_s - 0.45))
-    assert told(client)
+    assert client.events("swing")
 
 
 def pushes(world: PlantWorld) -> None:

@@ -65,8 +65,7 @@ class Watch:
         opening_mm = world.gripper.opening_mm
         self.most_mm = max(self.most_mm, abs(opening_mm - self.from_mm))
         self.least_n = min(self.least_n, squeeze_n(world))
-        geometry = world.controller.geometry
-        assert geometry is not None
+        geometry = world.geometry
         self.furthest_mm = max(self.furthest_mm, -opening_mm, opening_mm - geometry.travel_mm)
 
     def tick(self) -> None:
@@ -252,8 +251,7 @@ def lead_mm(world: FaultWorld) -> float:
 
 def is_open(world: FaultWorld) -> bool:
     """True if the jaws are where `open` brings them, to 4 % of the travel."""
-    geometry = world.controller.geometry
-    assert geometry is not None
+    geometry = world.geometry
     wanted_mm = world.controller.calibrated.work_opening_mm or geometry.travel_mm
     return abs(world.gripper.opening_mm - wanted_mm) < 0.04 * geometry.travel_mm
 

@@ -72,8 +72,7 @@ def recording(world: FaultWorld, client: Client) -> int:
     """Be recorded by hand, the jaws slack, with nobody's hand in them."""
     enabled(world, client)
     client.result("trajectory.record_start")
-    running = world.controller.jobs.running
-    assert running is not None
+    running = world.running
     number = client.send("job.wait", job=running.number)
     world.run(0.2)
     return number

@@ -31,21 +31,21 @@ LOOKED_AT_S, AFTER_S = 0.05, 0.5
 STILL_RAD, STILL_NM = 0.0005, 0.02
 """What rounds to 0.000 rad, 0.03 mm; and two steps of the motor's own torque measurement."""
 
-_LIMITS: Values = {"zero_position_rad": 0.0, "max_position_rad": -1.651026, "rad_to_mm": 52.69}
+LIMITS: Values = {"zero_position_rad": 0.0, "max_position_rad": -1.651026, "rad_to_mm": 52.69}
 _TAUGHT = pieces(lgt([(0.0, 0.3), (0.3, 0.5), (0.6, 0.2)]))[0]
 
 
 def _contents() -> Iterator[Values]:
     """Files with gains from end to end, other limits, another mount, another scale, or no use."""
     for gains in ((1.0, 0.01), (5.0, 5.0), (5.0, 2.0), (100.0, 2.0), (500.0, 1.0), (500.0, 5.0)):
-        yield {**_LIMITS, "kp": gains[0], "kd": gains[1]}
-    yield {**_LIMITS, "zero_position_rad": -0.3, "max_position_rad": -1.951026}
-    yield {**_LIMITS, "zero_position_rad": 0.3, "max_position_rad": -1.351026}
-    yield {**_LIMITS, "zero_position_rad": -5.0, "max_position_rad": -6.651026}
-    yield {**_LIMITS, "zero_position_rad": -1.651026, "max_position_rad": 0.0}
-    yield {**_LIMITS, "rad_to_mm": 46.0, "nm_to_n": 5.0}
-    yield {**_LIMITS, "rad_to_mm": 58.0, "nm_to_n": 30.0, "work_stroke_mm": 20.0}
-    yield {**_LIMITS, "calibrated": False}
+        yield {**LIMITS, "kp": gains[0], "kd": gains[1]}
+    yield {**LIMITS, "zero_position_rad": -0.3, "max_position_rad": -1.951026}
+    yield {**LIMITS, "zero_position_rad": 0.3, "max_position_rad": -1.351026}
+    yield {**LIMITS, "zero_position_rad": -5.0, "max_position_rad": -6.651026}
+    yield {**LIMITS, "zero_position_rad": -1.651026, "max_position_rad": 0.0}
+    yield {**LIMITS, "rad_to_mm": 46.0, "nm_to_n": 5.0}
+    yield {**LIMITS, "rad_to_mm": 58.0, "nm_to_n": 30.0, "work_stroke_mm": 20.0}
+    yield {**LIMITS, "calibrated": False}
 
 
 def _configs() -> Iterator[Values]:

@@ -3,7 +3,6 @@
 import pytest
 
 from litegripd.rpc.method import Method
-from litegripd.sim.plant import SimulatorParameters
 from tests.faults.fault_world import FaultWorld
 from tests.faults.matrix import PAGE, page, run_row, title
 from tests.faults.rows import FAULTS, Fault
@@ -12,20 +11,22 @@ from tests.faults.stopped import CALLED, run_stopped
 from tests.world import PERIOD_S
 
 STALE = "stale? see: python -m tests.faults.matrix"
+TEXT = PAGE.read_text(encoding="utf-8")
 
 
 def documented(fault: Fault, situation: Situation) -> str:
     """Return the row that the page has for a cell, or nothing."""
-    sections = PAGE.read_text(encoding="utf-8").split("\n### ")
-    section = next((text for text in sections if text.startswith(f"{title(fault)}\n")), "")
+    section = next(
+        (text for text in TEXT.split("\n### ") if text.startswith(f"{title(fault)}\n")), ""
+    )
     rows = (line for line in section.splitlines() if line.startswith(f"| {situation.name} |"))
     return next(rows, "")
 
 
 def documented_stopped(method: Method) -> str:
     """Return the row that the page has for a method under a stop, or nothing."""
-    rows = PAGE.read_text(encoding="utf-8").splitlines()
-    return next((line for line in rows if line.startswith(f"| `{method.name}` |")), "")
+    rows = (line for line in TEXT.splitlines() if line.startswith(f"| `{method.name}` |"))
+    return next(rows, "")
 
 
 @pytest.mark.parametrize("method", CALLED, ids=lambda method: method.name)
@@ -43,7 +44,7 @@ def test_a_fault_ends_safely_and_as_the_page_says(fault: Fault, situation: Situa
 
 def test_the_page_has_each_run_and_nothing_else() -> None:
     """Of these rows and no more; each is compared with a run of its own above."""
-    assert PAGE.read_text(encoding="utf-8") == page(documented, documented_stopped), STALE
+    assert page(documented, documented_stopped) == TEXT, STALE
 
 
 def test_no_two_faults_have_one_name() -> None:
@@ -51,7 +52,7 @@ def test_no_two_faults_have_one_name() -> None:
 
 
 def test_an_old_command_that_reaches_an_enabled_motor_is_noticed() -> None:
-    with FaultWorld(parameters=SimulatorParameters(watchdog_s=0.4)) as world:
+    with FaultWorld(watchdog_s=0.4) as world:
         world.enabled()
         world.run(0.5)
         assert world.oldest_s < PERIOD_S

@@ -1,31 +1,16 @@
 """What is in force when a stop comes stays, on plants that are no simulator, and over a silence."""
 
 from collections.abc import Callable
-from typing import Any
 
 import pytest
 
 from litegripd.control.holds import Hold
 from litegripd.control.limiter import DEFAULT_GAINS
-from tests.faults.stopped import CALLED, OBJECT_MM, STILL_RAD, Stopped, grips
+from tests.faults.stopped import CALLED, LIMITS, OBJECT_MM, RESTS, STILL_RAD, Stopped, grips
 from tests.plants.parameters import MM_RAD, Item, PlantParameters
 from tests.plants.world import PlantWorld
 from tests.plants.worst import SWINGING
-from tests.world import Client, World
-
-LIMITS: dict[str, Any] = {
-    "zero_position_rad": 0.0,
-    "max_position_rad": -1.651026,
-    "rad_to_mm": 52.69,
-}
-
-
-def _holds(_world: World, client: Client) -> None:
-    client.result("motion.move", opening_mm=40)
-
-
-def _presses(_world: World, client: Client) -> None:
-    client.result("motion.close")
+from tests.world import Client, World, ready
 
 
 def _grips(world: World, client: Client) -> None:
@@ -34,7 +19,7 @@ def _grips(world: World, client: Client) -> None:
     grips(world, client)
 
 
-@pytest.mark.parametrize("rest", [_holds, _presses, _grips])
+@pytest.mark.parametrize("rest", [*(rest.begin for rest in RESTS[:2]), _grips])
 @pytest.mark.parametrize("name", ["usual", "damping, fast filter"])
 def test_all_methods_in_a_row_move_no_other_gripper_either(
     name: str, rest: Callable[[World, Client], None]
@@ -56,8 +41,7 @@ def silent(world: World, duration_s: float) -> None:
 
 
 def test_gains_that_are_loaded_under_a_stop_do_not_come_with_a_short_silence() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     client.result("motion.move", opening_mm=40)
     before = world.controller.idle
     client.result("stop")
@@ -66,7 +50,7 @@ def test_gains_that_are_loaded_under_a_stop_do_not_come_with_a_short_silence() -
     idle = world.controller.idle
     assert isinstance(before, Hold)
     assert isinstance(idle, Hold)
-    assert (idle.gains, before.gains) == (DEFAULT_GAINS, DEFAULT_GAINS)
+    assert idle.gains == before.gains == DEFAULT_GAINS
     client.result("stop.clear")
     client.result("motion.move", opening_mm=42)
     idle = world.controller.idle
@@ -75,8 +59,7 @@ def test_gains_that_are_loaded_under_a_stop_do_not_come_with_a_short_silence() -
 
 
 def test_a_press_outlives_a_short_silence() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     assert client.result("motion.close")["ok"]
     world.run(0.3)
     before_nm = world.gripper.motor_torque_nm
@@ -87,10 +70,9 @@ def test_a_press_outlives_a_short_silence() -> None:
 
 
 def test_a_strong_grip_keeps_its_force_when_the_calibration_is_given_up() -> None:
-    world = World()
-    client = world.enabled()
+    world, client = ready()
     world.gripper.put_object(width_mm=OBJECT_MM)
     grips(world, client)
     client.result("calibration.load", content={**LIMITS, "calibrated": False})
     world.run(0.5)
-    assert abs(world.gripper.motor_torque_nm) == pytest.approx(3.0, abs=0.05)
+    assert world.torque_nm == pytest.approx(3.0, abs=0.05)

@@ -13,21 +13,18 @@ import random
 import statistics
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Protocol, TypeAlias
+from typing import TypeAlias
 
 from litegripd.model.motion_config import MotionConfig
-from litegripd.sim.gripper import SimulatedGripper
-from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from tests.plants.parameters import Item, PlantParameters, between, random_plant
+from tests.plants.rigs import PlantRig, Rig, SimulatedRig
 from tests.plants.trials import MOUNTS, RATES_HZ
-from tests.plants.world import PlantWorld
-from tests.world import World
 
 KT_ERRORS = (0.05, 0.2)
 MOMENTS = ("settled", "bumped", "lowered", "searching")
 CLOSED_NM_RAD = 25.5
 AFTER_S = 0.8
-N_NM = 10.0
+CONFIG = MotionConfig(force_rate_n_s=60.0)
 WORST = 8
 """So many of the most wrong are named."""
 
@@ -124,134 +121,69 @@ def plain_trial(plant: PlantParameters, force_n: float, load_nm: float = 0.0) ->
     )
 
 
-class Rig(Protocol):
-    """A gripper to be squeezed with, whichever plant it has."""
-
-    world: World
-
-    def true_n(self) -> float:
-        """Return what the object feels, in the daemon's newtons."""
-
-    def push(self, closing_nm: float) -> None:
-        """Let a hand push from now on."""
-
-    def give_way(self, by_mm: float) -> None:
-        """Let the object be thinner at once."""
-
-    def weaken(self, made_share: float) -> None:
-        """Let the motor make, and report, this share of the commanded torque."""
+def plant_rig(trial: ClampTrial) -> Rig:
+    """Return the plant of this package."""
+    opening_mm = trial.item.width_mm + trial.way_mm
+    return PlantRig(trial.plant, trial.mount, trial.rate_hz, opening_mm, config=CONFIG)
 
 
-class PlantRig:
-    """The plant of this package."""
-
-    def __init__(self, trial: ClampTrial) -> None:
-        self.world: World = PlantWorld(
-            trial.plant,
-            trial.mount,
-            trial.rate_hz,
-            opening_mm=trial.item.width_mm + trial.way_mm,
-            config=MotionConfig(force_rate_n_s=60.0),
-        )
-        self._mechanics = self.world.mechanics
-        self._mechanics.put(trial.item)
-
-    def true_n(self) -> float:
-        return N_NM * self._mechanics.clamp_nm
-
-    def push(self, closing_nm: float) -> None:
-        self._mechanics.hand_nm = closing_nm
-
-    def give_way(self, by_mm: float) -> None:
-        self._mechanics.give_way(by_mm)
-
-    def weaken(self, made_share: float) -> None:
-        self._mechanics.made_share = made_share
+def simulator_rig(trial: ClampTrial) -> Rig:
+    """Return the simulator, its reports noisy, with the same figures as far as it has them."""
+    plant = trial.plant
+    return SimulatedRig(
+        trial.mount,
+        trial.rate_hz,
+        trial.item.width_mm + trial.way_mm,
+        is_looked_at=False,
+        noise_seed=1,
+        config=CONFIG,
+        rotor_inertia_kg_m2=plant.rotor_kg_m2,
+        finger_inertia_kg_m2=plant.finger_kg_m2,
+        breakaway_nm=plant.breakaway_nm,
+        coulomb_nm=plant.coulomb_nm,
+        viscous_nm_s_rad=plant.viscous_nm_s_rad,
+        close_stick_nm=max(plant.stick_nm, plant.breakaway_nm),
+        close_stick_speed_rad_s=plant.stick_rad_s,
+        closed_springback_rad=(1.0 - 2.0 * plant.coulomb_nm) / CLOSED_NM_RAD,
+        current_lag_s=plant.current_lag_s,
+        torque_filter_s=plant.report_lag_s,
+        torque_factor=plant.torque_factor,
+    )
 
 
-class NoisyWorld(World):
-    """A simulated gripper whose reports have noise."""
-
-    def make_gripper(self, parameters: SimulatorParameters) -> SimulatedGripper:
-        return SimulatedGripper(parameters, seed=1)
+KINDS: dict[str, Callable[[ClampTrial], Rig]] = {"plant": plant_rig, "simulator": simulator_rig}
 
 
-class SimulatorRig:
-    """The simulator, with the same figures as far as it has them."""
-
-    def __init__(self, trial: ClampTrial) -> None:
-        plant, item = trial.plant, trial.item
-        closed_rad, open_rad = limits_of_mount(trial.mount)
-        parameters = SimulatorParameters(
-            closed_rad=closed_rad,
-            open_rad=open_rad,
-            initial_opening_mm=item.width_mm + trial.way_mm,
-            rotor_inertia_kg_m2=plant.rotor_kg_m2,
-            finger_inertia_kg_m2=plant.finger_kg_m2,
-            breakaway_nm=plant.breakaway_nm,
-            coulomb_nm=plant.coulomb_nm,
-            viscous_nm_s_rad=plant.viscous_nm_s_rad,
-            close_stick_nm=max(plant.stick_nm, plant.breakaway_nm),
-            close_stick_speed_rad_s=plant.stick_rad_s,
-            closed_springback_rad=(1.0 - 2.0 * plant.coulomb_nm) / CLOSED_NM_RAD,
-            current_lag_s=plant.current_lag_s,
-            torque_filter_s=plant.report_lag_s,
-            torque_factor=plant.torque_factor,
-        )
-        self.world: World = NoisyWorld(
-            trial.mount,
-            parameters=parameters,
-            period_s=1.0 / trial.rate_hz,
-            config=MotionConfig(force_rate_n_s=60.0),
-        )
-        self._gripper = self.world.gripper
-        self._gripper.put_object(
-            width_mm=item.width_mm,
-            stiffness_nm_rad=item.stiffness_nm_rad,
-            damping_nm_s_rad=item.damping_nm_s_rad,
-            friction_nm=item.friction_nm,
-        )
-
-    def true_n(self) -> float:
-        return N_NM * self._gripper.clamp_nm
-
-    def push(self, closing_nm: float) -> None:
-        self._gripper.push(self._gripper.parameters.close_sign * closing_nm)
-
-    def give_way(self, by_mm: float) -> None:
-        self._gripper.give_way(by_mm)
-
-    def weaken(self, made_share: float) -> None:
-        self._gripper.weaken(made_share)
-
-
-RIGS: dict[str, Callable[[ClampTrial], Rig]] = {"plant": PlantRig, "simulator": SimulatorRig}
+def rig_of(name: str, trial: ClampTrial) -> Rig:
+    """Return a gripper of one of `KINDS`, with the trial's object."""
+    rig = KINDS[name](trial)
+    rig.put(trial.item)
+    return rig
 
 
 def samples(name: str, trial: ClampTrial) -> list[Sample]:
-    """Play a trial on one of `RIGS`; return its moments, as far as the object is held."""
-    rig = RIGS[name](trial)
-    world: World = rig.world
+    """Play a trial on one of `KINDS`; return its moments, as far as the object is held."""
+    world = rig_of(name, trial)
     found: list[Sample] = []
     client = world.enabled()
-    rig.push(trial.load_nm)
+    world.hand(trial.load_nm)
 
     def look(moment: str) -> list[Sample]:
         clamp_n = world.state.clamp_n
-        return [] if clamp_n is None else [Sample(moment, rig.true_n(), *clamp_n)]
+        return [] if clamp_n is None else [Sample(moment, world.true_n, *clamp_n)]
 
     client.call("motion.grasp", force_n=trial.force_n, speed_mm_s=trial.speed_mm_s, until="verdict")
     world.run(abs(trial.force_n - 10.0) / 60.0 + AFTER_S)
     found += look("settled")
-    rig.push(trial.load_nm - trial.push_nm)
+    world.hand(trial.load_nm - trial.push_nm)
     world.run(trial.push_s)
-    rig.push(trial.load_nm)
+    world.hand(trial.load_nm)
     world.run(AFTER_S)
     found += look("bumped")
     client.call("motion.set_force", force_n=trial.lower_n)
     world.run((trial.force_n - trial.lower_n) / 60.0 + AFTER_S)
     found += look("lowered")
-    rig.give_way(trial.step_mm)
+    world.give_way(trial.step_mm)
     searching: list[Sample] = []
     for _ in range(round(0.3 / world.period_s)):
         world.tick()
@@ -277,7 +209,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     asked = parser.parse_args()
     seeds = range(asked.first, asked.first + asked.trials)
-    tasks = [(name, error, seed) for name in RIGS for error in KT_ERRORS for seed in seeds]
+    tasks = [(name, error, seed) for name in KINDS for error in KT_ERRORS for seed in seeds]
     with multiprocessing.Pool(asked.jobs) as pool:
         report(dict(zip(tasks, pool.map(played, tasks, chunksize=4), strict=True)))
 
@@ -286,7 +218,7 @@ def report(found: dict[Task, list[Sample]]) -> None:
     """Print the share of right intervals, how wide they are, and the most wrong ones."""
     print("| gripper | torque constant | " + " | ".join(MOMENTS) + " | all | half width |")
     print("| --- | --- |" + " ---: |" * (len(MOMENTS) + 2))
-    for name in RIGS:
+    for name in KINDS:
         for error in KT_ERRORS:
             ones = [
                 one for task, some in found.items() if task[:2] == (name, error) for one in some

@@ -114,8 +114,7 @@ def grasps(here: Course) -> None:
 
 def replays(here: Course) -> None:
     """Record jaws that a hand moves, and replay that; then a swing that begins elsewhere."""
-    geometry = here.world.controller.geometry
-    assert geometry is not None
+    geometry = here.world.geometry
     here.call("trajectory.record_start")
     here.world.run(0.3)
     here.world.hold_open(20.0, 3.0)
@@ -142,8 +141,6 @@ def follows(here: Course) -> None:
         here.wrong.append(f"teleop: {status}")
         return
     here.world.run(3.0)
-    geometry = here.world.controller.geometry
-    assert geometry is not None
     worst = 0.0
     for _ in range(round(6.0 / here.world.period_s)):
         here.world.tick()

@@ -64,8 +64,7 @@ def swings(task: Task) -> bool:
     world.enabled()
     unguard(world.controller)
     world.run(0.05)
-    feedback = world.controller.motor.feedback
-    assert feedback is not None
+    feedback = world.measured
     world.controller.idle = Hold(feedback.position_rad, Gains(kp, kd))
     world.run(0.1)
     if is_push:

@@ -7,11 +7,12 @@ plant that shares no code with it. What counts is the true speed of the motor.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 from litegripd.model.gripper import SPAN_INSET_MM, STROKE_MM, STROKE_RANGE_MM
 from tests.plants.parameters import LIMITS_RAD, MM_RAD, TRAVEL_RAD, PlantParameters
-from tests.plants.world import PlantWorld
+from tests.plants.rigs import PlantRig, Rig, SimulatedRig
 from tests.world import Client, World
 
 SCALES = (0.001, 0.1, 0.7027, 1.0, 7.48, 26.3, 45.0, 52.69, 60.0, 74.8, 105.4, 526.9, 3952.0, 1e6)
@@ -32,27 +33,16 @@ class Ran:
     fastest_rad_s: float | None = None
 
 
-def simulator() -> tuple[World, Callable[[], float]]:
-    """Return a world with the simulator, and the motor's true speed in it."""
-    world = World()
-    return world, lambda: abs(world.gripper.velocity_rad_s)
-
-
-def other_plant() -> tuple[World, Callable[[], float]]:
-    """Return a world with the other plant, and the motor's true speed in it."""
-    world = PlantWorld(PlantParameters(), opening_mm=45.0)
-    return world, lambda: abs(world.mechanics.rotor_rad_s)
-
-
-WORLDS: dict[str, Callable[[], tuple[World, Callable[[], float]]]] = {
-    "simulator": simulator,
-    "other plant": other_plant,
+WORLDS: dict[str, Callable[[], Rig]] = {
+    "simulator": lambda: SimulatedRig("normal", 200, 60.0, is_looked_at=False),
+    "other plant": lambda: PlantRig(PlantParameters(), "normal", 200, 45.0),
 }
 
 
+@cache
 def run(name: str, scale: float, stroke_mm: float) -> Ran:
     """Load a calibration with the true limits and this scale, and move as fast as it goes."""
-    world, speed_rad_s = WORLDS[name]()
+    world = WORLDS[name]()
     world.controller.gripper_id = replace(world.controller.gripper_id, stroke_mm=stroke_mm)
     client = world.enabled()
     closed_rad, open_rad = LIMITS_RAD["normal"]
@@ -75,7 +65,7 @@ def run(name: str, scale: float, stroke_mm: float) -> Ran:
         began_s = world.now_s
         while not client.has_answer(number) and world.now_s < began_s + 20.0:
             world.tick()
-            fastest_rad_s = max(fastest_rad_s, speed_rad_s())
+            fastest_rad_s = max(fastest_rad_s, abs(world.speed_rad_s))
 
     for openness in (0.9, 0.1, 0.9):
         play("motion.move", openness=openness)

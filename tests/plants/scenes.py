@@ -190,10 +190,8 @@ class Scene:
 
     def lost_s(self) -> float | None:
         """Return when the object was called lost, None if it was not."""
-        self.watcher.read()
-        events = [m["params"] for m in self.watcher.notifications if m["method"] == "event"]
-        lost = [event["monotonic_s"] for event in events if event["kind"] == "object_lost"]
-        return lost[0] if lost else None
+        lost = self.watcher.events("object_lost")
+        return lost[0]["monotonic_s"] if lost else None
 
 
 def grasp(trial: Trial) -> Seen:

@@ -20,8 +20,9 @@ any_motor = pytest.mark.parametrize("parameters", MOTORS.values(), ids=MOTORS)
 
 
 @any_motor
-@pytest.mark.parametrize("mount", ["normal", "reverse"])
-@pytest.mark.parametrize("stiffness_nm_rad", [40.0, 250.0, 1000.0])
+@pytest.mark.parametrize(
+    ("mount", "stiffness_nm_rad"), [("normal", 40.0), ("reverse", 250.0), ("normal", 1000.0)]
+)
 def test_it_grips_holds_and_lets_go(
     parameters: PlantParameters, mount: str, stiffness_nm_rad: float
 ) -> None:

@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import pytest
 
-from tests.plants.clamps import RIGS, Sample, clamp_trial, plain_trial, samples
+from tests.plants.clamps import KINDS, Sample, clamp_trial, plain_trial, samples
 from tests.plants.parameters import PlantParameters
 from tests.plants.worst import CLAMPED
 
 SEEDS = range(1, 31)
 LEAST_SHARES = {0.05: 0.98, 0.2: 0.9}
 
-any_rig = pytest.mark.parametrize("rig", RIGS)
+any_rig = pytest.mark.parametrize("rig", KINDS)
 
 
 @any_rig

@@ -47,9 +47,7 @@ class Holding:
         return self.world.looks[-1].clamp_n
 
     def events(self, kind: str) -> list[dict[str, object]]:
-        self.client.read()
-        told = [note["params"] for note in self.client.notifications if note["method"] == "event"]
-        return [event for event in told if event["kind"] == kind]
+        return self.client.events(kind)
 
 
 @pytest.mark.parametrize("opening_mm", [2.0, 5.0, 8.0])
@@ -124,8 +122,8 @@ def test_a_stiff_hold_promises_neither_a_clamp_nor_that_a_loss_is_noticed() -> N
     holding.opened_by_hand(4.5, 0.3)
     holding.world.run(0.5)
     state = holding.world.state
-    assert state.clamp_n is not None
-    assert state.clamp_n[0] <= holding.clamp_n <= state.clamp_n[1]
+    low_n, high_n = holding.world.clamp_range_n
+    assert low_n <= holding.clamp_n <= high_n
     assert (state.loss_detection, state.loss_detection_from_n) == (False, None)
 
 
@@ -158,10 +156,8 @@ def test_a_clamp_that_heat_has_lowered_is_reported_so() -> None:
     holding.grasp(30.0)
     holding.world.controller.output.heat.allowance_nm = 1.0
     holding.world.run(0.1)
-    state = holding.world.state
-    assert "heat" in state.limited
-    assert state.clamp_n is not None
-    assert state.clamp_n[1] < 15.0
+    assert "heat" in holding.world.state.limited
+    assert holding.world.clamp_range_n[1] < 15.0
 
 
 def test_a_hand_that_holds_the_jaws_open_for_long_does_not_move_the_object() -> None:

@@ -1,6 +1,5 @@
 """Set-points of torque on plants that are not ours: free jaws, vanishing objects, stops."""
 
-import json
 from typing import Any
 
 import pytest
@@ -22,11 +21,10 @@ every_plant = pytest.mark.parametrize("plant", PLANTS.values(), ids=PLANTS)
 def stream(world: PlantWorld, client: Client, duration_s: float, **params: Any) -> float:
     """Keep a stream up by a set-point every 20 ms; return the fastest speed, in rad/s."""
     since_s, sent_s = world.now_s, -1.0
-    request = {"jsonrpc": "2.0", "method": "stream.set", "params": params}
     for _ in range(round(duration_s / world.period_s)):
         if world.now_s - sent_s >= 0.0199:
             sent_s = world.now_s
-            world.service.handle(client.session, json.dumps(request).encode(), world.now_s)
+            client.notify("stream.set", **params)
         world.tick()
     return fastest_rad_s(world, since_s)
 

@@ -32,8 +32,7 @@ def outcome_of(
         world.mechanics.hand_nm = shove[0]
         world.run(shove[1])
         world.mechanics.hand_nm = 0.0
-    world.run_until(lambda: client.has_answer(number), 60.0)
-    return str(client.answers[number]["result"]["outcome"])
+    return str(client.wait(number, 60.0)["result"]["outcome"])
 
 
 @pytest.mark.parametrize("speed_mm_s", [25.0, 50.0, 100.0, 150.0])
