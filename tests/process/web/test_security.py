@@ -27,7 +27,7 @@ from litegrip_web.main import main
 from litegrip_web.options import EXIT_USAGE
 from litegrip_web.server import SECURITY_HEADERS
 from litegripd.app.build import METHODS, SIMULATED_METHODS
-from tests.process.daemon_process import DEADLINE_S, daemon, ran
+from tests.process.daemon_process import DEADLINE_S, SIMULATED, configured, ran
 from tests.process.web.page_process import (
     CHANNEL,
     Page,
@@ -405,13 +405,8 @@ def test_the_daemons_roles_bound_the_page_a_second_time(tmp_path: Path) -> None:
     for above in tmp_path.parents[:3]:
         above.chmod(above.stat().st_mode | 0o011)
     folder = tmp_path / "daemon"
-    config = tmp_path / "observers.toml"
-    config.write_text(
-        '[bus]\ninterface = "litegrip_sim"\nwatchdog_s = 0.4\n[gripper]\nmount = "normal"\n'
-        '[access]\ndefault = "observer"\n'
-    )
     nobody = 65_534
-    with daemon(folder, CHANNEL, "--config", str(config)) as running:
+    with configured(folder, CHANNEL, f'{SIMULATED}default = "observer"\n') as running:
         running.connect().close()
         folder.chmod(0o755)
         running.socket_path.chmod(0o666)
