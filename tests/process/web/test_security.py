@@ -27,7 +27,7 @@ from litegrip_web.main import main
 from litegrip_web.options import EXIT_USAGE
 from litegrip_web.server import SECURITY_HEADERS
 from litegripd.app.build import METHODS, SIMULATED_METHODS
-from tests.process.daemon_process import DEADLINE_S, SIMULATED, configured, ran
+from tests.process.daemon_process import DEADLINE_S, SIMULATED, daemon_for_all, ran
 from tests.process.web.page_process import (
     CHANNEL,
     Page,
@@ -400,16 +400,9 @@ def test_a_missing_package_is_named_with_what_installs_it() -> None:
 
 
 @pytest.mark.skipif(os.getuid() != 0, reason="only root can become another user")
-def test_the_daemons_roles_bound_the_page_a_second_time(tmp_path: Path) -> None:
-    tmp_path.chmod(0o755)
-    for above in tmp_path.parents[:3]:
-        above.chmod(above.stat().st_mode | 0o011)
-    folder = tmp_path / "daemon"
+def test_the_daemons_roles_bound_the_page_a_second_time() -> None:
     nobody = 65_534
-    with configured(folder, CHANNEL, f'{SIMULATED}default = "observer"\n') as running:
-        running.connect().close()
-        folder.chmod(0o755)
-        running.socket_path.chmod(0o666)
+    with daemon_for_all(CHANNEL, f'{SIMULATED}default = "observer"\n') as running:
         arguments = ("--socket", str(running.socket_path), "--operate")
         with page(*arguments, uid=nobody) as operated, operated.connect() as browser:
             assert welcome(browser)["operate"] is True
