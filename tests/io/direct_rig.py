@@ -4,7 +4,9 @@ import errno
 from collections import deque
 
 import can
+import pytest
 
+from litegripd.io.can import bus as direct_bus
 from litegripd.io.can.bus import DirectBus
 from litegripd.model.motor import BusSettings, CanFrame
 
@@ -44,7 +46,8 @@ class FakeBus:
 class Rig:
     """A bus on fake adapters; `open_error` makes opening fail."""
 
-    def __init__(self) -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(direct_bus, "open_bus", self.open)
         self.opened: list[FakeBus] = []
         self.open_error: Exception | None = None
         self.now_s = 100.0

@@ -3,10 +3,7 @@
 import contextlib
 import grp
 import os
-import select
 import socket
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,6 +11,7 @@ import pytest
 
 from litegripd.io import sockets
 from litegripd.io.sockets import ChannelClaim, InUseError, lock_path
+from tests.process.daemon_process import spawned
 
 OUTSIDER = """
 import os, socket, sys
@@ -44,18 +42,8 @@ def channel(tmp_path: Path) -> str:
 @contextlib.contextmanager
 def taken_by(uid: int, channel: str) -> Iterator[int]:
     """Let another process bind the channel's name; yield its pid."""
-    process = subprocess.Popen(
-        [sys.executable, "-c", OUTSIDER, channel, str(uid)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    with process:
-        assert process.stdout is not None
-        assert select.select([process.stdout], [], [], 20.0)[0]
-        assert process.stdout.readline() == "ready\n"
+    with spawned(OUTSIDER, channel, str(uid), says="ready") as process:
         yield process.pid
-        process.kill()
 
 
 @as_root

@@ -6,7 +6,6 @@ from itertools import pairwise
 import can
 import pytest
 
-from litegripd.io.can import bus as direct_bus
 from litegripd.io.can.bus import MAX_FRAMES_PER_TICK
 from litegripd.model.motor import CanFrame
 from tests.io.direct_rig import FRAME, MESSAGE, Rig, operation_error
@@ -14,9 +13,7 @@ from tests.io.direct_rig import FRAME, MESSAGE, Rig, operation_error
 
 @pytest.fixture
 def rig(monkeypatch: pytest.MonkeyPatch) -> Rig:
-    made = Rig()
-    monkeypatch.setattr(direct_bus, "open_bus", made.open)
-    return made
+    return Rig(monkeypatch)
 
 
 def test_frames_pass_both_ways(rig: Rig) -> None:

@@ -5,15 +5,12 @@ import errno
 import can
 import pytest
 
-from litegripd.io.can import bus as direct_bus
 from tests.io.direct_rig import MESSAGE, Rig, operation_error
 
 
 @pytest.fixture
 def rig(monkeypatch: pytest.MonkeyPatch) -> Rig:
-    made = Rig()
-    monkeypatch.setattr(direct_bus, "open_bus", made.open)
-    return made
+    return Rig(monkeypatch)
 
 
 def test_a_link_that_is_down_comes_back_on_the_same_socket(rig: Rig) -> None:

@@ -8,8 +8,6 @@ import select
 import socket
 import stat
 import subprocess
-import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -21,6 +19,7 @@ from litegripd.io.sockets import (
     listen_on_all,
     runtime_directory,
 )
+from tests.process.daemon_process import spawned
 
 HOLDER = """
 import socket, sys
@@ -32,21 +31,9 @@ sys.stdin.read()
 """
 
 
-@contextlib.contextmanager
-def holder(channel: str, path: Path) -> Iterator["subprocess.Popen[str]"]:
-    """Run a process that owns a channel and a socket, until it is killed."""
-    process = subprocess.Popen(
-        [sys.executable, "-c", HOLDER, channel, str(path)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    with process:
-        assert process.stdout is not None
-        assert select.select([process.stdout], [], [], 20.0)[0]
-        assert process.stdout.readline() == "ready\n"
-        yield process
-        process.kill()
+def holder(channel: str, path: Path) -> contextlib.AbstractContextManager["subprocess.Popen[str]"]:
+    """Return a process that owns a channel and a socket, to be run until it is killed."""
+    return spawned(HOLDER, channel, str(path), says="ready")
 
 
 def name(tmp_path: Path) -> str:

@@ -166,13 +166,6 @@ def test_what_is_no_trajectory_is_refused_and_leaves_what_was_there(
 
 
 def test_a_recording_gets_its_header_here(rig: Rig) -> None:
-    header: dict[str, Any] = {
-        "sample_hz": 100,
-        "closed_rad": 0.1,
-        "open_rad": -1.5,
-        "rad_to_mm": NOMINAL[0].rad_to_mm,
-    }
-    header |= {"can_id": 8, "mount": "normal"}
     for piece in pieces(TAUGHT[HEADER_BYTES:], key="tmp/r", name=None, header=RECORDED):
         answer = rig.do("put", **{**piece, "sha256": None})
     assert (answer["samples"], answer["created_s"], answer["mount"]) == (301, 1.7e9, "normal")
@@ -181,13 +174,6 @@ def test_a_recording_gets_its_header_here(rig: Rig) -> None:
 
 
 def test_an_empty_recording_is_made_of_one_empty_piece(rig: Rig) -> None:
-    header: dict[str, Any] = {
-        "sample_hz": 100,
-        "closed_rad": 0.1,
-        "open_rad": -1.5,
-        "rad_to_mm": NOMINAL[0].rad_to_mm,
-    }
-    header |= {"can_id": 8, "mount": "normal"}
     empty = {"offset": 0, "total": 0, "sha256": None, "data": "", "name": "none"}
     answer = rig.do("put", key="tmp/r", header=RECORDED, **empty)
     assert (answer["samples"], answer["total"]) == (0, HEADER_BYTES)

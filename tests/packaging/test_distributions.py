@@ -152,15 +152,19 @@ def test_an_index_would_take_them(folder: Path) -> None:
     assert done.returncode == 0, done.stdout
 
 
+def environment(folder: Path, place: Path, package: str) -> Path:
+    """Make an environment with a package and what that needs, and nothing else."""
+    assert run(sys.executable, "-m", "venv", place).returncode == 0
+    pip = (place / "bin/python", "-m", "pip", "install", "--no-index", "--find-links", folder)
+    done = run(*pip, package)
+    assert done.returncode == 0, done.stderr
+    return place
+
+
 @pytest.fixture(scope="module")
 def alone(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the programs of an environment that has the client and nothing else."""
-    place = tmp_path_factory.mktemp("alone")
-    assert run(sys.executable, "-m", "venv", place).returncode == 0
-    pip = (place / "bin/python", "-m", "pip", "install", "--no-index", "--find-links", folder)
-    done = run(*pip, "litegrip-client")
-    assert done.returncode == 0, done.stderr
-    return place / "bin"
+    return environment(folder, tmp_path_factory.mktemp("alone"), "litegrip-client") / "bin"
 
 
 def test_the_client_works_alone(alone: Path) -> None:
@@ -192,12 +196,7 @@ def test_the_client_says_what_is_missing(alone: Path, case: str) -> None:
 @pytest.fixture(scope="module")
 def compat(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the environment of a robot's program: the SDK's package, and the client by itself."""
-    place = tmp_path_factory.mktemp("compat")
-    assert run(sys.executable, "-m", "venv", place).returncode == 0
-    pip = (place / "bin/python", "-m", "pip", "install", "--no-index", "--find-links", folder)
-    done = run(*pip, "litegrip-compat")
-    assert done.returncode == 0, done.stderr
-    return place
+    return environment(folder, tmp_path_factory.mktemp("compat"), "litegrip-compat")
 
 
 def test_the_package_of_the_sdk_works_with_the_client_alone(compat: Path) -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from tests.process.by_portal import Met, by_portal, is_remote
-from tests.process.daemon_process import SIMULATED, DaemonProcess, begin_again, daemon
+from tests.process.daemon_process import DaemonProcess, begin_again, configured
 from tests.process.fleet.fleet_process import HOST, Fleet, make_certificates
 from tests.process.fleet.lab import CERTIFICATES
 
@@ -71,14 +71,14 @@ def met(request: pytest.FixtureRequest, tmp_path: Path) -> Met:
 @pytest.fixture
 def own(met: Met, tmp_path: Path) -> Iterator[DaemonProcess]:
     """A daemon for one test alone: what it kills, keeps or counts is its own."""
-    with simulated_daemon(tmp_path, f"sim-{os.getpid()}") as running, met(running):
+    with configured(tmp_path, f"sim-{os.getpid()}") as running, met(running):
         yield running
 
 
 @pytest.fixture(scope="module")
 def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaemonProcess]:
     """One daemon for all tests of a module; each takes it as `simulated`."""
-    with simulated_daemon(tmp_path_factory.mktemp("shared"), f"shared-{os.getpid()}") as running:
+    with configured(tmp_path_factory.mktemp("shared"), f"shared-{os.getpid()}") as running:
         yield running
 
 
@@ -88,9 +88,3 @@ def simulated(shared: DaemonProcess, met: Met) -> Iterator[DaemonProcess]:
     begin_again(shared)
     with met(shared):
         yield shared
-
-
-def simulated_daemon(folder: Path, name: str) -> "contextlib.AbstractContextManager[DaemonProcess]":
-    config = folder / "simulated.toml"
-    config.write_text(SIMULATED, encoding="utf-8")
-    return daemon(folder, name, "--config", str(config))

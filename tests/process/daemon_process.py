@@ -267,6 +267,16 @@ def daemon(folder: Path, *arguments: str, on: tuple[str, ...] = ()) -> Iterator[
         running.kill()
 
 
+def configured(
+    folder: Path, name: str, config: str = SIMULATED, on: tuple[str, ...] = ()
+) -> contextlib.AbstractContextManager[DaemonProcess]:
+    """Return a daemon with a configuration of this text, to be run as `daemon` does."""
+    folder.mkdir(exist_ok=True)
+    path = folder / "c.toml"
+    path.write_text(config, encoding="utf-8")
+    return daemon(folder, name, "--config", str(path), on=on)
+
+
 @contextlib.contextmanager
 def daemon_for_all(
     name: str, config: str = SIMULATED, prepare: Callable[[Path], object] = lambda _folder: None
@@ -278,10 +288,8 @@ def daemon_for_all(
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         folder.chmod(0o755)
-        path = folder / "c.toml"
-        path.write_text(config, encoding="utf-8")
         prepare(folder)
-        with daemon(folder, name, "--config", str(path)) as running:
+        with configured(folder, name, config) as running:
             with running.connect() as client:
                 client.until(lambda state: bool(state["motor"] == "disabled"))
                 client.until(lambda state: bool(state["calibrated"]))
@@ -369,6 +377,17 @@ def spawn(program: str, *arguments: str) -> "subprocess.Popen[str]":
         stdout=subprocess.PIPE,
         text=True,
     )
+
+
+@contextlib.contextmanager
+def spawned(program: str, *arguments: str, says: str) -> Iterator["subprocess.Popen[str]"]:
+    """Run a program until the block ends, which begins when it has said this."""
+    with spawn(program, *arguments) as process:
+        try:
+            assert line_of(process) == says
+            yield process
+        finally:
+            process.kill()
 
 
 def line_of(process: "subprocess.Popen[str]") -> str:

@@ -12,15 +12,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from tests.process.daemon_process import BY_GATEWAY, DEADLINE_S, Client, DaemonProcess
+from tests.process.daemon_process import DEADLINE_S, SIMULATED, Client, DaemonProcess
 
-CONFIG = f"""
-[bus]
-interface = "litegrip_sim"
-watchdog_s = 0.4
-[gripper]
-mount = "{{mount}}"
-{BY_GATEWAY}"""
+CONFIG = SIMULATED.replace('"normal"', '"{mount}"')
 """The configuration of one: `format` takes the mount."""
 
 HAND = ("-m", "bench.teleop.handheld", "2.5", "20", "65")

@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 from tests.io.test_standard_error import fill
-from tests.process.daemon_process import DEADLINE_S, DaemonProcess, line_of, spawn
+from tests.process.daemon_process import DEADLINE_S, DaemonProcess, spawned
 
 BAD = {
     b"open!\n": "parse_error",
@@ -59,24 +59,21 @@ def test_bad_input_is_answered_and_survived(simulated: DaemonProcess) -> None:
 def test_a_flood_of_bad_input_keeps_nobody_out(simulated: DaemonProcess) -> None:
     with simulated.connect() as client:
         before = client.result("health")["rpc"]["refused_requests"]
-    flood = spawn(
+    flood = spawned(
         "import socket, sys\n"
         "s = socket.socket(socket.AF_UNIX); s.connect(sys.argv[1]); print('on', flush=True)\n"
         "while True:\n"
         "    s.sendall(b'flood\\n' * 100); n = 0\n"
         "    while n < 100: n += s.recv(65536).count(b'\\n')\n",
         str(simulated.socket_path),
+        says="on",
     )
-    with flood:
-        assert line_of(flood) == "on"
-        with simulated.connect() as client:
-            client.until_health(
-                lambda health: bool(health["rpc"]["refused_requests"] > before + 1000)
-            )
-            client.enabled()
-            assert client.result("motion.open", speed_mm_s=100)["ok"]
-            assert client.result("health")["control"]["tick_errors"] == 0
-        flood.kill()
+    with flood, simulated.connect() as client:
+        many = before + 1000
+        client.until_health(lambda health: bool(health["rpc"]["refused_requests"] > many))
+        client.enabled()
+        assert client.result("motion.open", speed_mm_s=100)["ok"]
+        assert client.result("health")["control"]["tick_errors"] == 0
 
 
 def test_a_log_that_nobody_reads_holds_nothing_up(tmp_path: Path) -> None:

@@ -9,15 +9,13 @@ from typing import Any
 
 import pytest
 
-from tests.process.daemon_process import SLCAN, WORK_MM, Client, DaemonProcess, daemon, disable
+from tests.process.daemon_process import SLCAN, WORK_MM, Client, DaemonProcess, configured, disable
 from tests.sim.simulator_process import SimulatorProcess, simulator
 
 
 def test_a_channel_that_does_not_exist_is_told_and_refused(tmp_path: Path) -> None:
-    config = tmp_path / "mount.toml"
-    config.write_text('[gripper]\nmount = "normal"\n', encoding="utf-8")
-    arguments = ("nosuch0", "--config", str(config))
-    with daemon(tmp_path, *arguments) as running, running.connect() as client:
+    config = '[gripper]\nmount = "normal"\n'
+    with configured(tmp_path, "nosuch0", config) as running, running.connect() as client:
         state = client.until(lambda s: bool(s["motor"] == "silent" and s["calibrated"]))
         assert state["bus"] in ("down", "adapter_gone")  # without CAN in the kernel, and with it
         assert (state["stale"], state["mode"]) == (True, "offline")
@@ -74,10 +72,7 @@ def slcan_daemon(
     folder: Path, channel: Path | str
 ) -> contextlib.AbstractContextManager[DaemonProcess]:
     """Return a daemon with an SLCAN adapter, to be run."""
-    folder.mkdir(exist_ok=True)
-    config = folder / "slcan.toml"
-    config.write_text(SLCAN.format(channel=channel), encoding="utf-8")
-    return daemon(folder, f"{folder.name}{os.getpid()}", "--config", str(config))
+    return configured(folder, f"{folder.name}{os.getpid()}", SLCAN.format(channel=channel))
 
 
 @pytest.fixture(scope="module")

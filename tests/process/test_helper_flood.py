@@ -1,15 +1,12 @@
 """Observers who list trajectories without end hold up nobody else's files."""
 
-import contextlib
 import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.process.daemon_process import SIMULATED, Client, DaemonProcess, daemon_for_all, line_of
+from tests.process.daemon_process import SIMULATED, Client, DaemonProcess, daemon_for_all, spawned
 
 pytestmark = pytest.mark.alone
 
@@ -57,28 +54,12 @@ def keep_many(client: Client, folder: Path) -> None:
         (folder / "trajectories" / f"b{number}.lgt").write_bytes(content)
 
 
-@contextlib.contextmanager
-def flood(path: Path) -> Iterator["subprocess.Popen[str]"]:
-    process = subprocess.Popen(
-        [sys.executable, "-c", FLOOD, str(path), str(OTHER)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        assert line_of(process) == "on"
-        yield process
-    finally:
-        process.kill()
-        process.communicate()
-
-
 def test_saving_and_playing_succeed_beside_observers_who_flood(crowded: DaemonProcess) -> None:
     with crowded.connect() as client:
         client.enabled()
         before = client.until_health(lambda h: bool(h["helper"]["pid"]))
         keep_many(client, crowded.socket_path.parent)
-        with flood(crowded.socket_path):
+        with spawned(FLOOD, str(crowded.socket_path), str(OTHER), says="on"):
             client.until_health(lambda h: bool(h["helper"]["refused"] > 100))
             for number in range(2):
                 client.result("trajectory.record_start", zero_gravity=False)

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from tests.client.ctl_commands import LINES
-from tests.process.daemon_process import SIMULATED, DaemonProcess, begin_again, daemon, ran
+from tests.process.daemon_process import DaemonProcess, begin_again, configured, ran
 from tests.process.test_ctl_json import CODES
 from tests.versions import steps
 from tests.versions.released import RELEASED, Release, is_later, unpacked
@@ -77,12 +77,10 @@ def pair(
 ) -> Iterator[tuple[DaemonProcess, Path]]:
     """Run a daemon; give it, and the packages of the client that is to use it."""
     folder = tmp_path_factory.mktemp("pair")
-    config = folder / "simulated.toml"
-    config.write_text(SIMULATED, encoding="utf-8")
     is_daemon = request.param == "released daemon"
     daemons = release.folder if is_daemon else ROOT
     on = ("env", f"--chdir={daemons}", f"PYTHONPATH={daemons}")
-    with daemon(folder / "daemon", CHANNEL, "--config", str(config), on=on) as running:
+    with configured(folder / "daemon", CHANNEL, on=on) as running:
         with running.connect() as client:
             client.until(lambda state: bool(state["motor"] == "disabled" and state["calibrated"]))
             helper = client.until_health(lambda health: bool(health["helper"]["pid"]))["helper"]

@@ -6,8 +6,7 @@ import sys
 from pathlib import Path
 
 from tests.process.by_portal import Met
-from tests.process.daemon_process import DaemonProcess, daemon, ran
-from tests.process.teleop_pair import CONFIG
+from tests.process.daemon_process import DaemonProcess, configured, ran
 from tests.sdk_compat import blocks
 
 TRIES = 4
@@ -27,11 +26,8 @@ def run_script(running: DaemonProcess, channel: str) -> "subprocess.CompletedPro
 
 
 def test_quick_start(met: Met, tmp_path: Path) -> None:
-    config = tmp_path / "gripper.toml"
-    config.write_text(CONFIG.format(mount="normal"), encoding="utf-8")
-    arguments = ("can0", "--config", str(config))
     with (
-        daemon(tmp_path / "daemon", *arguments) as running,
+        configured(tmp_path / "daemon", "can0") as running,
         met(running),
         running.connect() as client,
     ):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.process.daemon_process import DaemonProcess, begin_again, daemon, ran
+from tests.process.daemon_process import DaemonProcess, begin_again, configured, ran
 from tests.process.teleop_pair import CONFIG
 
 PROGRAMS = Path(__file__).parents[1] / "sdk" / "programs"
@@ -21,12 +21,10 @@ TRIES = 4
 @contextlib.contextmanager
 def gripper(folder: Path, name: str, mount: str = "normal") -> Iterator[DaemonProcess]:
     """Run a daemon whose socket a program finds by the channel's name."""
-    config = folder / f"{name}.toml"
-    config.write_text(CONFIG.format(mount=mount), encoding="utf-8")
     found = folder / "litegripd" / f"{name}.sock"
     found.parent.mkdir(exist_ok=True)
     found.symlink_to(folder / name / "rpc.sock")
-    with daemon(folder / name, name, "--config", str(config)) as running:
+    with configured(folder / name, name, CONFIG.format(mount=mount)) as running:
         with running.connect() as client:
             client.until(lambda state: bool(state["motor"] == "disabled"))
         yield running

@@ -9,7 +9,7 @@ from typing import Any
 from litegripd.model.gripper import DM4310
 from litegripd.model.motor import MitCommand
 from litegripd.motor import codec
-from tests.process.daemon_process import SLCAN, Client, daemon
+from tests.process.daemon_process import SLCAN, Client, configured
 from tests.sim.simulator_process import SimulatorProcess, simulator
 
 NO_GAINS = codec.encode_command(MitCommand(0.0, 0.0, 0.0, 0.0, 0.0), DM4310.ranges)
@@ -19,11 +19,10 @@ FOREIGN = f"inject 008 {NO_GAINS.hex()}"
 @contextlib.contextmanager
 def at_work(folder: Path, more: str = "") -> Iterator[tuple[SimulatorProcess, Client]]:
     """Run a daemon with this in its configuration whose motor is enabled, alone on the bus."""
-    config = folder / "config.toml"
     with simulator("--pty") as adapter:
-        config.write_text(SLCAN.format(channel=adapter.first_line) + more, encoding="utf-8")
-        arguments = (f"second{os.getpid()}", "--config", str(config))
-        with daemon(folder, *arguments) as running, running.connect() as client:
+        config = SLCAN.format(channel=adapter.first_line) + more
+        own = configured(folder, f"second{os.getpid()}", config)
+        with own as running, running.connect() as client:
             client.enabled()
             assert complaints(client.result("health")) == []
             yield adapter, client

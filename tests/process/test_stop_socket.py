@@ -6,7 +6,6 @@ import os
 import signal
 import socket
 import stat
-import subprocess
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess, line_of, spawn
+from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess, spawned
 
 FLOODING_CLIENTS = 8
 FLOOD = """
@@ -52,9 +51,7 @@ def flood(path: Path) -> Iterator[None]:
     """Let processes ask as much as the daemon answers."""
     with contextlib.ExitStack() as stack:
         for _ in range(FLOODING_CLIENTS):
-            process = stack.enter_context(spawn(FLOOD, str(path)))
-            stack.callback(process.kill)
-            assert line_of(process) == "on"
+            stack.enter_context(spawned(FLOOD, str(path), says="on"))
         yield
 
 
@@ -172,9 +169,9 @@ def test_hello_names_the_socket(simulated: DaemonProcess) -> None:
 
 def test_sigusr1_holds(simulated: DaemonProcess) -> None:
     with simulated.connect() as mover, simulated.connect() as second:
-        motion = moving(mover)
-        watcher = Watcher(second)
-        with flood(simulated.socket_path):
+        with flood(simulated.socket_path):  # which takes long to begin on a busy machine
+            motion = moving(mover)
+            watcher = Watcher(second)
             watcher.until_moving()
             simulated.process.send_signal(signal.SIGUSR1)
             # The kernel gives it to the process in its own time, though in microseconds.
@@ -265,9 +262,7 @@ def test_a_flood_of_stops_delays_no_tick_and_no_stronger_stop(own: DaemonProcess
         client.enabled()
         for _ in range(2):
             program = FLOOD.replace('{"jsonrpc":"2.0","id":1,"method":"state.get"}', "hold")
-            process: subprocess.Popen[str] = stack.enter_context(spawn(program, str(path)))
-            stack.callback(process.kill)
-            assert line_of(process) == "on"
+            stack.enter_context(spawned(program, str(path), says="on"))
         client.until(lambda state: bool(state["stop_generation"] > 1000))
         with connect(path) as stopper:
             stopper.sendall(b"disable\n")

@@ -17,7 +17,7 @@ from litegrip_client import (
 )
 from litegrip_client.ctl.main import main
 from tests.process.by_portal import Met
-from tests.process.daemon_process import BY_GATEWAY, DEADLINE_S, SLCAN, DaemonProcess, daemon
+from tests.process.daemon_process import BY_GATEWAY, DEADLINE_S, SLCAN, DaemonProcess, configured
 from tests.sim.simulator_process import SimulatorProcess, simulator
 
 _BUSY = ("recording_failed", "motor_silent", "motor_fault", "not_enabled", "not_confirmed")
@@ -64,10 +64,8 @@ def adapter() -> Iterator[SimulatorProcess]:
 def test_a_hand_teaches_the_jaws_of_a_simulator_in_another_process(
     met: Met, tmp_path: Path, adapter: SimulatorProcess
 ) -> None:
-    config = tmp_path / "slcan.toml"
-    config.write_text(SLCAN.format(channel=adapter.first_line) + BY_GATEWAY, encoding="utf-8")
-    name = f"traj{os.getpid()}"
-    with daemon(tmp_path, name, "--config", str(config)) as running, met(running):
+    config = SLCAN.format(channel=adapter.first_line) + BY_GATEWAY
+    with configured(tmp_path, f"traj{os.getpid()}", config) as running, met(running):
         with running.connect() as client:
             channel = client.result("hello")["channel"]
         with LiteGrip(channel, socket_path=str(running.socket_path)) as gripper:

@@ -6,11 +6,10 @@ import sys
 from pathlib import Path
 
 from tests.process.by_portal import Met
-from tests.process.daemon_process import WORK_MM, DaemonProcess, daemon, ran
-from tests.process.teleop_pair import CONFIG
+from tests.process.daemon_process import SIMULATED, WORK_MM, DaemonProcess, configured, ran
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "two_grippers.py"
-OBJECT = 'interface = "litegrip_sim"\nobject_mm = 40.0\n'
+WITH_OBJECT = SIMULATED.replace("[bus]\n", "[bus]\nobject_mm = 40.0\n")
 
 
 def run(places: Path, channels: list[str]) -> "subprocess.CompletedProcess[str]":
@@ -31,15 +30,12 @@ def test_one_holds_while_the_other_works(met: Met, tmp_path: Path) -> None:
     places = tmp_path / "places"
     (places / "litegripd").mkdir(parents=True)
     channels = [f"{side}-{os.getpid()}" for side in ("left", "right")]
-    for channel, interface in zip(channels, (OBJECT, OBJECT.splitlines()[0] + "\n"), strict=True):
-        text = CONFIG.format(mount="normal").replace('interface = "litegrip_sim"\n', interface)
-        (tmp_path / f"{channel}.toml").write_text(text, encoding="utf-8")
+    for channel in channels:
         socket_path = tmp_path / channel / "rpc.sock"
         (places / "litegripd" / f"{channel}.sock").symlink_to(socket_path)
-    left, right = ((c, "--config", str(tmp_path / f"{c}.toml")) for c in channels)
     with (
-        daemon(tmp_path / channels[0], *left) as holds,
-        daemon(tmp_path / channels[1], *right) as works,
+        configured(tmp_path / channels[0], channels[0], WITH_OBJECT) as holds,
+        configured(tmp_path / channels[1], channels[1]) as works,
         met(holds, works) as lab,
     ):
         if lab is not None:

@@ -23,7 +23,7 @@ CERTIFICATES = Path(__file__).parents[3] / "etc/zenoh-certificates"
 def make_certificates(folder: Path, *names: str) -> Path:
     """Make an authority, if there is none, and certificates."""
     command = ["sh", str(CERTIFICATES), str(folder), *names]
-    subprocess.run(command, check=True, capture_output=True, timeout=DEADLINE_S)
+    subprocess.run(command, check=True, capture_output=True, timeout=3 * DEADLINE_S)
     return folder
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.process.daemon_process import SIMULATED, Client, DaemonProcess, daemon, ran
+from tests.process.daemon_process import Client, DaemonProcess, configured, ran
 from tests.process.fleet.fleet_process import SITE, Fleet, started
 from tests.process.fleet.machines import Machines, machines
 
@@ -59,19 +59,15 @@ def lab(
     ttl_s: float = 1.0,
 ) -> Iterator[Lab]:
     """Run daemons, gateways, router and portals, and have the motors ready."""
-    config = folder / "simulated.toml"
-    config.write_text(SIMULATED, encoding="utf-8")
     users = dict.fromkeys(operators, "operator")
     own = {name: [ROBOTS[name]] for name in robots}
     with contextlib.ExitStack() as stack:
         made = stack.enter_context(machines(ROUTER, *robots, *operators))
         grippers: dict[str, DaemonProcess] = {}
         for robot in robots:
-            channel = f"{robot}-{os.getpid()}"
-            arguments = (channel, "--config", str(config))
             # A socket's path has 107 bytes at most.
             short = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="robot-")))
-            own_daemon = daemon(short, *arguments, on=made.on(robot))
+            own_daemon = configured(short, f"{robot}-{os.getpid()}", on=made.on(robot))
             grippers[ROBOTS[robot]] = stack.enter_context(own_daemon)
         for running in grippers.values():
             with running.connect() as client:

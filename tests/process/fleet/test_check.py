@@ -17,7 +17,7 @@ from litegrip_client.ctl.doctor import gather
 from litegrip_client.ctl.main import main
 from litegrip_fleet.admin.check import examine
 from litegrip_fleet.admin.main import main as fleet_main
-from tests.process.daemon_process import DEADLINE_S, SIMULATED, Client, daemon, ran
+from tests.process.daemon_process import DEADLINE_S, SIMULATED, Client, configured, ran
 from tests.process.fleet.fleet_process import (
     HOST,
     SITE,
@@ -293,9 +293,7 @@ def test_a_router_that_is_frozen(lab: Fleet) -> None:
 
 
 def test_a_daemon_that_does_not_run(tmp_path: Path, certificates: Path) -> None:
-    config = tmp_path / "simulated.toml"
-    config.write_text(SIMULATED, encoding="utf-8")
-    with daemon(tmp_path / "left", f"own-{os.getpid()}", "--config", str(config)) as running:
+    with configured(tmp_path / "left", f"own-{os.getpid()}") as running:
         running.connect().close()
         with fleet(tmp_path / "fleet", certificates, {"left": running.socket_path}) as lab:
             running.end()
@@ -306,9 +304,8 @@ def test_a_daemon_that_does_not_run(tmp_path: Path, certificates: Path) -> None:
 
 
 def test_a_daemon_that_does_not_trust_the_gateways_user(tmp_path: Path, certificates: Path) -> None:
-    config = tmp_path / "simulated.toml"
-    config.write_text(SIMULATED.replace("gateways", "# gateways"), encoding="utf-8")
-    with daemon(tmp_path / "left", f"own-{os.getpid()}", "--config", str(config)) as running:
+    config = SIMULATED.replace("gateways", "# gateways")
+    with configured(tmp_path / "left", f"own-{os.getpid()}", config) as running:
         running.connect().close()
         with fleet(tmp_path / "fleet", certificates, {"left": running.socket_path}) as lab:
             code, named = check(lab, lab.gateway.config_path)

@@ -30,7 +30,7 @@ from litegrip_web.options import EXIT_USAGE
 from litegrip_web.proof import proof
 from litegrip_web.server import SECURITY_HEADERS
 from litegripd.app.build import METHODS, SIMULATED_METHODS
-from tests.process.daemon_process import DEADLINE_S, daemon, ran
+from tests.process.daemon_process import DEADLINE_S, SIMULATED, daemon_for_all, ran
 from tests.process.web.page_process import (
     CHANNEL,
     NONCE,
@@ -499,21 +499,9 @@ def test_a_missing_package_is_named_with_what_installs_it() -> None:
 
 
 @pytest.mark.skipif(os.getuid() != 0, reason="only root can become another user")
-def test_the_daemons_roles_bound_the_page_a_second_time(tmp_path: Path) -> None:
-    tmp_path.chmod(0o755)
-    for above in tmp_path.parents[:3]:
-        above.chmod(above.stat().st_mode | 0o011)
-    folder = tmp_path / "daemon"
-    config = tmp_path / "observers.toml"
-    config.write_text(
-        '[bus]\ninterface = "litegrip_sim"\nwatchdog_s = 0.4\n[gripper]\nmount = "normal"\n'
-        '[access]\ndefault = "observer"\n'
-    )
+def test_the_daemons_roles_bound_the_page_a_second_time() -> None:
     nobody = 65_534
-    with daemon(folder, CHANNEL, "--config", str(config)) as running:
-        running.connect().close()
-        folder.chmod(0o755)
-        running.socket_path.chmod(0o666)
+    with daemon_for_all(CHANNEL, f'{SIMULATED}default = "observer"\n') as running:
         arguments = ("--socket", str(running.socket_path), "--operate")
         with page(*arguments, uid=nobody) as operated, operated.connect() as browser:
             assert welcome(browser)["operate"] is True
