@@ -18,6 +18,7 @@ from litegripd.control.admission import (
     busy_refusal,
     busy_with,
     motor_refusal,
+    position_refusal,
     stopped_under_way,
 )
 from litegripd.control.authority import (
@@ -306,6 +307,13 @@ class Controller:
         ending = ENDING if self._is_ending else None
         refused = ending or self.stop_latch.refusal() or self.second_master.refusal()
         return refused or busy_refusal(self.in_the_way(turn))
+
+    def travel(self, terms: Terms) -> Geometry | Refusal:
+        """Return the travel of these terms if a motion in it is possible, otherwise a refusal."""
+        geometry = terms.geometry
+        if geometry is None:
+            return self.calibrated.problem
+        return motor_refusal(self.motor) or position_refusal(self.motor, geometry) or geometry
 
     def why_not_restartable(self) -> Refusal | None:
         """Return why no successor can take over now, or None.
