@@ -173,6 +173,12 @@ class Capture:
         if not self.is_over:
             self.is_over, self.error = True, why
 
+    def note_job(self) -> None:
+        """Fail if the job has ended."""
+        job = self.job
+        if job is not None and not job.is_running:
+            self.fail("it ended" if job.error is None else job.error.message)
+
     def let_go(self) -> None:
         """Free the samples: they are stored elsewhere now."""
         self.is_taken = True
@@ -187,12 +193,10 @@ class Capture:
         jobs: JobBook,
     ) -> None:
         """Take this tick's measurement if one is due, and note what the jaws hold."""
+        self.note_job()
         if self.is_over:
             return
-        job = self.job
-        if job is not None and not job.is_running:
-            self.fail("it ended" if job.error is None else job.error.message)
-        elif motor.phase is not MotorPhase.ENABLED:
+        if motor.phase is not MotorPhase.ENABLED:
             self.fail(f"the motor is no longer enabled ({motor.phase.value})")
         elif geometry != self.basis:
             self.fail("another calibration was taken")

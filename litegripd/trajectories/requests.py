@@ -160,7 +160,7 @@ class Trajectories:
         if capture is None or capture.is_taken:
             text = sentence("no recording is under way: begin one ({trajectory.record_start})")
             return Refusal("recording_failed", text)
-        self._note_job(capture)
+        capture.note_job()  # it may have ended since the last tick
         feedback = controller.motor.feedback
         if feedback is not None and not capture.is_over:
             capture.take_one(controller.now_s, feedback, controller.grip, controller.jobs)
@@ -193,12 +193,6 @@ class Trajectories:
             return
         if capture.client == client:
             capture.fail("the client that recorded went away")
-
-    def _note_job(self, capture: Capture) -> None:
-        """Notice that the job has ended since the last tick, before the capture ends by itself."""
-        job = capture.job
-        if job is not None and not job.is_running:
-            capture.fail("it ended" if job.error is None else job.error.message)
 
     def _rate_refusal(self, rate_hz: float) -> Refusal | None:
         most_hz = 1.0 / self._controller.period_s
