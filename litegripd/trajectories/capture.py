@@ -226,27 +226,23 @@ class Capture:
             passed = math.floor(self.rate_hz * (t_s + _ROUNDING_PERIODS * self.period_s))
             self.missed += min(max(passed, due), self.max_samples) - due
             if passed < self.max_samples:
-                self._append(t_s, feedback)
+                offset = self.samples * SAMPLE.size % PIECE_BYTES
+                if offset == 0:
+                    self.pieces.append(bytearray(PIECE_BYTES))
+                SAMPLE.pack_into(
+                    self.pieces[-1],
+                    offset,
+                    t_s,
+                    self.geometry.openness(feedback.position_rad),
+                    feedback.position_rad,
+                    feedback.velocity_rad_s,
+                    feedback.torque_nm,
+                )
+                self.samples += 1
+                self._sampled_s = feedback.at_s
             if self.samples + self.missed >= self.max_samples:
                 self.finish()
         self._measured_s = feedback.at_s
-
-    def _append(self, t_s: float, feedback: Feedback) -> None:
-        offset = self.samples * SAMPLE.size % PIECE_BYTES
-        if offset == 0:
-            self.pieces.append(bytearray(PIECE_BYTES))
-        position_rad = feedback.position_rad
-        SAMPLE.pack_into(
-            self.pieces[-1],
-            offset,
-            t_s,
-            self.geometry.openness(position_rad),
-            position_rad,
-            feedback.velocity_rad_s,
-            feedback.torque_nm,
-        )
-        self.samples += 1
-        self._sampled_s = feedback.at_s
 
     @property
     def size(self) -> int:
