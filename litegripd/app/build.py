@@ -12,7 +12,7 @@ import os
 import resource
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from secrets import token_urlsafe
@@ -280,42 +280,27 @@ _NO_LINK = ("link_down", "adapter_gone", "down")
 """States of a bus whose interface is not up."""
 
 
+@dataclass(slots=True, kw_only=True, eq=False)
 class Parts:
     """The running parts, and their figures."""
 
-    def __init__(
-        self,
-        *,
-        reactor: Reactor,
-        server: Server,
-        service: RpcService,
-        spawner: Spawner,
-        helper: Helper,
-        links: TeleopLinks,
-        bus: FrameBus,
-        link: LinkWatch,
-        disks: DiskWatch,
-        rights: RealtimeRights,
-        log: RepeatsHandler,
-        bitrate: int,
-    ) -> None:
-        self.reactor = reactor
-        self.server = server
-        self.service = service
-        self.spawner = spawner
-        self.helper = helper
-        self.links = links
-        self.bus = bus
-        self.link = link
-        self.disks = disks
-        self.rights = rights
-        self.log = log
-        self._bitrate = bitrate
-        self._window_began_s = time.monotonic()
-        self._window_cpu_s = time.thread_time()
-        self._window_bits = 0.0
-        self.cpu_share = 0.0
-        self.bus_load = 0.0
+    reactor: Reactor
+    server: Server
+    service: RpcService
+    spawner: Spawner
+    helper: Helper
+    links: TeleopLinks
+    bus: FrameBus
+    link: LinkWatch
+    disks: DiskWatch
+    rights: RealtimeRights
+    log: RepeatsHandler
+    bitrate: int
+    cpu_share: float = 0.0
+    bus_load: float = 0.0
+    _window_began_s: float = field(default_factory=time.monotonic)
+    _window_cpu_s: float = field(default_factory=time.thread_time)
+    _window_bits: float = 0.0
 
     @property
     def condition(self) -> BusCondition:
@@ -329,7 +314,7 @@ class Parts:
             return
         cpu_s, bits = time.thread_time(), self.bus.counters.bits
         self.cpu_share = (cpu_s - self._window_cpu_s) / elapsed_s
-        self.bus_load = (bits - self._window_bits) / elapsed_s / self._bitrate
+        self.bus_load = (bits - self._window_bits) / elapsed_s / self.bitrate
         self._window_began_s, self._window_cpu_s, self._window_bits = now_s, cpu_s, bits
 
     def figures(self, uptime_s: float, machine: Machine) -> Figures:

@@ -169,16 +169,12 @@ class DaemonFacts:
         self._config = config
         self._stop_socket = None if stop_socket is None else str(stop_socket.absolute())
         self._machine = machine
-        self._epoch = epoch or secrets.token_hex(8)
+        self.epoch = epoch or secrets.token_hex(8)
+        """A name that no other start has; a successor keeps that of its predecessor."""
         self._version = installed_version("litegripd")
         self._began_s = time.monotonic()
         self._parts: Parts | None = None
         self.simulated = config.bus.interface == SIMULATOR
-
-    @property
-    def epoch(self) -> str:
-        """A name that no other start has; a successor keeps that of its predecessor."""
-        return self._epoch
 
     def attach(self, parts: Parts) -> None:
         """Take the parts whose figures `health` reports."""
@@ -192,7 +188,7 @@ class DaemonFacts:
             "protocol": PROTOCOL_VERSION,
             "channel": self._config.channel,
             "pid": os.getpid(),
-            "epoch": self._epoch,
+            "epoch": self.epoch,
             "simulated": self.simulated,
             "stop_socket": self._stop_socket,
             "remote": None,

@@ -18,6 +18,7 @@ from litegripd.control.admission import (
     busy_refusal,
     busy_with,
     motor_refusal,
+    position_refusal,
     stopped_under_way,
 )
 from litegripd.control.authority import (
@@ -161,7 +162,7 @@ class Controller:
         "_foretold_n",
         "_foretold_s",
         "_held",  # a motor is handed over only while it answers
-        "_is_ending",
+        "is_ending",
         "_owed",
         "_ranges",
     )
@@ -197,7 +198,8 @@ class Controller:
         """What was held by force, from when the motor stopped being enabled until that is told."""
         self._asked_off = False
         self._ranges: Ranges | None = None
-        self._is_ending = False
+        self.is_ending = False
+        """True if the daemon's end has begun."""
         self._owed: OnLost | None = None
 
     @property
@@ -241,11 +243,6 @@ class Controller:
         if jobs.running is None and jobs.queue and turn.queued is None:
             return jobs.queue[0].job
         return jobs.running
-
-    @property
-    def is_ending(self) -> bool:
-        """True if the daemon's end has begun."""
-        return self._is_ending
 
     @property
     def is_missed(self) -> bool:
@@ -303,16 +300,23 @@ class Controller:
 
     def why_busy(self, turn: Turn = NOW) -> Refusal | None:
         """Return why no motion may begin, or None: the end, a stop, another sender or a motion."""
-        ending = ENDING if self._is_ending else None
+        ending = ENDING if self.is_ending else None
         refused = ending or self.stop_latch.refusal() or self.second_master.refusal()
         return refused or busy_refusal(self.in_the_way(turn))
+
+    def travel(self, terms: Terms) -> Geometry | Refusal:
+        """Return the travel of these terms if a motion in it is possible, otherwise a refusal."""
+        geometry = terms.geometry
+        if geometry is None:
+            return self.calibrated.problem
+        return motor_refusal(self.motor) or position_refusal(self.motor, geometry) or geometry
 
     def why_not_restartable(self) -> Refusal | None:
         """Return why no successor can take over now, or None.
 
         The reasons are the daemon's end, a motion, a disabling, and a recording that would be lost.
         """
-        ending = ENDING if self._is_ending else None
+        ending = ENDING if self.is_ending else None
         refusal = ending or busy_refusal(self.jobs.running)
         if refusal is None and (self.jobs.queue or self.must_disable):
             refusal = Refusal("busy", "a motion, or disabling the motor, is about to begin")
@@ -431,7 +435,7 @@ class Controller:
 
     def shut_down(self) -> None:
         """Begin the daemon's end: cancel what runs, disable the motor, and reject all else."""
-        self._is_ending = True
+        self.is_ending = True
         self.must_disable = True
         self.end(ENDING)
         self._drop_queued(ENDING, lambda _job: True)

@@ -414,14 +414,7 @@ class MotionRequests:
 
     def _ready(self, terms: Terms, turn: Turn = NOW) -> Geometry | Refusal:
         """Return the travel if a motion in it may begin, otherwise a refusal."""
-        controller, geometry = self._controller, terms.geometry
-        refusal = controller.why_busy(turn)
-        if refusal is not None:
-            return refusal
-        if geometry is None:
-            return controller.calibrated.problem
-        refusal = motor_refusal(controller.motor) or position_refusal(controller.motor, geometry)
-        return refusal or geometry
+        return self._controller.why_busy(turn) or self._controller.travel(terms)
 
 
 OnSaved: TypeAlias = Callable[[TaskResult], None]

@@ -195,7 +195,8 @@ class Succession:
         self._link: Link | None = None
         self._on_restarted: OnRestarted | None = None
         self._deadline_s = 0.0
-        self._pid = 0
+        self.pid = 0
+        """The successor's process id, once it is ready."""
         self._gap_s = 0.0
         self._is_started = False  # the helper has reported that the process runs
         self._pidfd: int | None = None
@@ -240,11 +241,6 @@ class Succession:
         elif self._pidfd is not None and refusal is None and self._has_history():
             return self._hand_over(link, now_s, next_tick_s)
         return None
-
-    @property
-    def pid(self) -> int:
-        """The successor's process id, once it is ready."""
-        return self._pid
 
     def close(self) -> None:
         """End a successor that has not taken over."""
@@ -300,7 +296,7 @@ class Succession:
             if link.has_ended and self._is_started:
                 self._fail("the successor ended before it was ready; see the log")
         elif packet.kind == "ready" and self._pidfd is None and packet.descriptors:
-            self._pid, self._pidfd = int(packet.body["pid"]), packet.descriptors[0]
+            self.pid, self._pidfd = int(packet.body["pid"]), packet.descriptors[0]
         else:
             self._fail(str(packet.body.get("why", f"the successor said {packet.kind}")))
 
@@ -369,7 +365,7 @@ class Succession:
         self._forget_successor()
         on_restarted, self._on_restarted = self._on_restarted, None
         if on_restarted is not None:
-            on_restarted(Restarted(self._pid, self._gap_s))
+            on_restarted(Restarted(self.pid, self._gap_s))
 
     def _fail(self, why: str) -> None:
         """Continue as before, and report why."""

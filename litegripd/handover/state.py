@@ -89,7 +89,14 @@ def adopt(machine: Machine, service: RpcService, plain: Any) -> None:
         raise PlainError("the state is not of this version")
     motor, controller = machine.motor, machine.controller
     restore(motor, plain["motor"])
-    _check_motor(motor, controller.gripper_id.can_id)
+    # A motor that is not settled is rejected; a phase counts as the predecessor has confirmed it.
+    view = motor.view()
+    if view.phase not in SETTLED or view.zero.state == "pending":
+        raise PlainError(f"Motor: {view.phase.value} is no phase in which it is handed over")
+    if view.identity is None or view.identity.can_id != controller.gripper_id.can_id:
+        raise PlainError("Motor: the motor that is handed over has another id")
+    if view.feedback is None:
+        raise PlainError("Motor: there is no measurement of the motor that is handed over")
     restore(controller, plain["controller"])
     controller.idle = _idle_of(plain["rest"], controller.gripper_id.motor_type)
     # The phase of the predecessor's last tick: the controller must still notice a later change.
@@ -111,17 +118,6 @@ def adopt_history(machine: Machine, service: RpcService, plain: Any) -> None:
     ends = value_of(plain["ends"], _ENDS, "ends")
     machine.controller.jobs.keep(value_of(plain["jobs"], tuple[Job, ...], "jobs"))
     service.reporter.restore(ends)
-
-
-def _check_motor(motor: Motor, can_id: int) -> None:
-    """Reject a motor that is not settled; a phase counts as the predecessor has confirmed it."""
-    view = motor.view()
-    if view.phase not in SETTLED or view.zero.state == "pending":
-        raise PlainError(f"Motor: {view.phase.value} is no phase in which it is handed over")
-    if view.identity is None or view.identity.can_id != can_id:
-        raise PlainError("Motor: the motor that is handed over has another id")
-    if view.feedback is None:
-        raise PlainError("Motor: there is no measurement of the motor that is handed over")
 
 
 def _idle_of(plain: Any, motor_type: MotorType) -> Idle:

@@ -10,7 +10,7 @@ import logging
 import select
 import socket
 import time
-from collections import Counter, deque
+from collections import Counter, defaultdict, deque
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -49,7 +49,7 @@ class Turns:
     def __init__(self, period_s: float) -> None:
         self._light_s = LIGHT_SHARE * period_s
         self._forgotten_s = _FORGOTTEN * period_s
-        self._users: dict[int, _User] = {}
+        self._users: defaultdict[int, _User] = defaultdict(_User)
         self.waiting: dict[int, _User] = {}
         """The users with a waiting connection, by uid."""
 
@@ -61,9 +61,7 @@ class Turns:
     def add(self, connection: "Connection") -> bool:
         """Queue a connection behind the same user's others; False if it waits already."""
         uid = connection.session.peer.uid
-        user = self._users.get(uid)
-        if user is None:
-            user = self._users[uid] = _User()
+        user = self._users[uid]
         if connection in user.waiting:
             return False
         user.waiting[connection] = None
@@ -92,10 +90,7 @@ class Turns:
 
     def charge(self, uid: int, used_s: float) -> None:
         """Charge a user for some time."""
-        user = self._users.get(uid)
-        if user is None:
-            user = self._users[uid] = _User()
-        user.used_s += used_s
+        self._users[uid].used_s += used_s
 
     def next_period(self, periods: int) -> None:
         """Let the used time fade, once for each period that has begun."""

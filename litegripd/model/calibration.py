@@ -430,15 +430,7 @@ def from_plain(values: Mapping[str, Any]) -> Calibration:
     return Calibration(geometry, **{name: values[name] for name in _CARRIED})
 
 
-_CARRIED = (
-    "calibrated",
-    "channel",
-    "kp_nm_rad",
-    "kd_nm_s_rad",
-    "work_stroke_mm",
-    "content",
-    "saved_s",
-)
+_CARRIED = tuple(field.name for field in fields(Calibration) if field.name != "geometry")
 
 
 def parse_calibration(text: str) -> Calibration:

@@ -394,18 +394,12 @@ class RegisterReader:
         self._asked_s = float("-inf")
         self._tries = 0
         if request is not None and self._register is None:
-            self._answer(None, _unknown(request.number))
+            known = ", ".join(f"{number} {register.name}" for number, register in REGISTERS.items())
+            text = f"there is no register {request.number}; these can be read: {known}"
+            data = {"requested": request.number, "limit": list(REGISTERS)}
+            self._answer(None, Refusal("invalid_params", text, data))
 
     def _answer(self, value: float | None, failure: Refusal | None) -> None:
         self._register = None
         if self._request is not None:
             self.reply = RegisterReply(self._request.identity, value, failure)
-
-
-def _unknown(number: int) -> Refusal:
-    known = ", ".join(f"{register.number} {register.name}" for register in REGISTERS.values())
-    return Refusal(
-        "invalid_params",
-        f"there is no register {number}; these can be read: {known}",
-        {"requested": number, "limit": list(REGISTERS)},
-    )

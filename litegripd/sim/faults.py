@@ -160,13 +160,8 @@ class BusFaults:
         self.is_whole = True
         """True if frames go out and come in, as they do without any fault of the link."""
         self._channel = channel
-        self._is_down = self._is_unplugged = self._is_off = self._is_stalled = False
+        self._is_down = self.is_unplugged = self._is_off = self._is_stalled = False
         self._queue: deque[tuple[Node, can.Message]] = deque()
-
-    @property
-    def is_unplugged(self) -> bool:
-        """True if the adapter is gone, and with it the interface."""
-        return self._is_unplugged
 
     def seed(self, seed: int) -> None:
         """Restart the chances of both directions."""
@@ -217,8 +212,8 @@ class BusFaults:
         A bus object that was open stays dead, and no new one can be opened.
         """
         with self._switching():
-            if not self._is_unplugged:
-                self._is_unplugged = True
+            if not self.is_unplugged:
+                self.is_unplugged = True
                 self._lose_under_way()
                 for node in self._channel.nodes:
                     if not node.is_gone:
@@ -229,7 +224,7 @@ class BusFaults:
     def replug(self) -> None:
         """Put the adapter back: a new bus object works, those of before stay dead."""
         with self._switching():
-            self._is_unplugged = False
+            self.is_unplugged = False
 
     def bus_off(self) -> None:
         """Let the controller go bus-off: one error frame, and then what is sent vanishes."""
@@ -264,7 +259,7 @@ class BusFaults:
 
     def check_present(self) -> None:
         """Raise `OSError` 19, as opening a socket does, while the adapter is unplugged."""
-        if self._is_unplugged:
+        if self.is_unplugged:
             raise OSError(errno.ENODEV, os.strerror(errno.ENODEV))
 
     def meet(self, node: Node) -> None:
@@ -300,7 +295,7 @@ class BusFaults:
             self._channel.arrival.notify_all()
 
     def _note_wholeness(self) -> None:
-        broken = self._is_down or self._is_unplugged or self._is_off or self._is_stalled
+        broken = self._is_down or self.is_unplugged or self._is_off or self._is_stalled
         self.is_whole = not broken
 
     def _lose_under_way(self) -> None:

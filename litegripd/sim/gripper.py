@@ -33,22 +33,18 @@ class SimulatedGripper:
     def __init__(
         self, parameters: SimulatorParameters | None = None, *, seed: int | None = None
     ) -> None:
-        self._parameters = SimulatorParameters() if parameters is None else parameters
-        self._plant = Plant(self._parameters)
-        self._motor = SimulatedMotor(self._plant, self._parameters, seed=seed)
+        self.parameters = SimulatorParameters() if parameters is None else parameters
+        """The figures that this gripper was built from."""
+        self._plant = Plant(self.parameters)
+        self._motor = SimulatedMotor(self._plant, self.parameters, seed=seed)
         self._lock = threading.RLock()
 
     def fork(self) -> SimulatedGripper:
         """Return a gripper in the same state, which goes its own way from now on."""
-        other = SimulatedGripper(self._parameters)
+        other = SimulatedGripper(self.parameters)
         with self._lock:
             other._plant, other._motor = copy.deepcopy((self._plant, self._motor))
         return other
-
-    @property
-    def parameters(self) -> SimulatorParameters:
-        """The figures that this gripper was built from."""
-        return self._parameters
 
     @property
     def motor(self) -> SimulatedMotor:

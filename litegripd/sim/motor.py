@@ -199,7 +199,8 @@ class SimulatedMotor:
         self._offset_rad = 0.0  # reported position minus mechanical position
         self._stored: MitCommand | SetPoint = _FREE
         self._enabled = False
-        self._powered = True
+        self.is_powered = True
+        """True if it is switched on; else it hears and answers nothing."""
         self._fault = 0
         self._comm_loss_s = parameters.comm_loss_s
         self._idle_loss_s = parameters.idle_loss_s
@@ -222,11 +223,6 @@ class SimulatedMotor:
     def registers(self) -> reg.Registers:
         """The motor's registers."""
         return self._registers
-
-    @property
-    def is_powered(self) -> bool:
-        """True if it is switched on; else it hears and answers nothing."""
-        return self._powered
 
     @property
     def coil_c(self) -> float:
@@ -279,7 +275,7 @@ class SimulatedMotor:
     def receive(self, now_s: float, frame: CanFrame) -> list[CanFrame]:
         """Take one frame off the bus at `now_s` and return the motor's immediate answers."""
         self.advance(now_s)
-        if not self._powered:
+        if not self.is_powered:
             return []
         if frame.can_id in (self._registers.can_id, self._registers.command_id):
             return self._receive_own(now_s, frame)
@@ -344,7 +340,7 @@ class SimulatedMotor:
 
     def power_off(self) -> None:
         """Switch off, logic and power stage: no answers, and nothing that drives or brakes."""
-        self._powered = False
+        self.is_powered = False
         self._fault = 0
         self._stored = _FREE
         self._disarm()
@@ -356,7 +352,7 @@ class SimulatedMotor:
         The position comes back within one turn, [-π, π), plus `turns` whole turns. A motor that
         was on has been switched off for no time.
         """
-        self._powered = True
+        self.is_powered = True
         self._registers.power_cycle()
         self._heed_registers()
         reported = self.reported_position_rad
@@ -494,7 +490,7 @@ class SimulatedMotor:
 
     def _plan_idle_loss(self) -> None:
         """Plan when a disabled motor without commands latches a communication loss, if ever."""
-        is_planned = self._powered and not self._fault and self._idle_loss_s > 0.0
+        is_planned = self.is_powered and not self._fault and self._idle_loss_s > 0.0
         wait_steps = max(round(self._idle_loss_s * STEPS_PER_S), 1)
         self._watchdog_step = self._step + wait_steps if is_planned else _NEVER
 
@@ -519,7 +515,7 @@ class SimulatedMotor:
 
     def _check_limits(self) -> None:
         """Latch the first limit that is exceeded; a latched fault stays until it is cleared."""
-        if self._fault or not self._powered:
+        if self._fault or not self.is_powered:
             return
         if self._supply_v < self._registers[reg.UV_VALUE]:
             self._trip(UNDER_VOLTAGE)

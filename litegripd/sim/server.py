@@ -48,14 +48,10 @@ class SlcanDevice:
         """Reset, as when the host closes the port."""
         self._line = bytearray()
         self._overlong = False
-        self._open = False
+        self.is_open = False
+        """True if the host has opened the channel."""
         self._listen_only = False
         self._timestamps = False
-
-    @property
-    def is_open(self) -> bool:
-        """True if the host has opened the channel."""
-        return self._open
 
     def feed(self, data: bytes) -> SlcanResult:
         """Take bytes from the host, in whatever pieces they come."""
@@ -76,7 +72,7 @@ class SlcanDevice:
 
     def encode(self, frame: CanFrame, now_s: float) -> bytes:
         """Return the line that reports a frame of the bus to the host; nothing while closed."""
-        if not self._open:
+        if not self.is_open:
             return b""
         line = f"t{frame.can_id:03X}{len(frame.data):d}{frame.data.hex().upper()}"
         if self._timestamps:
@@ -95,28 +91,28 @@ class SlcanDevice:
         if letter == b"N" and not rest:
             return b"NSIM0" + OK
         if letter == b"F" and not rest:
-            return b"F00" + OK if self._open else ERROR
+            return b"F00" + OK if self.is_open else ERROR
         if letter == b"Z":
             return self._set_timestamps(rest)
         return OK if self._switch(letter, rest) else ERROR
 
     def _switch(self, letter: bytes, rest: bytes) -> bool:
         """Open, close or set the bit rate; return True if that was allowed."""
-        if letter in (b"O", b"L") and not rest and not self._open:
-            self._open = True
+        if letter in (b"O", b"L") and not rest and not self.is_open:
+            self.is_open = True
             self._listen_only = letter == b"L"
             return True
-        if letter == b"C" and not rest and self._open:
-            self._open = False
+        if letter == b"C" and not rest and self.is_open:
+            self.is_open = False
             return True
         if letter == b"S":
-            return not self._open and len(rest) == 1 and rest in b"012345678"
+            return not self.is_open and len(rest) == 1 and rest in b"012345678"
         if letter == b"s":
-            return not self._open and len(rest) == 4 and _HEX.issuperset(rest)
+            return not self.is_open and len(rest) == 4 and _HEX.issuperset(rest)
         return False
 
     def _set_timestamps(self, rest: bytes) -> bytes:
-        if self._open or rest not in (b"0", b"1"):
+        if self.is_open or rest not in (b"0", b"1"):
             return ERROR
         self._timestamps = rest == b"1"
         return OK
@@ -125,7 +121,7 @@ class SlcanDevice:
         """Take a frame from the host; only classic data frames mean anything to the motor."""
         digits = 8 if letter in b"TR" else 3
         most = 0x1FFFFFFF if letter in b"TR" else 0x7FF
-        if not self._open or self._listen_only or not _HEX.issuperset(rest):
+        if not self.is_open or self._listen_only or not _HEX.issuperset(rest):
             return ERROR
         if len(rest) <= digits or not ord("0") <= rest[digits] <= ord("8"):
             return ERROR

@@ -270,10 +270,10 @@ class UnresolvedError(OSError):
     """A name that does not resolve; the message names it."""
 
 
-def _resolved(host: str, port: int | None) -> list[Any]:
+def _resolved(host: str, port: int | None, kind: int = socket.SOCK_DGRAM) -> list[Any]:
     """Return the addresses of a name; raises `UnresolvedError`."""
     try:
-        return socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
+        return socket.getaddrinfo(host, port, type=kind)
     except (OSError, UnicodeError) as error:
         text = error.strerror if isinstance(error, OSError) else str(error)
         raise UnresolvedError(f"the name {host} does not resolve: {text}") from error
@@ -372,10 +372,9 @@ class Reaching:
 
     def _try(self) -> Reach:
         try:
-            found = socket.getaddrinfo(self._host, self._port, type=socket.SOCK_STREAM)
-        except (OSError, UnicodeError) as error:
-            text = error.strerror if isinstance(error, OSError) else str(error)
-            return Reach("resolving", f"the name {self._host} does not resolve: {text}")
+            found = _resolved(self._host, self._port, socket.SOCK_STREAM)
+        except UnresolvedError as error:
+            return Reach("resolving", str(error))
         why: str | None = None
         for family, kind, protocol, _name, address in found[:_ADDRESSES]:
             try:

@@ -447,7 +447,7 @@ class TeleopFollower(TeleopAction):
         if self._intake.is_stale(now_s):
             self._enter("stale")
             return lead(self._reference_rad, 0.0, feedback)
-        target_rad = self._target_rad(openness)
+        target_rad = self._course.geometry.position_rad(openness)
         aligns = self._course.settings.align
         if self._intake.begins != self._begins:
             self._begins, self._ahead_rad = self._intake.begins, 0.0
@@ -483,11 +483,6 @@ class TeleopFollower(TeleopAction):
             self._enter("following")
             return 0.0
         return math.copysign(min(self._align_rad_s, self._course.settings.dq_max_rad_s), ahead_rad)
-
-    def _target_rad(self, openness: float) -> float:
-        """Return the leader's openness as a position within our own travel."""
-        geometry = self._course.geometry
-        return geometry.closed_rad - geometry.close_sign * openness * geometry.travel_rad
 
     def _velocity_rad_s(self, now_s: float) -> float:
         """Return the leader's velocity in our own travel, within bounds."""

@@ -89,7 +89,8 @@ class Intake:
         self.late = 0
         self._watchdog_s = watchdog_s
         self._arrived_s = 0.0
-        self._source = ""
+        self.source = ""
+        """The sender of the newest frame, as the transport names it."""
         self._rate_1_s = 0.0
         self._rate_at_s = 0.0
         self._backlog = Backlog(watchdog_s)
@@ -101,7 +102,7 @@ class Intake:
         if frame is None:
             self.rejected += 1
             return
-        offset_s, is_same = arrival.at_s - frame.timestamp_s, arrival.source == self._source
+        offset_s, is_same = arrival.at_s - frame.timestamp_s, arrival.source == self.source
         is_old = latest is not None and is_same and self._backlog.holds(offset_s, arrival.at_s)
         if latest is None or self.is_stale(arrival.at_s):
             if is_old:
@@ -122,11 +123,6 @@ class Intake:
             self.frames += 1
         else:
             self._accept(frame, arrival, self._rate(frame, latest, later_s, arrival.at_s))
-
-    @property
-    def source(self) -> str:
-        """The sender of the newest frame, as the transport names it."""
-        return self._source
 
     def is_stale(self, now_s: float) -> bool:
         """Return True if no frame has come within the watchdog's time, by our own clock."""
@@ -163,7 +159,7 @@ class Intake:
         if self._leapt is not None:  # nothing has confirmed it
             self._leapt = None
             self.out_of_order += 1
-        self.latest, self._source = frame, arrival.source
+        self.latest, self.source = frame, arrival.source
         self._arrived_s = self._rate_at_s = arrival.at_s
         self._rate_1_s = rate_1_s
         self._backlog.accept(arrival.at_s - frame.timestamp_s, arrival.at_s)

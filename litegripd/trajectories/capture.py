@@ -173,6 +173,12 @@ class Capture:
         if not self.is_over:
             self.is_over, self.error = True, why
 
+    def note_job(self) -> None:
+        """Fail if the job has ended."""
+        job = self.job
+        if job is not None and not job.is_running:
+            self.fail("it ended" if job.error is None else job.error.message)
+
     def let_go(self) -> None:
         """Free the samples: they are stored elsewhere now."""
         self.is_taken = True
@@ -187,12 +193,10 @@ class Capture:
         jobs: JobBook,
     ) -> None:
         """Take this tick's measurement if one is due, and note what the jaws hold."""
+        self.note_job()
         if self.is_over:
             return
-        job = self.job
-        if job is not None and not job.is_running:
-            self.fail("it ended" if job.error is None else job.error.message)
-        elif motor.phase is not MotorPhase.ENABLED:
+        if motor.phase is not MotorPhase.ENABLED:
             self.fail(f"the motor is no longer enabled ({motor.phase.value})")
         elif geometry != self.basis:
             self.fail("another calibration was taken")
@@ -222,27 +226,23 @@ class Capture:
             passed = math.floor(self.rate_hz * (t_s + _ROUNDING_PERIODS * self.period_s))
             self.missed += min(max(passed, due), self.max_samples) - due
             if passed < self.max_samples:
-                self._append(t_s, feedback)
+                offset = self.samples * SAMPLE.size % PIECE_BYTES
+                if offset == 0:
+                    self.pieces.append(bytearray(PIECE_BYTES))
+                SAMPLE.pack_into(
+                    self.pieces[-1],
+                    offset,
+                    t_s,
+                    self.geometry.openness(feedback.position_rad),
+                    feedback.position_rad,
+                    feedback.velocity_rad_s,
+                    feedback.torque_nm,
+                )
+                self.samples += 1
+                self._sampled_s = feedback.at_s
             if self.samples + self.missed >= self.max_samples:
                 self.finish()
         self._measured_s = feedback.at_s
-
-    def _append(self, t_s: float, feedback: Feedback) -> None:
-        offset = self.samples * SAMPLE.size % PIECE_BYTES
-        if offset == 0:
-            self.pieces.append(bytearray(PIECE_BYTES))
-        position_rad = feedback.position_rad
-        SAMPLE.pack_into(
-            self.pieces[-1],
-            offset,
-            t_s,
-            self.geometry.openness(position_rad),
-            position_rad,
-            feedback.velocity_rad_s,
-            feedback.torque_nm,
-        )
-        self.samples += 1
-        self._sampled_s = feedback.at_s
 
     @property
     def size(self) -> int:

@@ -129,39 +129,6 @@ def check_fits(
     return Refusal("out_of_limits", text, data)
 
 
-def speed_refusal(
-    speed: float, max_rate_s: float, geometry: Geometry, motor_type: MotorType
-) -> Refusal | None:
-    """Return a refusal if the fastest part of a path, `max_rate_s` of the travel, is too fast.
-
-    No path is replayed faster than any other motion may be.
-    """
-    most_mm_s = fastest_mm_s(geometry, motor_type)
-    rate_mm_s = max_rate_s * geometry.travel_mm
-    if rate_mm_s * speed <= most_mm_s:
-        return None
-    most = most_mm_s / rate_mm_s
-    text = (
-        f"speed is {speed:g}, with which the fastest part of the trajectory has"
-        f" {rate_mm_s * speed:.4g} mm/s; at most {at_most(most, 3)} goes, {most_mm_s:.4g} mm/s"
-    )
-    return Refusal("out_of_limits", text, {"field": "speed", "requested": speed, "limit": most})
-
-
-def fastest_rad_s(
-    speed: float,
-    max_rate_s: float,
-    geometry: Geometry,
-    config: MotionConfig,
-    motor_type: MotorType,
-) -> float:
-    """Return how fast commands may move along a path whose fastest part is `max_rate_s`."""
-    taught_rad_s = max_rate_s * geometry.travel_rad * speed
-    usual_rad_s = geometry.to_rad(config.speed_mm_s)
-    fastest = geometry.to_rad(fastest_mm_s(geometry, motor_type))
-    return min(CATCH_UP * max(taught_rad_s, usual_rad_s), fastest)
-
-
 def grips_refusal(
     force: Force, loading: Loading, geometry: Geometry, motor_type: MotorType
 ) -> Refusal | None:
@@ -417,8 +384,17 @@ class Replay(PlainAction):
         return Step()
 
     def _speed_refusal(self, speed: float) -> Refusal | None:
-        rate_s, motor_type = self._loading.max_rate_s, self._motor_type
-        return speed_refusal(speed, rate_s, self._geometry, motor_type)
+        """Return a refusal if the path would be faster than any other motion may be."""
+        most_mm_s = fastest_mm_s(self._geometry, self._motor_type)
+        rate_mm_s = self._loading.max_rate_s * self._geometry.travel_mm
+        if rate_mm_s * speed <= most_mm_s:
+            return None
+        most = most_mm_s / rate_mm_s
+        text = (
+            f"speed is {speed:g}, with which the fastest part of the trajectory has"
+            f" {rate_mm_s * speed:.4g} mm/s; at most {at_most(most, 3)} goes, {most_mm_s:.4g} mm/s"
+        )
+        return Refusal("out_of_limits", text, {"field": "speed", "requested": speed, "limit": most})
 
     def _go(self, now_s: float, elapsed_s: float, feedback: Feedback, path: Path) -> Step:
         if self.phase == "align":
@@ -537,13 +513,11 @@ class Replay(PlainAction):
 
     def _fastest_rad_s(self) -> float:
         """Return the highest speed of the command: enough for the path, and to catch up with it."""
-        return fastest_rad_s(
-            self.speed,
-            self._loading.max_rate_s,
-            self._geometry,
-            self._config,
-            self._motor_type,
-        )
+        geometry = self._geometry
+        taught_rad_s = self._loading.max_rate_s * geometry.travel_rad * self.speed
+        usual_rad_s = geometry.to_rad(self._config.speed_mm_s)
+        most_rad_s = geometry.to_rad(fastest_mm_s(geometry, self._motor_type))
+        return min(CATCH_UP * max(taught_rad_s, usual_rad_s), most_rad_s)
 
     def _is_pose(self, path: Path) -> bool:
         """Return True if the path is shorter than a tick."""

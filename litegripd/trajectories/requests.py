@@ -12,11 +12,8 @@ from typing import Any, TypeAlias
 
 from litegrip_client.values.trajectory_format import MAX_SAMPLES
 from litegripd.control.admission import (
-    NO_FEEDBACK,
     busy_with,
     conflict_refusal,
-    motor_refusal,
-    position_refusal,
     trajectory_or_teleop_refusal,
 )
 from litegripd.control.calibration import Terms
@@ -24,7 +21,6 @@ from litegripd.control.controller import Controller
 from litegripd.control.events import NOW, Turn
 from litegripd.control.limiter import Gains
 from litegripd.model.errors import Refusal
-from litegripd.model.gripper import Geometry
 from litegripd.model.motion_config import fast_conflict, slow_conflict
 from litegripd.model.sentence import sentence
 from litegripd.model.state import HelperTask, Job, Owner, TaskResult
@@ -122,13 +118,12 @@ class Trajectories:
     ) -> Job | Capture | Refusal:
         """Begin to record, or return a refusal; with `slack` a job makes the jaws slack."""
         controller = self._controller
-        geometry = self._ready(terms)
-        refusal = self.refusal() or (geometry if isinstance(geometry, Refusal) else None)
-        refusal = (
-            refusal or self._rate_refusal(rate_hz) or (controller.why_busy() if slack else None)
-        )
-        if refusal is not None or isinstance(geometry, Refusal):
-            return refusal or NO_FEEDBACK
+        geometry = self.refusal() or controller.travel(terms)
+        if isinstance(geometry, Refusal):
+            return geometry
+        refusal = self._rate_refusal(rate_hz) or (controller.why_busy() if slack else None)
+        if refusal is not None:
+            return refusal
         capture = Capture(
             geometry,
             rate_hz,
@@ -165,7 +160,7 @@ class Trajectories:
         if capture is None or capture.is_taken:
             text = sentence("no recording is under way: begin one ({trajectory.record_start})")
             return Refusal("recording_failed", text)
-        self._note_job(capture)
+        capture.note_job()  # it may have ended since the last tick
         feedback = controller.motor.feedback
         if feedback is not None and not capture.is_over:
             capture.take_one(controller.now_s, feedback, controller.grip, controller.jobs)
@@ -199,12 +194,6 @@ class Trajectories:
         if capture.client == client:
             capture.fail("the client that recorded went away")
 
-    def _note_job(self, capture: Capture) -> None:
-        """Notice that the job has ended since the last tick, before the capture ends by itself."""
-        job = capture.job
-        if job is not None and not job.is_running:
-            capture.fail("it ended" if job.error is None else job.error.message)
-
     def _rate_refusal(self, rate_hz: float) -> Refusal | None:
         most_hz = 1.0 / self._controller.period_s
         if rate_hz <= most_hz + 1e-6:
@@ -231,9 +220,9 @@ class Trajectories:
     ) -> Job | Refusal:
         """Begin to load and replay a trajectory."""
         controller, config = self._controller, terms.config
-        refusal, geometry = self.refusal(turn) or controller.why_busy(turn), self._ready(terms)
-        if refusal is not None or isinstance(geometry, Refusal):
-            return refusal or (geometry if isinstance(geometry, Refusal) else NO_FEEDBACK)
+        geometry = self.refusal(turn) or controller.why_busy(turn) or controller.travel(terms)
+        if isinstance(geometry, Refusal):
+            return geometry
         if request.force == "replay":
             speed, field = config.grasp_speed_mm_s, "grasp_speed_mm_s"
             motor_type = controller.gripper_id.motor_type
@@ -267,14 +256,6 @@ class Trajectories:
         if not running.detached and running.owner.client != owner.client:
             return busy_with(running)
         return action
-
-    def _ready(self, terms: Terms) -> Geometry | Refusal:
-        """Return the travel if the motor is enabled and calibrated; else a refusal."""
-        controller, geometry = self._controller, terms.geometry
-        if geometry is None:
-            return controller.calibrated.problem
-        refusal = motor_refusal(controller.motor) or position_refusal(controller.motor, geometry)
-        return refusal or geometry
 
 
 def _unusable(capture: Capture, *, allow_empty: bool, allow_partial: bool) -> Refusal | None:

@@ -277,14 +277,10 @@ class Confirming:
         self._sign = sign
         self._plan = plan
         self._stroke = plan.stroke(sign)
-        self._strokes = 1
+        self.iterations = 1
+        """The number of the present stroke."""
         self._backing_since_s: float | None = None
         self._pressing: Pressing | None = None
-
-    @property
-    def iterations(self) -> int:
-        """The number of the present stroke."""
-        return self._strokes
 
     def step(self, now_s: float, feedback: Feedback) -> tuple[MitCommand, Confirmed | None]:
         """Continue the stroke, the way back before the next stroke, or the press."""
@@ -323,9 +319,9 @@ class Confirming:
     def _again(self, now_s: float, feedback: Feedback) -> Confirmed | None:
         """Set the stop to here, and begin the way back for another stroke, if one is left."""
         self.stop_rad = feedback.position_rad
-        if self._strokes >= MOST_STROKES:
+        if self.iterations >= MOST_STROKES:
             return "apart"
-        self._strokes += 1
+        self.iterations += 1
         self._backing_since_s = now_s
         self._stroke = self._plan.stroke(-self._sign)
         return None

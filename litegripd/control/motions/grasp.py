@@ -132,7 +132,8 @@ class Approach:
         self._began_rad = 0.0
         self._was_s, self._was_rad = 0.0, 0.0
         self._kp: float | None = None
-        self._ramp_s = 0.0
+        self.ramp_s = 0.0
+        """How long the way to the target takes; known once begun."""
         self._arrived_s: float | None = None
         self._ran = False
         self._load_nm: float | None = None
@@ -145,18 +146,13 @@ class Approach:
         self._window = SpeedWindow(STANDS_S)
         self.friction = FrictionGauge(motor_type)
 
-    @property
-    def ramp_s(self) -> float:
-        """How long the way to the target takes; known once begun."""
-        return self._ramp_s
-
     def step(self, now_s: float, feedback: Feedback) -> tuple[MitCommand, Verdict | None]:
         """Return the command, and the verdict on what the jaws have met."""
         position_rad = feedback.position_rad
         if self._began_s is None:
             self._began_s, self._began_rad = now_s, position_rad
             self._was_s, self._was_rad = now_s, position_rad
-            self._ramp_s = max(self._short_rad(position_rad), 0.0) / self.speed_rad_s
+            self.ramp_s = max(self._short_rad(position_rad), 0.0) / self.speed_rad_s
         command, held_back = self._command(now_s, position_rad)
         return command, self._judge(now_s, feedback, held_back)
 
@@ -235,7 +231,7 @@ class Approach:
         if (touches or stalls) and self._is_something(position_rad, stalls=stalls):
             return "contact" if touches else "stalled"
         began_s = now_s if self._began_s is None else self._began_s
-        late_s = gives_up_after_s(self._ramp_s)
+        late_s = gives_up_after_s(self.ramp_s)
         return "timed_out" if now_s - began_s > late_s else None
 
     def _touches(self, now_s: float, feedback: Feedback, held_back: bool) -> bool:

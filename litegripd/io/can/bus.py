@@ -267,8 +267,15 @@ class DirectBus:
             message = bus.recv(0)
             if message is None:
                 return
-            if message.is_error_frame:
-                self._take_error_frame(message)
+            if message.is_error_frame:  # most report only corrected errors
+                self.counters.error_frames += 1
+                if message.arbitration_id & RESTARTED:
+                    self._works()
+                elif message.arbitration_id & BUS_OFF:
+                    self.counters.errors += 1
+                    self._sending_failed = False  # a frame that can be sent again proves nothing
+                    text = "the controller has left the bus"
+                    self.condition = BusCondition("bus_off", text)
                 continue
             frame = to_frame(message)
             if frame is None:
@@ -277,16 +284,6 @@ class DirectBus:
             self.counters.count(frame)
             frames.append(frame)
             self._works()  # here, so that a bus-off that is reported after it counts
-
-    def _take_error_frame(self, message: can.Message) -> None:
-        """Note a bus-off, and its end; most error frames report only corrected errors."""
-        self.counters.error_frames += 1
-        if message.arbitration_id & RESTARTED:
-            self._works()
-        elif message.arbitration_id & BUS_OFF:
-            self.counters.errors += 1
-            self._sending_failed = False  # a frame that can be sent again proves nothing any more
-            self.condition = BusCondition("bus_off", "the controller has left the bus")
 
     def _open(self, now_s: float) -> None:
         if now_s < self._reopen_at_s:
