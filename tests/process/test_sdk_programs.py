@@ -97,7 +97,7 @@ def test_a_grasp_and_what_serves_a_motor(one: DaemonProcess, tmp_path: Path) -> 
 def test_a_bench_program_with_an_emergency_stop(one: DaemonProcess, tmp_path: Path) -> None:
     out = run(tmp_path, "bench_window", NAMES[0], str(tmp_path / "saved.json"))
     assert "enabled False failed 0" in out
-    assert "reports True" in out
+    assert int(out.partition(" reports")[0].splitlines()[-1]) > 300
     assert "saved True" in out
     assert "force True" in out
 
@@ -114,7 +114,9 @@ def test_a_mirror(one: DaemonProcess, tmp_path: Path) -> None:
 
 def test_two_grippers_in_one_process(tmp_path: Path) -> None:
     with gripper(tmp_path, NAMES[0]), gripper(tmp_path, NAMES[1], "reverse"):
-        assert run(tmp_path, "two_at_once", *NAMES) == "[True, True] True True\n"
+        strokes, _, reads = run(tmp_path, "two_at_once", *NAMES).rpartition(" ")
+        assert strokes == "[True, True] True"
+        assert int(reads) > 100
         assert "100 frames" in run(tmp_path, "hand_and_twin", *NAMES)
 
 

@@ -15,8 +15,6 @@ from tests.drop_in import Daemon, Site
 
 STILL = Trajectory([TrajectorySample(0.02 * n, 0.69, -1.14) for n in range(100)])
 
-pytestmark = pytest.mark.usefixtures("no_threads")
-
 
 @pytest.fixture
 def mount() -> str:
@@ -175,13 +173,13 @@ def test_a_session_that_is_interrupted_as_it_begins(
 
 
 def test_another_thread_may_stop_while_a_frame_is_sent(
-    gripper: LiteGrip, monkeypatch: pytest.MonkeyPatch
+    gripper: LiteGrip, site: Site, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     gains = litegrip._bridge.gains_in_range
 
     def gains_after_a_stop(*given: Any) -> Any:
         """Let the other thread stop just before the frame is sent."""
-        thread = threading.Thread(target=gripper.stop)
+        thread = site.turns.threading.Thread(target=gripper.stop)
         thread.start()
         thread.join()
         return gains(*given)
