@@ -14,7 +14,7 @@ import pytest
 import litegrip
 from tests.drop_in import Daemon, Site
 from tests.geometry import TRAVEL_MM
-from tests.sdk_compat.trajectories import teach
+from tests.sdk.readme.trajectories import teach
 
 PROGRAMS = Path(__file__).parent / "programs"
 

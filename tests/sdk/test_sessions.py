@@ -9,7 +9,7 @@ import pytest
 import litegrip
 from litegrip import LiteGrip, Trajectory, TrajectorySample
 from tests.drop_in import Daemon, Site
-from tests.sdk_compat.trajectories import teach
+from tests.sdk.readme.trajectories import teach
 
 STILL = Trajectory([TrajectorySample(0.02 * n, 0.69, -1.14) for n in range(100)])
 

@@ -17,8 +17,8 @@ from litegrip_client import (
 )
 from tests.drop_in import Daemon, Site
 from tests.geometry import CLOSED_RAD, MM_RAD, OPEN_RAD, TRAVEL_MM
-from tests.sdk_compat.scenes import jaws_are_loose, tuned
-from tests.sdk_compat.trajectories import swing
+from tests.sdk.readme.scenes import jaws_are_loose, tuned
+from tests.sdk.readme.trajectories import swing
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import pytest
 from litegrip_client import LiteGrip
 from litegripd.motor import codec
 from tests.drop_in import Daemon, Site
-from tests.sdk_compat.scenes import write_file
+from tests.sdk.readme.scenes import write_file
 
 
 def gains(gripper: LiteGrip) -> tuple[float, float]:

@@ -28,7 +28,7 @@ from litegrip_client import (
 from litegripd.model.gripper import FASTEST_RAD_S
 from tests.drop_in import Daemon, Site
 from tests.geometry import SPAN_MM, STROKE_MM, TRAVEL_RAD, WORK_MM
-from tests.sdk_compat.trajectories import push
+from tests.sdk.readme.trajectories import push
 
 
 def test_what_is_measured_is_a_number(site: Site, daemon: Daemon, gripper: LiteGrip) -> None:

@@ -12,8 +12,8 @@ from litegrip_client import (
 )
 from tests.drop_in import Daemon, Site
 from tests.geometry import TRAVEL_MM
-from tests.sdk_compat.scenes import jaws_are_loose
-from tests.sdk_compat.trajectories import assert_slack, push
+from tests.sdk.readme.scenes import jaws_are_loose
+from tests.sdk.readme.trajectories import assert_slack, push
 
 
 def test_record_blocks_for_its_time_and_returns_the_trajectory(

@@ -12,7 +12,7 @@ from litegrip_client import (
 )
 from litegrip_client.ctl.main import main
 from tests.drop_in import Daemon, Site
-from tests.sdk_compat.trajectories import pose, swing, teach
+from tests.sdk.readme.trajectories import pose, swing, teach
 
 
 def test_the_same_from_the_command_line(

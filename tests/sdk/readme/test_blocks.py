@@ -10,10 +10,10 @@ import pytest
 from examples import teleop, trajectory
 from litegrip_client import LiteGrip, Trajectory
 from tests.drop_in import Daemon, Site
-from tests.sdk_compat import blocks
-from tests.sdk_compat.scenes import bench_unit, own_file
-from tests.sdk_compat.test_teleop import Tapped, share_open
-from tests.sdk_compat.trajectories import teach
+from tests.sdk.readme import blocks
+from tests.sdk.readme.scenes import bench_unit, own_file
+from tests.sdk.readme.test_teleop import Tapped, share_open
+from tests.sdk.readme.trajectories import teach
 
 
 def interrupt() -> None:

@@ -9,7 +9,7 @@ from litegrip_client import CommandError, LiteGrip, MotionConfig, UnitConversion
 from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from tests.drop_in import Daemon, Site
 from tests.geometry import MM_RAD, TRAVEL_MM
-from tests.sdk_compat.scenes import (
+from tests.sdk.readme.scenes import (
     CODE_RAD,
     LEAD_MM_RAD,
     content,

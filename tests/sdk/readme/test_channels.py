@@ -8,9 +8,9 @@ import pytest
 from litegrip_client import CommandError, LiteGrip
 from tests.drop_in import Daemon, Site, a_site
 from tests.geometry import MM_RAD, TRAVEL_MM
-from tests.sdk_compat.conftest import MOUNTS
-from tests.sdk_compat.motions import MOTIONS
-from tests.sdk_compat.scenes import bench_unit, own_file, write_file
+from tests.sdk.conftest import MOUNTS
+from tests.sdk.readme.motions import MOTIONS
+from tests.sdk.readme.scenes import bench_unit, own_file, write_file
 
 
 def test_the_channel_is_the_only_key_of_two_grippers_with_the_same_can_id(site: Site) -> None:

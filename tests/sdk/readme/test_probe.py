@@ -10,7 +10,7 @@ import pytest
 from litegrip_client import CommandError, HardwareError, LiteGrip, MotionConfig, MoveProgress
 from tests.drop_in import Daemon, Moment, Site
 from tests.geometry import TRAVEL_MM, TRAVEL_RAD
-from tests.sdk_compat.scenes import CODE_RAD, LEAD_MM_RAD, bench_unit, lead_mm
+from tests.sdk.readme.scenes import CODE_RAD, LEAD_MM_RAD, bench_unit, lead_mm
 
 
 def probe(

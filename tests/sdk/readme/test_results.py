@@ -8,7 +8,7 @@ from litegrip_client import EnableResult, GraspResult, LiteGrip, MotionConfig, M
 from litegripd.motor import codec
 from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from tests.drop_in import Daemon, Site
-from tests.sdk_compat.scenes import CODE_RAD
+from tests.sdk.readme.scenes import CODE_RAD
 
 FIELDS = {
     MoveResult: "ok reached stalled state target_rad limit_rad final_cmd_rad steps",

@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 HERE = Path(__file__).parent
-TABLE = HERE.parent.parent / "docs" / "generated" / "sdk-sentences.md"
+TABLE = HERE.parents[2] / "docs" / "generated" / "sdk-sentences.md"
 SECTIONS = (
     "Quick start",
     "Reverse mounts and two grippers on one machine",

@@ -9,8 +9,8 @@ from litegrip_client import LiteGrip
 from litegripd.motor import codec
 from tests.drop_in import Daemon, Site
 from tests.geometry import CLOSED_RAD, MM_RAD, TRAVEL_MM
-from tests.sdk_compat import blocks
-from tests.sdk_compat.scenes import content, jaws_are_loose, own_file, speed_mm_s
+from tests.sdk.readme import blocks
+from tests.sdk.readme.scenes import content, jaws_are_loose, own_file, speed_mm_s
 
 
 def test_the_example_on_an_object(

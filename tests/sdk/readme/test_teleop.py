@@ -21,7 +21,7 @@ from litegripd.model.teleop import Arrival, LinkOptions
 from litegripd.teleop.link import InProcessLink, InProcessLinks
 from tests.drop_in import Daemon, Site, a_site
 from tests.geometry import TRAVEL_MM
-from tests.sdk_compat.scenes import bench_unit, jaws_are_loose
+from tests.sdk.readme.scenes import bench_unit, jaws_are_loose
 from tests.world import PERIOD_S
 
 KEY = "litearm/v4/gripA/gripper_teleop"

@@ -10,9 +10,9 @@ import pytest
 from litegrip_client import CALIB_TEMPLATES, CommandError, GripperConfig, LiteGrip, list_templates
 from tests.drop_in import Daemon, Site
 from tests.geometry import MM_RAD, SPAN_MM, TRAVEL_MM
-from tests.sdk_compat.conftest import MOUNTS
-from tests.sdk_compat.motions import MOTIONS
-from tests.sdk_compat.scenes import bench_unit, content, write_file
+from tests.sdk.conftest import MOUNTS
+from tests.sdk.readme.motions import MOTIONS
+from tests.sdk.readme.scenes import bench_unit, content, write_file
 
 SELECTIONS: dict[str, Callable[[LiteGrip, str], object]] = {
     "constructor": lambda gripper, mount: LiteGrip("can0", mount=mount).connect(),

@@ -8,7 +8,7 @@ import pytest
 
 from litegrip_client import CommandError, LiteGrip, MotionConfig
 from tests.drop_in import Daemon, Site
-from tests.sdk_compat.scenes import speed_mm_s
+from tests.sdk.readme.scenes import speed_mm_s
 
 DEFAULTS: dict[str, object] = {
     "speed_mm_s": 50.0,

@@ -18,7 +18,7 @@ from litegrip_client import (
 from litegripd.motor import codec
 from tests.drop_in import Daemon, Site
 from tests.geometry import SPAN_MM, TRAVEL_MM, TRAVEL_RAD
-from tests.sdk_compat.scenes import bench_unit, jaws_are_loose
+from tests.sdk.readme.scenes import bench_unit, jaws_are_loose
 
 ACTIONS: dict[str, tuple[Callable[[GripperActions], object], type]] = {
     "enable": (lambda actions: actions.enable(retries=2), EnableResult),

@@ -18,7 +18,7 @@ from litegrip_client import (
 from litegripd.motor import codec
 from tests.drop_in import Daemon, Site, a_site
 from tests.geometry import WORK_MM
-from tests.sdk_compat.scenes import LEAD_MM_RAD, content, lead_mm, own_file, write_file
+from tests.sdk.readme.scenes import LEAD_MM_RAD, content, lead_mm, own_file, write_file
 
 OLD_CALLS: dict[str, tuple[str, tuple[float, ...], dict[str, float]]] = {
     "open by position": ("open", (100.0, 2.0, 1.0), {}),

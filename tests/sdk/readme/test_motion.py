@@ -11,7 +11,7 @@ from litegripd.model.motor import CanFrame
 from litegripd.motor import codec
 from tests.drop_in import Daemon, Moment, Site
 from tests.geometry import MM_RAD, TRAVEL_MM, TRAVEL_RAD
-from tests.sdk_compat.scenes import (
+from tests.sdk.readme.scenes import (
     CODE_RAD,
     CODE_RAD_S,
     LEAD_MM_RAD,

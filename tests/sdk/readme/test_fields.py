@@ -8,7 +8,7 @@ from litegrip_client import HardwareError, LiteGrip, MotionConfig
 from litegripd.motor import codec
 from tests.drop_in import Daemon, Moment, Site
 from tests.geometry import TRAVEL_MM, TRAVEL_RAD
-from tests.sdk_compat.scenes import (
+from tests.sdk.readme.scenes import (
     CODE_RAD,
     LEAD_MM_RAD,
     content,

@@ -13,8 +13,8 @@ from litegrip_client import (
 )
 from tests.drop_in import Daemon, Site
 from tests.geometry import TRAVEL_MM
-from tests.sdk_compat.scenes import bench_unit, content, jaws_are_loose, load_content
-from tests.sdk_compat.trajectories import assert_slack, off_mm, swing, teach
+from tests.sdk.readme.scenes import bench_unit, content, jaws_are_loose, load_content
+from tests.sdk.readme.trajectories import assert_slack, off_mm, swing, teach
 
 
 def test_the_example(site: Site, home: Path, daemon: Daemon) -> None:

@@ -13,8 +13,8 @@ from litegrip_client import (
 from litegripd.model.motor import MotorPhase
 from tests.drop_in import Daemon, Site
 from tests.geometry import TRAVEL_MM
-from tests.sdk_compat.scenes import jaws_are_loose
-from tests.sdk_compat.trajectories import pose, swing
+from tests.sdk.readme.scenes import jaws_are_loose
+from tests.sdk.readme.trajectories import pose, swing
 
 
 def test_play_blocks_until_the_end_and_a_loop_is_refused(site: Site, gripper: LiteGrip) -> None:
