@@ -151,12 +151,16 @@ def test_press_zone_mm(
     assert sorted(pressed)[-10] == pytest.approx(torque_nm, rel=0.15)
 
 
-@pytest.mark.parametrize("lead", [0.5, 1.0])
-def test_stop_lead_mm(site: Site, daemon: Daemon, gripper: LiteGrip, lead: float) -> None:
-    moments = close_recorded(site, daemon, gripper, stop_lead_mm=lead)
-    assert moments[-10].closing_torque_nm == pytest.approx(100.0 * lead / LEAD_MM_RAD, rel=0.07)
+@pytest.mark.parametrize("lead", [None, 0.5, 1.0])
+def test_stop_lead_mm(site: Site, daemon: Daemon, gripper: LiteGrip, lead: float | None) -> None:
+    """It is 0.7 mm by default; the SDK's was 1 mm before."""
+    moments = close_recorded(site, daemon, gripper, **({"stop_lead_mm": lead} if lead else {}))
+    expected = gripper.motion_config.stop_lead_mm
+    assert expected == (lead or 0.7)
+    torque_nm = moments[-10].closing_torque_nm
+    assert torque_nm == pytest.approx(100.0 * expected / LEAD_MM_RAD, rel=0.07)
     at_stop = [lead_mm(moment) for moment in moments[-60:]]
-    assert max(at_stop) == pytest.approx(lead, abs=2 * LEAD_CODE_MM)
+    assert max(at_stop) == pytest.approx(expected, abs=2 * LEAD_CODE_MM)
 
 
 @pytest.mark.parametrize(("tolerance", "pressed"), [(0.02, False), (0.06, True)])

@@ -7,7 +7,6 @@ from typing import Any
 import pytest
 
 from litegrip_client import HardwareError, LiteGrip, MotionConfig, MoveResult
-from litegripd.model.motor import CanFrame
 from litegripd.motor import codec
 from tests.drop_in import Daemon, Moment, Site
 from tests.geometry import MM_RAD, TRAVEL_MM, TRAVEL_RAD
@@ -235,27 +234,6 @@ def test_the_settle_phase_is_not_stall_checked(
     assert still_s == pytest.approx(settle, abs=0.35)
 
 
-def test_a_dropped_enable_frame_is_noticed_because_the_status_is_read_back(
-    site: Site, daemon: Daemon
-) -> None:
-    with LiteGrip("can0") as gripper:
-        daemon.lose_to_motor = lambda frame: frame.data == codec.ENABLE
-        assert not gripper.enable()
-        assert daemon.gripper.motor.status == 0
-        dropped: list[CanFrame] = []
-
-        def lose_the_first(frame: CanFrame) -> bool:
-            if frame.data != codec.ENABLE or dropped:
-                return False
-            dropped.append(frame)
-            return True
-
-        daemon.lose_to_motor = lose_the_first
-        result = gripper.enable()
-        assert (result.ok, result.tries) == (True, 2)
-        assert daemon.gripper.motor.status == 1
-
-
 def test_enable_clears_a_genuine_fault_first(site: Site, daemon: Daemon) -> None:
     with LiteGrip("can0") as gripper:
         assert gripper.enable()
@@ -270,12 +248,6 @@ def test_enable_clears_a_genuine_fault_first(site: Site, daemon: Daemon) -> None
         assert result.state.error_code == 1
         special = [s.frame.data for s in daemon.sent if s.at_s > began_s]
         assert special.index(codec.CLEAR_FAULT) < special.index(codec.ENABLE)
-
-
-def test_enable_clears_nothing_where_there_is_no_fault(site: Site, daemon: Daemon) -> None:
-    with LiteGrip("can0") as gripper:
-        assert gripper.enable()
-    assert codec.CLEAR_FAULT not in [sent.frame.data for sent in daemon.sent]
 
 
 def test_a_fault_that_stays_is_no_success(site: Site, daemon: Daemon) -> None:

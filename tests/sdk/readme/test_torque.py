@@ -105,29 +105,6 @@ def test_what_would_make_every_direction_a_guess_is_rejected(
     assert daemon.gripper.opening_mm == pytest.approx(60.0, abs=0.1)
 
 
-def test_a_reverse_mount_is_an_ordinary_configuration_and_no_error(site: Site, home: Path) -> None:
-    daemon = site.add(Daemon(mount="reverse", calibrated=False))
-    with LiteGrip("can0") as gripper:
-        assert gripper.load_calibration(write_file(home / "any.json", "reverse"))
-        assert gripper.config.close_sign == -1
-        gripper.enable()
-        assert gripper.open()
-        assert daemon.gripper.opening_mm == pytest.approx(TRAVEL_MM, abs=1.0)
-        assert gripper.close()
-        assert daemon.gripper.opening_mm == pytest.approx(0.0, abs=1.0)
-
-
-@pytest.mark.parametrize("action", ["open", "close"])
-def test_the_pressing_torque_is_kp_times_stop_lead_a_third_of_the_rating(
-    site: Site, daemon: Daemon, gripper: LiteGrip, action: str
-) -> None:
-    with site.recorded(daemon) as moments:
-        assert gripper.open() if action == "open" else gripper.close()
-    settled = [abs(moment.closing_torque_nm) for moment in moments[-50:]]
-    assert settled == pytest.approx([100.0 * 0.7 / LEAD_MM_RAD] * len(settled), abs=0.08)
-    assert settled[-1] == pytest.approx(3.0 / 3, rel=0.15)
-
-
 def test_the_travel_phase_is_capped_at_2_nm(site: Site, daemon: Daemon, gripper: LiteGrip) -> None:
     """Where the daemon differs, from the SDK's 5: what lets go of the jaws must not throw them."""
     daemon.gripper.put_object(width_mm=40.0)
