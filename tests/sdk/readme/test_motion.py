@@ -9,7 +9,7 @@ import pytest
 from litegrip_client import HardwareError, LiteGrip, MotionConfig, MoveResult
 from litegripd.motor import codec
 from tests.drop_in import Daemon, Moment, Site
-from tests.geometry import MM_RAD, TRAVEL_MM, TRAVEL_RAD
+from tests.geometry import MM_RAD
 from tests.sdk.readme.scenes import (
     CODE_RAD,
     CODE_RAD_S,
@@ -173,16 +173,6 @@ def test_a_slightly_off_calibration_does_not_move_the_endpoint(
                 beyond = abs(result.target_rad - result.limit_rad)
                 assert beyond == pytest.approx(0.05 * gripper.config.travel_mm / MM_RAD)  # type: ignore[operator]
     assert ends[2:] == pytest.approx(ends[:2], abs=0.3)
-
-
-def test_grasp_targets_margin_inside_the_stop(daemon: Daemon, gripper: LiteGrip) -> None:
-    result = gripper.grasp()
-    config = gripper.config
-    assert config.pos_closed_rad is not None
-    assert config.close_sign is not None
-    inside_rad = (config.pos_closed_rad - result.target_rad) * config.close_sign
-    assert inside_rad == pytest.approx(0.05 * TRAVEL_RAD)
-    assert daemon.gripper.opening_mm == pytest.approx(0.05 * TRAVEL_MM, abs=0.8)
 
 
 @pytest.mark.parametrize(("held_s", "stalls"), [(0.1, False), (1.0, True)])

@@ -5,7 +5,6 @@ from dataclasses import fields, is_dataclass
 import pytest
 
 from litegrip_client import EnableResult, GraspResult, LiteGrip, MotionConfig, MoveResult
-from litegripd.motor import codec
 from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from tests.drop_in import Daemon, Site
 
@@ -23,24 +22,6 @@ def test_the_results_are_dataclasses_with_these_fields_first(kind: type) -> None
     assert [one.name for one in fields(kind)][: len(wanted)] == wanted
 
 
-def test_the_old_idiom_still_works_and_asks_for_ok(daemon: Daemon, gripper: LiteGrip) -> None:
-    opened = gripped = enabled = False
-    if gripper.open():
-        opened = True
-    daemon.gripper.put_object(width_mm=40.0)
-    if gripper.close():
-        pytest.fail("it closed through an object")
-    if gripper.grasp(hold_s=0.5):
-        gripped = True
-    if gripper.enable():
-        enabled = True
-    gripper.disable()
-    daemon.lose_to_motor = lambda frame: frame.data == codec.ENABLE
-    if gripper.enable(retries=1):
-        pytest.fail("it was enabled without having heard of it")
-    assert (opened, gripped, enabled) == (True, True, True)
-
-
 @pytest.mark.parametrize("guarded", [True, False])
 def test_stalling_far_from_the_stop_is_ok_false(
     site: Site, daemon: Daemon, gripper: LiteGrip, guarded: bool
@@ -54,17 +35,6 @@ def test_stalling_far_from_the_stop_is_ok_false(
     assert result.protected is guarded
     assert bool(result) is False
     assert min(moment.opening_mm for moment in moments) == pytest.approx(40.0, abs=3.0)
-
-
-@pytest.mark.parametrize("width", [15.0, 50.0])
-def test_grasp_on_an_object_stops_short_of_the_empty_jaw_target_and_is_ok(
-    daemon: Daemon, gripper: LiteGrip, width: float
-) -> None:
-    daemon.gripper.put_object(width_mm=width)
-    result = gripper.grasp(hold_s=0.5)
-    assert (result.ok, result.stalled, result.reached) == (True, True, False)
-    assert abs(result.target_rad - daemon.gripper.position_rad) > 0.02
-    assert daemon.gripper.opening_mm == pytest.approx(width, abs=1.0)
 
 
 def test_grasp_on_nothing_reaches_its_target_and_is_no_success(
@@ -104,10 +74,3 @@ def test_on_an_empty_gripper_reached_means_within_the_dead_band_of_the_closing_s
     assert result.stalled is not result.reached
     if tolerance == 0.02:
         assert 0.003 < short_rad < 0.012
-
-
-def test_a_grasp_result_counts_the_slices_of_the_hold(daemon: Daemon, gripper: LiteGrip) -> None:
-    daemon.gripper.put_object(width_mm=40.0)
-    result = gripper.grasp(force_n=10.0, hold_s=1.1)
-    assert (result.force_n, result.cycles) == (10.0, 5)
-    assert result.state.position_rad == pytest.approx(daemon.gripper.position_rad, abs=0.002)

@@ -89,18 +89,21 @@ def test_open_that_is_held_back_is_no_success(
     assert daemon.gripper.opening_mm < 100.0
 
 
+@pytest.mark.parametrize("width_mm", [15.0, 50.0])
 def test_grasp_closes_until_it_stalls_and_then_holds_the_force(
-    site: Site, daemon: Daemon, gripper: LiteGrip
+    daemon: Daemon, gripper: LiteGrip, width_mm: float
 ) -> None:
-    daemon.gripper.put_object(width_mm=40.0)
-    with site.recorded(daemon) as moments:
-        result = gripper.grasp(force_n=12.0, hold_s=2.0)
+    daemon.gripper.put_object(width_mm=width_mm)
+    result = gripper.grasp(force_n=12.0, hold_s=1.1)
     assert isinstance(result, GraspResult)
-    assert result.stalled
-    assert result.force_n == 12.0
-    assert result.width_mm == pytest.approx(40.0, abs=1.0)
-    assert moments[-1].closing_torque_nm == pytest.approx(1.2, abs=0.1)
-    assert daemon.gripper.opening_mm == pytest.approx(40.0, abs=1.0)
+    assert (result.ok, result.stalled, result.reached) == (True, True, False)
+    assert bool(result) is True
+    assert (result.force_n, result.cycles) == (12.0, 5)  # a slice is 0.2 s
+    assert result.width_mm == pytest.approx(width_mm, abs=1.0)
+    assert result.state.position_rad == pytest.approx(daemon.gripper.position_rad, abs=0.002)
+    assert daemon.closing_torque_nm == pytest.approx(1.2, abs=0.1)
+    assert daemon.gripper.opening_mm == pytest.approx(width_mm, abs=1.0)
+    assert abs(result.target_rad - daemon.gripper.position_rad) > 0.02  # that of empty jaws
 
 
 def test_grasp_with_hold_s_0_holds_for_ever(site: Site, daemon: Daemon, gripper: LiteGrip) -> None:

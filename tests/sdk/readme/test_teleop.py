@@ -118,22 +118,15 @@ def pair(home: Path) -> Iterator[Pair]:
 
 
 def test_two_grippers_are_linked_so_that_one_follows_the_other(pair: Pair) -> None:
+    """What travels is the opening: mounts and calibrations need not be the same."""
+    assert (pair.master.mount, pair.slave.mount) == ("normal", "reverse")
     pair.start()
     for to_mm in (75.0, 20.0, 45.0):
         pair.move(to_mm)
         leads, follows = pair.openness
         assert leads * TRAVEL_MM == pytest.approx(to_mm, abs=6.0)
         assert follows == pytest.approx(leads, abs=0.006)
-
-
-def test_what_travels_is_the_opening_so_calibrations_need_not_be_the_same(pair: Pair) -> None:
-    pair.start()
-    pair.move(75.0)
-    assert pair.master.mount == "normal"
-    assert pair.slave.mount == "reverse"
-    shown = pair.slave.teleop_status()["openness"]
-    assert shown == pytest.approx(pair.openness[0], abs=0.003)
-    assert pair.openness[1] == pytest.approx(shown, abs=0.006)
+        assert pair.slave.teleop_status()["openness"] == pytest.approx(leads, abs=0.003)
 
 
 def test_the_master_goes_slack_and_publishes_at_the_loop_rate(pair: Pair) -> None:
@@ -215,48 +208,31 @@ def test_teleoperation_is_exclusive(pair: Pair) -> None:
     assert pair.slave.goto(60.0)
 
 
-def test_start_returns_the_initial_status(pair: Pair) -> None:
-    status = pair.slave.teleop_start("slave", host="192.168.1.20")
-    assert status["active"]
-    assert status["mode"] == "slave"
-    assert status["frames"] == 0
-    assert status.keys() == pair.slave.teleop_status().keys()
-
-
 FIELDS = {
-    "active",
-    "mode",
-    "topic",
-    "frames",
-    "last_frame_age_ms",
-    "stale",
-    "openness",
-    "position_mm",
-    "force_n",
-    "dq_cmd",
-    "loop_hz",
-    "rejected",
-    "send_failed",
-    "fault",
-    "torque_nm",
-    "over_torque",
-    "torque_trips",
-    "ready",
-    "ready_rx",
-    "ready_pubs",
-    "ready_timed_out",
+    *("active", "mode", "topic", "frames", "last_frame_age_ms", "stale", "openness", "position_mm"),
+    *("force_n", "dq_cmd", "loop_hz", "rejected", "send_failed", "fault", "torque_nm"),
+    *("over_torque", "torque_trips", "ready", "ready_rx", "ready_pubs", "ready_timed_out"),
 }
 
 
 def test_the_status_reports_these_fields(pair: Pair) -> None:
+    """From the first one on, which `teleop_start` returns; each can be written as JSON."""
+    grippers = (pair.master, pair.slave)
+    statuses = [gripper.teleop_status() for gripper in grippers]
+    first = pair.slave.teleop_start("slave", host="192.168.1.20")
+    assert (first["active"], first["mode"], first["frames"]) == (True, "slave", 0)
+    pair.slave.teleop_stop()
     pair.start()
     pair.site.run(0.5)
-    for gripper in (pair.master, pair.slave):
-        assert gripper.teleop_status().keys() >= FIELDS
-    assert pair.master.teleop_status()["matching"] is True
-    followed, leads = pair.slave.teleop_status(), pair.master.teleop_status()
-    assert followed["position_mm"] == pytest.approx(leads["position_mm"], abs=0.1)
-    assert followed["loop_hz"] == pytest.approx(200.0, abs=1.0)
+    leads, follows = (gripper.teleop_status() for gripper in grippers)
+    assert leads["matching"] is True
+    assert follows["position_mm"] == pytest.approx(leads["position_mm"], abs=0.1)
+    assert follows["loop_hz"] == pytest.approx(200.0, abs=1.0)
+    for status in (first, leads, follows):
+        assert status.keys() >= FIELDS
+        assert status["fault"] == ""
+    for status in (*statuses, first, leads, follows, pair.slave.teleop_stop()):
+        json.dumps(status, allow_nan=False)
 
 
 def lag_mm(pair: Pair, **params: float) -> float:
@@ -390,16 +366,6 @@ def test_the_masters_jaws_hold_until_the_slave_is_ready(pair: Pair) -> None:
     assert follows == pytest.approx(leads, abs=0.03)
     assert pair.slave.teleop_status()["ready"]
     assert jaws_are_loose(pair.site, pair.leader)
-
-
-def test_every_status_can_be_written_as_json(pair: Pair) -> None:
-    for gripper in (pair.master, pair.slave):
-        json.dumps(gripper.teleop_status(), allow_nan=False)
-    pair.start()
-    for status in (pair.master.teleop_status(), pair.slave.teleop_status()):
-        json.dumps(status, allow_nan=False)
-        assert status["fault"] == ""
-    json.dumps(pair.slave.teleop_stop(), allow_nan=False)
 
 
 def test_a_fault_is_reported(pair: Pair) -> None:

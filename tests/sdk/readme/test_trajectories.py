@@ -1,38 +1,38 @@
 """The SDK's section "Trajectory record and replay": what recording and replay have in common."""
 
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 
 from litegrip_client import (
     CommandError,
     LiteGrip,
-    Trajectory,
     TrajectoryBusyError,
 )
+from litegrip_client.ctl.main import main
 from tests.drop_in import Daemon, Site
 from tests.geometry import TRAVEL_MM
 from tests.sdk.readme.scenes import bench_unit, content, jaws_are_loose, load_content
 from tests.sdk.readme.trajectories import assert_slack, off_mm, swing, teach
 
 
-def test_the_example(site: Site, home: Path, daemon: Daemon) -> None:
+def test_the_same_from_the_command_line(
+    site: Site, daemon: Daemon, capsys: pytest.CaptureFixture[str]
+) -> None:
+    site.run(0.01)
+    assert main(["enable"]) == 0
     teach(site, daemon)
-    began_mm = daemon.gripper.opening_mm
-    with LiteGrip("can0") as gripper:
-        gripper.load_template(daemon.mount)
-        gripper.enable()
-
-        taught = gripper.record(1.0)
-        pushed_mm = daemon.gripper.opening_mm
-        taught.save("pick")
-        gripper.play(taught)
-
-        assert daemon.gripper.opening_mm == pytest.approx(pushed_mm, abs=2.5)
-    assert pushed_mm > began_mm + 5.0
-    assert (home / ".litegrip" / "trajectories" / "pick.lgt").exists()
-    assert Trajectory.load("pick") == taught
+    assert main(["record", "pick", "--seconds", "1"]) == 0
+    taught_mm = daemon.gripper.opening_mm
+    assert main(["close"]) == 0
+    capsys.readouterr()
+    assert main(["trajectories"]) == 0
+    line, usage = capsys.readouterr().out.splitlines()[1:]
+    assert line.split()[:4] == ["pick", "100", "0.99", "s"]
+    assert "1 of 500" in usage
+    assert main(["play", "pick", "--repeat", "3"]) == 0
+    assert daemon.gripper.opening_mm == pytest.approx(taught_mm, abs=2.5)
+    assert "3 passes" in capsys.readouterr().out
 
 
 def test_a_motion_is_captured_once_and_repeated_later(
