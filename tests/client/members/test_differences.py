@@ -17,7 +17,7 @@ from litegrip_client import (
 )
 from tests.drop_in import Daemon, Site
 from tests.geometry import CLOSED_RAD, MM_RAD, OPEN_RAD, TRAVEL_MM
-from tests.sdk.readme.scenes import jaws_are_loose, tuned
+from tests.sdk.readme.scenes import tuned
 from tests.sdk.readme.trajectories import swing
 
 
@@ -97,17 +97,6 @@ def test_a_field_that_was_not_set_is_the_daemons(
 # Grasping
 
 
-def test_a_grasp_on_nothing_returns_at_once_also_with_hold_s_0(
-    site: Site, daemon: Daemon, gripper: LiteGrip
-) -> None:
-    began_s = site.now_s
-    result = gripper.grasp(10.0, hold_s=0.0)
-    assert (result.ok, result.outcome) == (False, "no_object")
-    assert site.now_s - began_s < 3.0
-    site.run(1.0)
-    assert abs(daemon.closing_torque_nm) < 0.3
-
-
 def test_the_verdict_ends_the_call_and_the_daemon_keeps_holding(
     site: Site, daemon: Daemon, held: LiteGrip
 ) -> None:
@@ -133,20 +122,6 @@ def test_an_object_that_is_lost_ends_the_grasp(
     result = gripper.grasp(10.0, hold_s=20.0)
     assert (result.ok, result.outcome) == (False, "object_lost")
     assert site.now_s - began_s == pytest.approx(4.0, abs=0.1)
-
-
-def test_ctrl_c_ends_the_waiting_and_not_the_hold(
-    site: Site, daemon: Daemon, gripper: LiteGrip
-) -> None:
-    def interrupt() -> None:
-        raise KeyboardInterrupt
-
-    daemon.gripper.put_object(width_mm=30.0)
-    site.after(3.0, interrupt)
-    with pytest.raises(KeyboardInterrupt):
-        gripper.grasp(10.0)
-    site.run(2.0)
-    assert daemon.closing_torque_nm == pytest.approx(1.0, abs=0.1)
 
 
 CLOSING: dict[str, Callable[[LiteGrip], MoveResult]] = {
@@ -177,22 +152,6 @@ def test_a_grasp_changes_the_force_of_what_is_held_and_open_releases_it(
     assert daemon.closing_torque_nm == pytest.approx(1.5, abs=0.1)
     assert held.open()
     assert not held.is_grasped()
-
-
-def test_a_close_that_is_held_up_lets_go_for_a_moment_and_holds_there(
-    site: Site, daemon: Daemon, gripper: LiteGrip
-) -> None:
-    daemon.gripper.put_object(width_mm=30.0)
-    torques: list[float] = []
-    site.when(lambda: daemon.closing_torque_nm > 0.8, lambda: torques.append(site.now_s))
-    with site.recorded(daemon) as moments:
-        result = gripper.close()
-    assert (result.ok, result.stalled, result.protected) == (False, True, True)
-    assert torques
-    after = [m for m in moments if m.at_s > torques[0]]
-    assert min(abs(m.closing_torque_nm) for m in after) < 0.1
-    site.run(1.0)
-    assert not jaws_are_loose(site, daemon)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """Calibrating and teleoperation as the SDK's scripts call them: by position and by keyword."""
 
-import math
 from collections.abc import Callable
 from itertools import pairwise
 
@@ -10,8 +9,6 @@ from litegrip_client import (
     CalibrationData,
     CommandError,
     LiteGrip,
-    TeleopBusyError,
-    TrajectoryBusyError,
 )
 from tests.drop_in import Daemon, Site
 
@@ -42,21 +39,6 @@ def test_the_travel_is_probed_with_the_gains_and_the_torque_that_are_given(
     assert len(probing) > 100
     assert {round(command.kp_nm_rad) for command in probing} == {15}
     assert max(abs(moment.closing_torque_nm) for moment in moments[20:200]) < 1.6
-
-
-def test_teleoperation_and_trajectories_exclude_each_other(gripper: LiteGrip) -> None:
-    gripper.record_start()
-    with pytest.raises((TeleopBusyError, TrajectoryBusyError)):
-        gripper.teleop_start("slave", fake_leader=True)
-    gripper.record_stop()
-    gripper.teleop_start("slave", fake_leader=True, align=True, align_speed_mm_s=30.0)
-    with pytest.raises(TeleopBusyError):
-        gripper.record(1.0)
-    with pytest.raises(TeleopBusyError):
-        gripper.open()
-    status = gripper.teleop_stop(timeout=2.0)
-    assert status["active"] is False
-    assert math.isfinite(status["torque_nm"])  # it is printed as a number, and written as JSON
 
 
 @pytest.mark.parametrize("speed", [15.0, 30.0, 60.0])

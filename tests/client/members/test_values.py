@@ -134,28 +134,21 @@ def test_a_calibration_is_loaded_and_a_mount_read_before_connecting(daemon: Daem
     assert LiteGrip("can0").mount == daemon.mount
 
 
-def test_a_calibration_by_hand_takes_the_extremes(
-    site: Site, daemon: Daemon, gripper: LiteGrip
-) -> None:
-    push(site, daemon, (0.5, 0.4), (2.0, -0.4), (5.0, 0.0))
-    data = gripper.calibrate_manual(duration=6.0, settle_time=0.5)
-    assert data.mount == daemon.mount
-    assert data.travel_range == pytest.approx(TRAVEL_RAD, abs=0.08)
-    assert data.travel_mm == pytest.approx(SPAN_MM)
-    assert data.calibration_time == pytest.approx(time.time(), abs=60.0)
-    assert gripper.config.pos_closed_rad == pytest.approx(data.zero_position)
-    assert gripper.get_state().mode == "holding"
-
-
-def test_a_calibration_by_hand_takes_the_stroke_of_the_script_and_keeps_the_work_stroke(
+def test_a_calibration_by_hand_takes_the_extremes_and_the_stroke_of_the_script(
     site: Site, daemon: Daemon, gripper: LiteGrip
 ) -> None:
     gripper.load_template(daemon.mount)
     gripper.config.max_stroke_mm = 84.0
     push(site, daemon, (0.5, 0.4), (2.0, -0.4), (5.0, 0.0))
     data = gripper.calibrate_manual(duration=6.0, settle_time=0.5)
+    assert data.mount == daemon.mount
+    assert data.travel_range == pytest.approx(TRAVEL_RAD, abs=0.08)
     assert data.stroke_mm == pytest.approx(84.0)
+    assert data.travel_mm == pytest.approx(85.0)
     assert (data.work_stroke_mm, gripper.config.work_stroke_mm) == (WORK_MM, WORK_MM)
+    assert data.calibration_time == pytest.approx(time.time(), abs=60.0)
+    assert gripper.config.pos_closed_rad == pytest.approx(data.zero_position)
+    assert gripper.get_state().mode == "holding"
 
 
 @pytest.mark.parametrize("method", ["zero", "calibrate", "calibrate_guided"])

@@ -15,6 +15,7 @@ from tests.sdk.readme.scenes import (
     CODE_RAD_S,
     LEAD_MM_RAD,
     content,
+    jaws_are_loose,
     lead_mm,
     load_content,
 )
@@ -136,6 +137,8 @@ def test_the_torque_guard_lets_go_of_what_blocks_the_jaws(
     strong = [m.at_s for m in moments if m.closing_torque_nm > 0.7 and m.at_s > touched_s]
     assert strong[-1] - touched_s < 0.26
     assert abs(moments[-10].closing_torque_nm) < 0.05
+    site.run(1.0)
+    assert not jaws_are_loose(site, daemon)  # and holds there
 
 
 @pytest.mark.parametrize(("lead", "moves"), [(4.0, True), (0.1, False)])

@@ -200,6 +200,7 @@ def test_teleoperation_is_exclusive(pair: Pair) -> None:
         pair.slave.hold,
         lambda: pair.slave.teleop_start("slave", host="x"),
         lambda: pair.slave.goto(30.0),
+        lambda: pair.slave.record(1.0),
     ):
         with pytest.raises(TeleopBusyError) as caught:
             forbidden()
