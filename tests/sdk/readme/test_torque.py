@@ -153,16 +153,6 @@ def test_back_to_back_pressing_heats_the_coil(site: Site, mount: str) -> None:
     assert rested_c < after_c
 
 
-def test_open_and_close_press_for_the_settle_phase_every_time(
-    site: Site, daemon: Daemon, gripper: LiteGrip
-) -> None:
-    for move in (gripper.open, gripper.close, gripper.close, gripper.open):
-        with site.recorded(daemon) as moments:
-            assert move()
-        pressing = [m for m in moments if abs(m.closing_torque_nm) > 0.8]
-        assert len(pressing) * 0.005 > 0.3
-
-
 @pytest.mark.parametrize("during", ["a hold", "a motion", "a grasp"])
 @pytest.mark.parametrize("disable", [True, False])
 def test_a_crashed_process_does_not_leave_the_motor_holding_torque_unless_it_said_so(

@@ -5,15 +5,14 @@ from collections.abc import Callable
 import pytest
 
 from litegrip_client import (
-    CommandError,
     LiteGrip,
     TrajectoryBusyError,
 )
 from litegrip_client.ctl.main import main
 from tests.drop_in import Daemon, Site
 from tests.geometry import TRAVEL_MM
-from tests.sdk.readme.scenes import bench_unit, content, jaws_are_loose, load_content
-from tests.sdk.readme.trajectories import assert_slack, off_mm, swing, teach
+from tests.sdk.readme.scenes import jaws_are_loose
+from tests.sdk.readme.trajectories import off_mm, swing, teach
 
 
 def test_the_same_from_the_command_line(
@@ -55,54 +54,6 @@ def test_a_motion_is_captured_once_and_repeated_later(
     begun_s = again[-1].at_s
     ended = [off_mm(again, taught, begun_s - 0.005 * shift, TRAVEL_MM) for shift in range(150, 400)]
     assert min(ended) < 4.0
-
-
-def test_recording_is_zero_gravity_and_replay_streams_openings_as_mit_frames(
-    site: Site, daemon: Daemon, gripper: LiteGrip
-) -> None:
-    gripper.record_start()
-    with site.recorded(daemon) as moments:
-        site.run(0.3)
-    for moment in moments[2:]:
-        command = moment.command
-        assert command is not None
-        assert_slack(command)
-    gripper.record_stop()
-    gripper.goto_openness(0.5)
-    with site.recorded(daemon) as moments:
-        assert gripper.play(swing())
-    commands = [moment.command for moment in moments[5:]]
-    assert all(command is not None and command.kp_nm_rad > 0.0 for command in commands)
-    positions = {command.position_rad for command in commands if command is not None}
-    assert len(positions) > 150
-
-
-def test_what_is_stored_is_the_openness_so_it_replays_on_another_mount_and_calibration(
-    site: Site, daemon: Daemon, gripper: LiteGrip, mount: str
-) -> None:
-    teach(site, daemon)
-    taught = gripper.record(1.0)
-    config = gripper.config
-    assert (taught.mount, taught.rad_to_mm) == (mount, config.rad_to_mm)
-    for sample in taught.samples:
-        distance_rad = (taught.pos_closed_rad - sample.position_rad) * (config.close_sign or 0)
-        travel_rad = abs(taught.pos_open_rad - taught.pos_closed_rad)
-        share = min(max(distance_rad / travel_rad, 0.0), 1.0)
-        assert sample.openness == pytest.approx(share, abs=1e-9)
-    other_mount = "reverse" if mount == "normal" else "normal"
-    other = site.add(Daemon("can1", other_mount, parameters=bench_unit(other_mount)))
-    with LiteGrip("can1") as second:
-        unit = other.gripper.parameters
-        limits = {"zero_position_rad": unit.closed_rad, "max_position_rad": unit.open_rad}
-        load_content(second, content(other_mount, **limits))
-        second.enable()
-        assert second.play(taught)
-        state = second.get_state()
-        assert state.openness == pytest.approx(taught.samples[-1].openness, abs=0.02)
-        travel_mm = abs(unit.closed_rad - unit.open_rad) * unit.rad_to_mm
-        assert other.gripper.opening_mm / travel_mm == pytest.approx(
-            taught.samples[-1].openness, abs=0.02
-        )
 
 
 def test_one_status_tells_of_both_directions(site: Site, gripper: LiteGrip) -> None:
@@ -177,22 +128,4 @@ def test_disconnect_stops_whichever_is_running(
         where_mm = daemon.gripper.opening_mm
         site.run(1.0)
         assert daemon.gripper.opening_mm == pytest.approx(where_mm, abs=1.0)
-        assert not jaws_are_loose(site, daemon)
-
-
-def test_both_need_a_calibration(site: Site, mount: str) -> None:
-    daemon = site.add(Daemon(mount=mount, calibrated=False))
-    with LiteGrip("can0") as gripper:
-        gripper.enable()
-        attempts: list[Callable[[], object]] = [
-            lambda: gripper.record(0.5),
-            gripper.record_start,
-            lambda: gripper.record_start(zero_gravity=False),
-            lambda: gripper.play(swing()),
-            lambda: gripper.play_start(swing()),
-        ]
-        for attempt in attempts:
-            with pytest.raises(CommandError) as caught:
-                attempt()
-            assert caught.value.reason == "not_calibrated"
         assert not jaws_are_loose(site, daemon)
