@@ -197,8 +197,10 @@ def test_the_line_for_one_gripper(
     site.after(15.0, interrupt)
     assert teleop.main(line) == 0
     out = capsys.readouterr().out
+    assert "following link open  frames" in out
     assert "trips 1" in out
     assert "no fault" in out
+    assert not daemon.is_energised
 
 
 def test_the_lines_for_trajectories(

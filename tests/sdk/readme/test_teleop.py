@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from examples.teleop import main as example
 from litegrip_client import (
     BusyError,
     CommandError,
@@ -179,17 +178,6 @@ def test_the_fake_leader_sweeps_and_shows_the_guard_on_a_rigid_object(pair: Pair
     pair.site.run_until(lambda: pair.follower.gripper.opening_mm > 0.83 * TRAVEL_MM)
     pair.site.run_until(lambda: pair.slave.teleop_status()["torque_trips"] == 2)
     assert pair.links.opened == []
-
-
-def test_the_example_runs_one_end(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with a_site(home) as site:
-        daemon = site.add(Daemon("can0"))
-        arguments = ["--mode", "slave", "--channel", "can0", "--fake-leader"]
-        assert example([*arguments, "--torque-limit", "1.0", "--seconds", "4"]) == 0
-        assert not daemon.is_energised
-    out = capsys.readouterr().out
-    assert "following link open  frames" in out
-    assert "no fault" in out
 
 
 def test_teleoperation_is_exclusive(pair: Pair) -> None:
