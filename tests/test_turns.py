@@ -53,7 +53,11 @@ def test_threads_go_on_in_the_order_in_which_they_were_started(clock: Clock) -> 
 
 
 def test_a_wait_is_never_shorter_than_asked_for(clock: Clock) -> None:
-    for asked_s, lasts_s in ((0.0, 0.0), (0.001, 0.005), (0.02, 0.02), (0.021, 0.025)):
+    """Else who waits for the rest of a time, again and again, would never get to its end."""
+    for asked_s, lasts_s in (
+        *((0.0, 0.0), (-1.0, 0.0), (1e-12, 0.005), (0.001, 0.005)),
+        *((0.02, 0.02), (0.021, 0.025)),
+    ):
         began_s = clock.now_s
         clock.turns.sleep(asked_s)
         assert clock.now_s - began_s == pytest.approx(lasts_s)

@@ -19,7 +19,7 @@ from types import SimpleNamespace
 from typing import Any
 
 _LEAST_S = 1e-6
-"""What is due within this is due: the sum of many periods is not exact."""
+"""What is due within this is due: the sum of many periods is not exact. No wait is shorter."""
 
 
 class Deadlock(Exception):  # noqa: N818 - that is what it is called
@@ -88,7 +88,7 @@ class Turns:
         if until():
             return True
         place.until, place.began_s = until, self._now()
-        place.ends_s = place.began_s + timeout_s
+        place.ends_s = place.began_s + (max(timeout_s, 2.0 * _LEAST_S) if timeout_s > 0.0 else 0.0)
         following = self._next(self._round.index(place) + 1)
         if following is not place:
             following.goes_on.release()
