@@ -2,7 +2,7 @@
 
 The client is the real one down to its socket. In place of that stands `VirtualStream`, which hands
 lines to a daemon's RPC service and lets time pass while the client waits; its clock is the site's.
-No threads, no sockets: the same script gives the same result every time.
+No sockets, and threads that take turns: the same script gives the same result every time.
 """
 
 import json
@@ -33,6 +33,7 @@ from litegripd.rpc.sessions import Peer
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.plant import SimulatorParameters
 from litegripd.teleop.link import Links
+from tests.turns import Turns
 from tests.world import CAN_ID, PERIOD_S, Disk, World, is_command
 
 _CLOCKED = (
@@ -145,9 +146,7 @@ class VirtualStream:
 
     def receive(self, wait_s: float) -> tuple[list[bytes], bytes]:
         """Let time pass until there is a line."""
-        ends_s = self._site.now_s + min(wait_s, SLICE_S)
-        while not self._take() and not self.hung_up and self._site.now_s < ends_s:
-            self._site.tick()
+        self._site.turns.wait(lambda: self._take() or self.hung_up, min(wait_s, SLICE_S))
         if self.hung_up and not self._received:
             raise StreamEndedError
         *lines, rest = self._received.split(b"\n")
@@ -181,10 +180,11 @@ class Moment:
 
 
 class Site:
-    """A machine with a daemon per channel, whose time passes only while somebody waits."""
+    """A machine with a daemon per channel, whose time passes only while everybody waits."""
 
     def __init__(self) -> None:
         self.now_s = 1000.0
+        self.turns = Turns(self.tick, lambda: self.now_s)
         self._daemons: dict[str, Daemon] = {}
         self._plans: list[tuple[Callable[[], bool], Callable[[], object]]] = []
         self._watchers: list[Callable[[], None]] = []
@@ -213,16 +213,12 @@ class Site:
             action()
 
     def run(self, duration_s: float) -> None:
-        """Let time pass."""
-        for _ in range(round(duration_s / PERIOD_S)):
-            self.tick()
+        """Let time pass, to the nearest period."""
+        self.turns.sleep(round(duration_s / PERIOD_S) * PERIOD_S)
 
     def run_until(self, condition: Callable[[], bool], within_s: float = 20.0) -> None:
         """Let time pass until a condition holds; fail when it does not within a while."""
-        ends_s = self.now_s + within_s
-        while not condition():
-            assert self.now_s < ends_s, f"did not happen within {within_s} s"
-            self.tick()
+        assert self.turns.wait(condition, within_s), f"did not happen within {within_s} s"
 
     def when(self, condition: Callable[[], bool], action: Callable[[], object]) -> None:
         """Do something once, as soon as a condition holds; it may raise, in a waiting call."""
@@ -279,7 +275,7 @@ def a_site(
 ) -> Iterator[Site]:
     """Give a machine of its own to the client: its daemons, its clock, and its user's `home`."""
     site = Site() if site is None else site
-    clock = SimpleNamespace(monotonic=lambda: site.now_s, sleep=site.run, time=time.time)
+    clock = SimpleNamespace(monotonic=lambda: site.now_s, sleep=site.turns.sleep, time=time.time)
     with pytest.MonkeyPatch.context() as patch:
         for name in (
             "LITEGRIPD_SOCKET",
@@ -295,4 +291,6 @@ def a_site(
         for module in _CLOCKED:
             patch.setattr(f"litegrip_client.{module}.time", clock)
         patch.setattr("litegrip_client.line.connection.LineStream", site.open_stream)
-        yield site
+        patch.setattr("litegrip_client.line.connection.threading", site.turns.threading)
+        with site.turns:
+            yield site

@@ -8,7 +8,7 @@ import pytest
 from litegrip_client import LiteGrip
 from tests.docs.test_pages import NAMES, text_of
 from tests.drop_in import Daemon, Site, a_site
-from tests.sdk_compat import blocks
+from tests.sdk.readme import blocks
 
 BLOCKS = [
     (name, code)

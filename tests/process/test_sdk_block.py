@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tests.process.by_portal import Met
 from tests.process.daemon_process import DaemonProcess, configured, ran
-from tests.sdk_compat import blocks
+from tests.sdk.readme import blocks
 
 TRIES = 4
 """A daemon that is kept off the processor loses its simulated motor: then a user tries again."""

@@ -99,7 +99,7 @@ def test_a_grasp_and_what_serves_a_motor(one: DaemonProcess, places: Path) -> No
 def test_a_bench_program_with_an_emergency_stop(one: DaemonProcess, places: Path) -> None:
     out = run(places, "bench_window", NAMES[0], str(places / "saved.json"))
     assert "enabled False failed 0" in out
-    assert "reports True" in out
+    assert int(out.partition(" reports")[0].splitlines()[-1]) > 300
     assert "saved True" in out
     assert "force True" in out
 
@@ -116,7 +116,9 @@ def test_a_mirror(one: DaemonProcess, places: Path) -> None:
 
 def test_two_grippers_in_one_process(one: DaemonProcess, places: Path) -> None:
     with gripper(places, NAMES[1], "reverse"):
-        assert run(places, "two_at_once", *NAMES) == "[True, True] True True\n"
+        strokes, _, reads = run(places, "two_at_once", *NAMES).rpartition(" ")
+        assert strokes == "[True, True] True"
+        assert int(reads) > 100
         assert "100 frames" in run(places, "hand_and_twin", *NAMES)
 
 

@@ -1,12 +1,10 @@
 """The package `litegrip` over whole daemons in virtual time."""
 
 import sys
-import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import pytest
 
@@ -37,35 +35,12 @@ _CLOCKED = (litegrip.gripper, litegrip._sessions, litegrip.protocols.can_bus)
 def site(home: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Site]:
     with a_site(home) as site:
         clock = SimpleNamespace(
-            monotonic=lambda: site.now_s, sleep=site.run, strftime=time.strftime
+            monotonic=lambda: site.now_s, sleep=site.turns.sleep, strftime=time.strftime
         )
         for module in _CLOCKED:
             monkeypatch.setattr(module, "time", clock)
+        monkeypatch.setattr(litegrip._sessions, "threading", site.turns.threading)
         yield site
-
-
-@pytest.fixture
-def no_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the tests carry payloads themselves: virtual time passes in one thread."""
-
-    class Idle:
-        ident = None
-
-        def __init__(self, **_keywords: Any) -> None:
-            pass
-
-        def start(self) -> None:
-            pass
-
-        def is_alive(self) -> bool:
-            return False
-
-    threads = SimpleNamespace(
-        Thread=Idle,
-        Event=lambda: SimpleNamespace(set=lambda: None),
-        get_ident=threading.get_ident,
-    )
-    monkeypatch.setattr(litegrip._sessions, "threading", threads)
 
 
 @pytest.fixture(params=MOUNTS)

@@ -1,7 +1,6 @@
 """What breaks off: the daemon goes away and comes back, an interrupt, another thread, a mistake."""
 
 import math
-import threading
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,8 +13,6 @@ from litegrip.protocols import LiteGripCAN
 from tests.drop_in import Daemon, Site
 
 STILL = Trajectory([TrajectorySample(0.02 * n, 0.69, -1.14) for n in range(100)])
-
-pytestmark = pytest.mark.usefixtures("no_threads")
 
 
 @pytest.fixture
@@ -175,13 +172,13 @@ def test_a_session_that_is_interrupted_as_it_begins(
 
 
 def test_another_thread_may_stop_while_a_frame_is_sent(
-    gripper: LiteGrip, monkeypatch: pytest.MonkeyPatch
+    gripper: LiteGrip, site: Site, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     gains = litegrip._bridge.gains_in_range
 
     def gains_after_a_stop(*given: Any) -> Any:
         """Let the other thread stop just before the frame is sent."""
-        thread = threading.Thread(target=gripper.stop)
+        thread = site.turns.threading.Thread(target=gripper.stop)
         thread.start()
         thread.join()
         return gains(*given)
@@ -191,16 +188,21 @@ def test_another_thread_may_stop_while_a_frame_is_sent(
     assert gripper.send_mit_frame(-1.0, 100.0, 2.0)
 
 
-def test_a_link_may_end_its_own_teleoperation(gripper: LiteGrip) -> None:
+def test_a_link_may_end_its_own_teleoperation(gripper: LiteGrip, site: Site) -> None:
     """It is called in the carrier's thread, which cannot wait for itself."""
-    gripper.teleop_start("master", transport=litegrip.InProcTeleopTransport())
-    carrier: Any = gripper._sessions._carrier
-    carrier._thread = SimpleNamespace(
-        ident=threading.get_ident(),
-        is_alive=lambda: True,
-        join=lambda _timeout_s: pytest.fail("it waits for itself"),
-    )
-    assert gripper.teleop_stop()["active"] is False
+    ended: list[tuple[bool, float]] = []
+
+    class Ending(litegrip.InProcTeleopTransport):
+        def pub(self, topic: str, payload: bytes) -> None:
+            began_s = site.now_s
+            ended.append((gripper.teleop_stop()["active"], site.now_s - began_s))
+
+    gripper.teleop_start("master", transport=Ending())
+    site.run(1.0)
+    ((active, lasted_s),) = ended
+    assert not active
+    assert lasted_s < 0.1
+    assert gripper.session is None
 
 
 def test_a_replay_is_a_session_of_the_object(

@@ -8,12 +8,13 @@ import runpy
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
+import litegrip
 from tests.drop_in import Daemon, Site
-from tests.sdk_compat.trajectories import teach
+from tests.geometry import TRAVEL_MM
+from tests.sdk.readme.trajectories import teach
 
 PROGRAMS = Path(__file__).parent / "programs"
 
@@ -23,15 +24,15 @@ Run = Callable[..., int]
 @pytest.fixture
 def run(site: Site, monkeypatch: pytest.MonkeyPatch) -> Run:
     """Return what runs a program with its arguments; it returns the exit code."""
-    clock = SimpleNamespace(time=lambda: site.now_s, monotonic=lambda: site.now_s, sleep=site.run)
 
     def run(name: str, *arguments: str) -> int:
         with monkeypatch.context() as patch:
             patch.setattr(sys, "argv", [f"{name}.py", *arguments])
-            patch.setitem(sys.modules, "time", clock)
+            for module, stand_in in site.turns.modules().items():
+                patch.setitem(sys.modules, module, stand_in)
             for module in [one for one in sys.modules if one.partition(".")[0] == "litegrip"]:
                 patch.setitem(sys.modules, module, sys.modules[module])  # a program may reload it
-            with pytest.raises(SystemExit) as ended:
+            with pytest.raises(SystemExit) as ended, site.turns:
                 runpy.run_path(str(PROGRAMS / f"{name}.py"), run_name="__main__")
         return int(ended.value.code or 0)
 
@@ -127,3 +128,103 @@ def test_a_mirror(run: Run, daemon: Daemon, capsys: pytest.CaptureFixture[str]) 
         "held True",
         "there True",
     ]
+
+
+# Programs with threads
+
+
+def test_a_bench_program_with_an_emergency_stop(
+    run: Run, daemon: Daemon, site: Site, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Its worker never waits for the daemon, also while the window's thread reads."""
+    said: list[str] = []
+    said_s: list[float] = []
+    limp_s: list[float] = []
+
+    def say(*words: object) -> None:
+        said.append(" ".join(map(str, words)))
+        said_s.append(site.now_s)
+
+    def watch() -> None:
+        if not daemon.is_energised:
+            limp_s.append(site.now_s)
+
+    monkeypatch.setattr("builtins.print", say)
+    site._watchers.append(watch)
+    assert run("bench_window", "can0", str(tmp_path / "saved.json")) == 0
+    *seen, reports, saved = said
+    assert seen == ["at 0.00", "at 0.00", "force True", "enabled False failed 0"]
+    assert saved == "saved True"
+    stops_s = said_s[2]  # in the window's thread, while the worker squeezes
+    assert min(at_s for at_s in limp_s if at_s > stops_s - 1.0) - stops_s <= 0.015
+    count, slowest = reports.split(" reports, slowest ")
+    assert int(count) == pytest.approx(200.0 * 6.3, abs=3)
+    assert slowest == "0.0 ms"
+
+
+def test_two_grippers_in_one_process(
+    run: Run, daemon: Daemon, site: Site, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = site.add(Daemon("can1", "reverse"))
+    with site.recorded(daemon) as one, site.recorded(other) as two:
+        assert run("two_at_once", "can0", "can1") == 0
+    strokes, _, reads = capsys.readouterr().out.strip().rpartition(" ")
+    assert strokes == "[True, True] True"
+    assert int(reads) == pytest.approx(200.0 * 2.25, abs=10)
+    for moments in (one, two):
+        assert max(moment.opening_mm for moment in moments) == pytest.approx(TRAVEL_MM, abs=1.0)
+    midway = [
+        {moment.at_s for moment in moments if abs(moment.opening_mm - TRAVEL_MM / 2) < 30.0}
+        for moments in (one, two)
+    ]
+    assert len(midway[0] & midway[1]) > 100  # on their ways at the same time
+
+
+class Led(litegrip.InProcTeleopTransport):
+    """A bus that knows how far open the leader on it is."""
+
+    openness: float | None = None
+
+    def pub(self, topic: str, payload: bytes) -> None:
+        """Publish, and take note."""
+        if topic == litegrip.teleop_topic():
+            type(self).openness = litegrip.decode_frame(payload)[0]
+        super().pub(topic, payload)
+
+
+@pytest.mark.parametrize(("mm_s", "most_mm"), [(25.0, 1.0), (110.0, 5.0)])
+def test_a_follower_does_not_lag(
+    run: Run,
+    daemon: Daemon,
+    site: Site,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    mm_s: float,
+    most_mm: float,
+) -> None:
+    """Also where the leader turns round at once; frames come every 20 ms, 2.2 mm apart."""
+    behind_mm: list[float] = []
+
+    def watch() -> None:
+        if Led.openness is not None:
+            behind_mm.append(abs(Led.openness * TRAVEL_MM - daemon.gripper.opening_mm))
+
+    monkeypatch.setattr(Led, "openness", None)
+    monkeypatch.setattr(litegrip, "InProcTeleopTransport", Led)
+    site._watchers.append(watch)
+    arguments = ("--mode", "slave", "--fake-leader", "--openness-rate", str(mm_s / TRAVEL_MM))
+    assert run("follow", *arguments) == 0
+    assert max(behind_mm[200:1000]) < most_mm  # aligned within the first second
+    *_, final = capsys.readouterr().out.splitlines()
+    assert final == "frames 298 fault ''"
+
+
+def test_a_twin_keeps_up_with_a_hand(
+    run: Run, daemon: Daemon, site: Site, capsys: pytest.CaptureFixture[str]
+) -> None:
+    site.add(Daemon("can1", "reverse"))
+    teach(site, daemon)
+    assert run("hand_and_twin", "can0", "can1") == 0
+    frames, behind, _ = capsys.readouterr().out.rsplit(" ", 2)
+    assert frames == "100 frames, behind"
+    assert float(behind) < 4.0

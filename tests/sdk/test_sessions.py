@@ -9,13 +9,9 @@ import pytest
 import litegrip
 from litegrip import LiteGrip, Trajectory, TrajectorySample
 from tests.drop_in import Daemon, Site
-from tests.sdk_compat.trajectories import teach
+from tests.sdk.readme.trajectories import teach
 
 STILL = Trajectory([TrajectorySample(0.02 * n, 0.69, -1.14) for n in range(100)])
-
-
-pytestmark = pytest.mark.usefixtures("no_threads")
-
 
 # Trajectories
 
@@ -174,14 +170,6 @@ class Pair:
         self.site, self.leader, self.follower = site, leader, follower
         self.bus = litegrip.InProcTeleopTransport()
 
-    def run(self, seconds: float) -> None:
-        """Let time pass, and carry payloads 50 times a second."""
-        for _ in range(round(seconds * 50.0)):
-            self.site.run(0.02)
-            for end in (self.leader, self.follower):
-                if end._sessions._carrier is not None:
-                    end._sessions._carrier.step()
-
 
 @pytest.fixture
 def pair(site: Site) -> Iterator[Pair]:
@@ -202,10 +190,10 @@ def test_a_follower_follows_and_says_that_it_is_ready(pair: Pair, site: Site) ->
     assert (first["active"], first["mode"], first["frames"]) == (True, "master", 0)
     assert first["topic"] == litegrip.teleop_topic()
     assert pair.leader.session == "teleop"
-    pair.run(0.5)
+    site.run(0.5)
     assert pair.leader.teleop_status()["ready"] is False
     pair.follower.teleop_start("slave", transport=pair.bus)
-    pair.run(6.0)
+    site.run(6.0)
     led, followed = pair.leader.teleop_status(), pair.follower.teleop_status()
     assert (led["ready"], led["ready_timed_out"], followed["ready_pubs"] > 10) == (
         True,
@@ -227,7 +215,7 @@ def test_a_follower_follows_and_says_that_it_is_ready(pair: Pair, site: Site) ->
 
 def test_a_leader_without_a_follower_holds_and_then_goes_slack(pair: Pair, site: Site) -> None:
     pair.leader.teleop_start("master", transport=pair.bus, ready_timeout_s=1.0)
-    pair.run(2.0)
+    site.run(2.0)
     assert pair.leader.teleop_status()["ready_timed_out"] is True
 
 
@@ -243,10 +231,10 @@ class OneWay(litegrip.TeleopTransport):
             raise OSError("the network is away")
 
 
-def test_a_link_that_cannot_listen_opens_the_gate(pair: Pair) -> None:
+def test_a_link_that_cannot_listen_opens_the_gate(pair: Pair, site: Site) -> None:
     link = OneWay()
     pair.leader.teleop_start("master", transport=link)
-    pair.run(1.0)
+    site.run(1.0)
     status = pair.leader.teleop_status()
     assert link.sent > 20
     assert status["send_failed"] >= link.sent // 3 - 1
@@ -254,12 +242,12 @@ def test_a_link_that_cannot_listen_opens_the_gate(pair: Pair) -> None:
     assert pair.leader.daemon.get_state().requested_torque_nm in (0.0, None)
 
 
-def test_a_follower_drops_what_is_no_frame(pair: Pair) -> None:
+def test_a_follower_drops_what_is_no_frame(pair: Pair, site: Site) -> None:
     pair.follower.teleop_start("slave", transport=pair.bus)
     topic = litegrip.teleop_topic()
     for payload in (b"", bytes(31), litegrip.encode_frame(float("nan"), 0.0, 0.0, 0.0)):
         pair.bus.pub(topic, payload)
-        pair.run(0.1)
+        site.run(0.1)
     status = pair.follower.teleop_status()
     assert (status["rejected"], status["frames"]) == (3, 0)
 
@@ -279,7 +267,7 @@ class Odd(litegrip.TeleopTransport):
 def test_a_link_that_fails_to_receive_is_carried_on(pair: Pair, site: Site) -> None:
     link = Odd()
     pair.leader.teleop_start("master", transport=link, ready_timeout_s=0.5)
-    pair.run(1.0)
+    site.run(1.0)
     status = pair.leader.teleop_status()
     assert status["frames"] > 20
     assert (status["matching"], status["last_frame_age_ms"]) == (True, None)

@@ -9,8 +9,8 @@ import pytest
 from litegrip_client import CalibrationData, CommandError, LiteGrip, ParameterError
 from tests.drop_in import Daemon, Site
 from tests.geometry import SPAN_MM, STROKE_MM, TRAVEL_RAD, WORK_MM
-from tests.sdk_compat.scenes import write_file
-from tests.sdk_compat.trajectories import push
+from tests.sdk.readme.scenes import write_file
+from tests.sdk.readme.trajectories import push
 
 
 def test_the_travel_is_probed_with_the_gains_and_the_torque_that_are_given(

@@ -13,8 +13,8 @@ from litegrip_client import (
     MotionConfig,
 )
 from tests.drop_in import Daemon, Site
-from tests.sdk_compat.scenes import tuned
-from tests.sdk_compat.trajectories import swing
+from tests.sdk.readme.scenes import tuned
+from tests.sdk.readme.trajectories import swing
 
 
 @pytest.fixture

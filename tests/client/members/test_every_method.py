@@ -11,8 +11,8 @@ import pytest
 from litegrip_client import CalibrationData, LiteGrip, Trajectory
 from tests.drop_in import Daemon, Moment, Site, a_site
 from tests.geometry import MM_RAD, TRAVEL_MM, TRAVEL_RAD
-from tests.sdk_compat.scenes import lead_mm, write_file
-from tests.sdk_compat.trajectories import push, swing, teach
+from tests.sdk.readme.scenes import lead_mm, write_file
+from tests.sdk.readme.trajectories import push, swing, teach
 
 
 @dataclass(slots=True)

@@ -1,6 +1,7 @@
 """A leader whose jaws a hand moves, and a follower, each with frames of its own at 50 Hz."""
 
 import sys
+import time
 
 from litegrip import LiteGrip
 
@@ -47,12 +48,15 @@ def made(channel: str) -> LiteGrip:
     return gripper
 
 
-if __name__ == "__main__":
-    import time
-
+def main() -> int:
     leader = made(sys.argv[1])
     moved = lead(leader, 2.0, time.sleep)
     leader.disconnect()
     twin = made(sys.argv[2])
-    print(f"{len(moved)} frames, behind {follow(twin, moved, time.sleep):.0f} mm")
+    print(f"{len(moved)} frames, behind {follow(twin, moved, time.sleep):.1f} mm")
     twin.disconnect()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

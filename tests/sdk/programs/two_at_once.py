@@ -26,7 +26,7 @@ def main() -> int:
         reads += 1
         moving = moving or grippers[0].get_state().is_moving
         time.sleep(0.005)
-    print(answers, reads > 100, moving)
+    print(answers, moving, reads)
     for gripper in grippers:
         gripper.disconnect()
     return 0 if answers == [True, True] else 1

@@ -10,11 +10,10 @@ from litegrip_client import (
     LiteGrip,
     Trajectory,
 )
-from litegripd.model.motor import MotorPhase
 from tests.drop_in import Daemon, Site
 from tests.geometry import TRAVEL_MM
-from tests.sdk_compat.scenes import jaws_are_loose
-from tests.sdk_compat.trajectories import pose, swing
+from tests.sdk.readme.scenes import jaws_are_loose
+from tests.sdk.readme.trajectories import swing
 
 
 def test_play_blocks_until_the_end_and_a_loop_is_refused(site: Site, gripper: LiteGrip) -> None:
@@ -82,20 +81,6 @@ def test_play_stop_ends_a_replay_and_leaves_the_gripper_holding(
     assert gripper.play_stop() == status  # there is nothing to be stopped
 
 
-def test_replay_commands_positions_and_never_the_recorded_torque(
-    site: Site, daemon: Daemon, gripper: LiteGrip
-) -> None:
-    commands: dict[float, list[tuple[float, float]]] = {}
-    for torque_nm in (0.0, 2.5):
-        gripper.goto_openness(0.5)
-        with site.recorded(daemon) as moments:
-            gripper.play(swing(torque_nm=torque_nm))
-        sent = [moment.command for moment in moments]
-        assert all(command is None or abs(command.torque_nm) < 0.01 for command in sent)
-        commands[torque_nm] = [(c.position_rad, c.torque_nm) for c in sent if c is not None]
-    assert len(commands[0.0]) == pytest.approx(len(commands[2.5]), abs=5)
-
-
 def test_a_squeeze_repeats_as_a_position_path_and_its_force_is_not_preserved(
     site: Site, daemon: Daemon, gripper: LiteGrip
 ) -> None:
@@ -112,32 +97,6 @@ def test_a_squeeze_repeats_as_a_position_path_and_its_force_is_not_preserved(
     assert daemon.closing_torque_nm < 1.0
     assert gripper.grasp(force_n=15.0, hold_s=0.5)
     assert daemon.closing_torque_nm == pytest.approx(1.5, abs=0.1)
-
-
-def test_a_blocking_play_leaves_a_hold_that_lasts(
-    site: Site, daemon: Daemon, gripper: LiteGrip
-) -> None:
-    """The SDK's motor faults 100 ms after the last frame; here the daemon goes on holding."""
-    gripper.goto_openness(0.5)
-    assert gripper.play(swing())
-    where_mm = daemon.gripper.opening_mm
-    site.run(3.0)
-    assert daemon.phase is MotorPhase.ENABLED
-    assert daemon.gripper.opening_mm == pytest.approx(where_mm, abs=0.5)
-    assert not jaws_are_loose(site, daemon)
-
-
-def test_looping_a_single_pose_holds_that_opening(
-    site: Site, daemon: Daemon, gripper: LiteGrip
-) -> None:
-    gripper.play_start(pose(0.25), loop=True)
-    site.run(4.0)
-    status = gripper.trajectory_status()
-    assert (status["active"], status["samples"], status["openness"]) == (True, 1, 0.25)
-    assert daemon.gripper.opening_mm == pytest.approx(0.25 * TRAVEL_MM, abs=1.1)
-    gripper.play_stop()
-    site.run(1.0)
-    assert daemon.gripper.opening_mm == pytest.approx(0.25 * TRAVEL_MM, abs=1.1)
 
 
 def test_the_force_of_a_squeeze_is_repeated_where_that_is_asked_for(

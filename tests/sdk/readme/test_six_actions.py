@@ -1,8 +1,6 @@
 """The SDK's section "The six actions"."""
 
-import json
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 
@@ -13,12 +11,17 @@ from litegrip_client import (
     GripperActions,
     HardwareError,
     LiteGrip,
+    MotionConfig,
     MoveResult,
 )
-from litegripd.motor import codec
 from tests.drop_in import Daemon, Site
-from tests.geometry import SPAN_MM, TRAVEL_MM, TRAVEL_RAD
-from tests.sdk_compat.scenes import bench_unit, jaws_are_loose
+from tests.geometry import TRAVEL_MM, TRAVEL_RAD
+from tests.sdk.readme.scenes import (
+    CODE_RAD,
+    LEAD_MM_RAD,
+    jaws_are_loose,
+    speed_mm_s,
+)
 
 ACTIONS: dict[str, tuple[Callable[[GripperActions], object], type]] = {
     "enable": (lambda actions: actions.enable(retries=2), EnableResult),
@@ -42,18 +45,38 @@ def hold_back_from(site: Site, daemon: Daemon, opening_mm: float, torque_nm: flo
 def test_open_and_close_ramp_past_the_calibrated_stop_and_the_mechanical_one_ends_the_move(
     site: Site, daemon: Daemon, gripper: LiteGrip, action: str
 ) -> None:
-    move, stop_mm = (gripper.open, TRAVEL_MM) if action == "open" else (gripper.close, 0.0)
+    """At 50 mm/s. The target lies past the stop, so the jaws never get there."""
+    stops_mm = {"open": TRAVEL_MM, "close": 0.0}
+    moves = {"open": gripper.open, "close": gripper.close}
+    other_end, move = moves.pop("close" if action == "open" else "open"), moves[action]
+    other_end()
+    began_s = site.now_s
     with site.recorded(daemon) as moments:
         result = move()
-    config = gripper.config
+    config, jaws = gripper.config, daemon.gripper
     assert isinstance(result, MoveResult)
+    assert (result.ok, result.stalled, result.reached) == (True, True, False)
+    assert bool(result) is True
     assert result.limit_rad == (config.pos_open_rad if action == "open" else config.pos_closed_rad)
     outwards = -1 if action == "open" else 1
     beyond_rad = (result.target_rad - result.limit_rad) * (config.close_sign or 0) * outwards
     assert beyond_rad == pytest.approx(0.05 * TRAVEL_RAD)
-    assert daemon.gripper.opening_mm == pytest.approx(stop_mm, abs=1.0)
-    still = [m for m in moments if abs(m.opening_mm - daemon.gripper.opening_mm) < 0.1]
+    assert jaws.opening_mm == pytest.approx(stops_mm[action], abs=0.5)
+    assert abs(jaws.position_rad - result.limit_rad) < 0.02
+    assert abs(result.target_rad - jaws.position_rad) > 0.05
+    ends_mm = (20.0, 77.0) if action == "open" else (77.0, 20.0)
+    assert speed_mm_s(moments, *ends_mm) == pytest.approx(50.0, rel=0.03)
+    still = [m for m in moments if abs(m.opening_mm - jaws.opening_mm) < 0.1]
     assert len(still) > 50  # it stood at the stop, which alone ended the move
+    settled = [moment.closing_torque_nm * outwards for moment in moments[-50:]]
+    assert settled == pytest.approx([100.0 * 0.7 / LEAD_MM_RAD] * len(settled), abs=0.08)
+    assert settled[-1] == pytest.approx(3.0 / 3, rel=0.15)  # a third of the rating
+    assert result.state.position_rad == pytest.approx(jaws.position_rad, abs=0.002)
+    assert result.state.enabled
+    commands = [command for _, command in daemon.commands_since(began_s)][-result.steps :]
+    assert len(commands) == result.steps
+    last_rad = [command.position_rad for command in commands[-3:]]
+    assert min(abs(rad - result.final_cmd_rad) for rad in last_rad) <= CODE_RAD
 
 
 def test_open_that_is_held_back_is_no_success(
@@ -66,29 +89,21 @@ def test_open_that_is_held_back_is_no_success(
     assert daemon.gripper.opening_mm < 100.0
 
 
-def test_close_onto_an_obstacle_is_no_success(
-    site: Site, daemon: Daemon, gripper: LiteGrip
-) -> None:
-    daemon.gripper.put_object(width_mm=40.0)
-    with site.recorded(daemon) as moments:
-        result = gripper.close()
-    assert not result
-    assert result.stalled
-    assert min(moment.opening_mm for moment in moments) == pytest.approx(40.0, abs=3.0)
-
-
+@pytest.mark.parametrize("width_mm", [15.0, 50.0])
 def test_grasp_closes_until_it_stalls_and_then_holds_the_force(
-    site: Site, daemon: Daemon, gripper: LiteGrip
+    daemon: Daemon, gripper: LiteGrip, width_mm: float
 ) -> None:
-    daemon.gripper.put_object(width_mm=40.0)
-    with site.recorded(daemon) as moments:
-        result = gripper.grasp(force_n=12.0, hold_s=2.0)
+    daemon.gripper.put_object(width_mm=width_mm)
+    result = gripper.grasp(force_n=12.0, hold_s=1.1)
     assert isinstance(result, GraspResult)
-    assert result.stalled
-    assert result.force_n == 12.0
-    assert result.width_mm == pytest.approx(40.0, abs=1.0)
-    assert moments[-1].closing_torque_nm == pytest.approx(1.2, abs=0.1)
-    assert daemon.gripper.opening_mm == pytest.approx(40.0, abs=1.0)
+    assert (result.ok, result.stalled, result.reached) == (True, True, False)
+    assert bool(result) is True
+    assert (result.force_n, result.cycles) == (12.0, 5)  # a slice is 0.2 s
+    assert result.width_mm == pytest.approx(width_mm, abs=1.0)
+    assert result.state.position_rad == pytest.approx(daemon.gripper.position_rad, abs=0.002)
+    assert daemon.closing_torque_nm == pytest.approx(1.2, abs=0.1)
+    assert daemon.gripper.opening_mm == pytest.approx(width_mm, abs=1.0)
+    assert abs(result.target_rad - daemon.gripper.position_rad) > 0.02  # that of empty jaws
 
 
 def test_grasp_with_hold_s_0_holds_for_ever(site: Site, daemon: Daemon, gripper: LiteGrip) -> None:
@@ -121,34 +136,6 @@ def test_after_hold_s_the_force_goes_on_until_told_otherwise(
     assert daemon.gripper.opening_mm == pytest.approx(TRAVEL_MM, abs=1.0)
 
 
-def test_zero_probes_both_stops_derives_travel_and_scale_and_saves(site: Site, mount: str) -> None:
-    unit = bench_unit(mount)
-    daemon = site.add(Daemon(mount=mount, calibrated=False, parameters=unit))
-    with LiteGrip("can0", mount=mount) as gripper:
-        gripper.enable()
-        with site.recorded(daemon) as moments:
-            data = gripper.zero()
-        saved = json.loads(Path(gripper.save_calibration()).read_text(encoding="utf-8"))
-    openings = [moment.opening_mm for moment in moments]
-    assert max(openings) == pytest.approx(SPAN_MM, abs=1.0)
-    assert -3.0 < min(openings) < 1.0  # the press that confirms the stop gives the soft end a way
-    travel_rad = abs(unit.closed_rad - unit.open_rad)
-    assert isinstance(data, CalibrationData)
-    assert data.travel_range_rad == pytest.approx(travel_rad, rel=0.01)
-    assert data.rad_to_mm == pytest.approx(unit.rad_to_mm, rel=0.01)
-    for key in ("zero_position_rad", "max_position_rad", "rad_to_mm", "travel_range_rad"):
-        assert saved[key] == getattr(data, key)
-
-
-def test_zero_is_on_disk_without_being_saved_once_more(site: Site, home: Path, mount: str) -> None:
-    site.add(Daemon(mount=mount))
-    with LiteGrip("can0") as gripper:
-        gripper.enable()
-        data = gripper.zero()
-    saved = json.loads((home / "state" / "can0_calibration.json").read_text(encoding="utf-8"))
-    assert saved["zero_position_rad"] == data.zero_position_rad
-
-
 @pytest.mark.parametrize("declared", ["normal", "reverse"])
 def test_zero_preserves_the_declared_direction_since_a_stall_tells_no_stop_from_the_other(
     site: Site, mount: str, declared: str
@@ -172,22 +159,6 @@ def test_zero_with_something_in_its_way_fails_and_changes_nothing(
         gripper.zero()
     assert caught.value.reason == "implausible_travel"
     assert gripper.config == before
-
-
-def test_enable_re_reads_the_status_and_retries_until_it_says_enabled(
-    site: Site, daemon: Daemon
-) -> None:
-    """The motor hears nothing: enabling it is no success, however often it is sent."""
-    daemon.lose_to_motor = lambda frame: frame.data == codec.ENABLE
-    with LiteGrip("can0") as gripper:
-        result = gripper.enable(retries=4)
-        assert isinstance(result, EnableResult)
-        assert not result
-        assert (result.tries, result.state.enabled) == (4, False)
-        assert not daemon.is_energised
-        daemon.lose_to_motor = lambda _frame: False
-        assert gripper.enable()
-        assert daemon.is_energised
 
 
 def test_disable_leaves_no_torque_and_jaws_that_a_hand_can_move(
@@ -215,6 +186,8 @@ def test_each_action_is_reachable_through_actions(site: Site, daemon: Daemon) ->
     daemon.gripper.put_object(width_mm=40.0)
     with LiteGrip("can0") as gripper:
         assert isinstance(gripper.actions, GripperActions)
+        assert isinstance(gripper.motion_config, MotionConfig)
+        assert gripper.disable_on_disconnect is True
         for name, (act, kind) in ACTIONS.items():
             assert isinstance(act(gripper.actions), kind), name
             if name == "grasp":

@@ -7,10 +7,10 @@ import pytest
 
 from litegrip_client import CommandError, LiteGrip
 from tests.drop_in import Daemon, Site, a_site
-from tests.geometry import MM_RAD, TRAVEL_MM
-from tests.sdk_compat.conftest import MOUNTS
-from tests.sdk_compat.motions import MOTIONS
-from tests.sdk_compat.scenes import bench_unit, own_file, write_file
+from tests.geometry import CLOSED_RAD, MM_RAD, TRAVEL_MM
+from tests.sdk.conftest import MOUNTS
+from tests.sdk.readme.motions import MOTIONS
+from tests.sdk.readme.scenes import bench_unit, content, own_file, write_file
 
 
 def test_the_channel_is_the_only_key_of_two_grippers_with_the_same_can_id(site: Site) -> None:
@@ -52,6 +52,7 @@ def test_calibrations_are_stored_one_file_per_channel(site: Site) -> None:
 def test_load_calibration_reads_the_own_file_then_the_legacy_one_then_the_factory_one(
     site: Site, home: Path
 ) -> None:
+    """It reads ~/.litegrip, where the SDK keeps them, and saves in the daemon's own directory."""
     site.add(Daemon(calibrated=False))
     own = own_file(home, "can0", "reverse", rad_to_mm=53.0)
     legacy = home / ".litegrip" / "litegrip_calibration.json"
@@ -60,10 +61,16 @@ def test_load_calibration_reads_the_own_file_then_the_legacy_one_then_the_factor
     with LiteGrip("can0") as gripper:
         for gone in (own, legacy, None):
             assert gripper.load_calibration()
-            found.append(gripper.config.rad_to_mm)
+            config = gripper.config
+            found.append((config.rad_to_mm, config.close_sign, config.pos_closed_rad))
+            saved = Path(gripper.save_calibration())
+            assert saved == home / "state" / "can0_calibration.json"
+            assert json.loads(saved.read_text(encoding="utf-8"))["channel"] == "can0"
             if gone is not None:
                 gone.unlink()
-    assert found == [53.0, 54.0, MM_RAD]
+            saved.unlink()
+    reverse_rad = content("reverse")["zero_position_rad"]
+    assert found == [(53.0, -1, reverse_rad), (54.0, -1, reverse_rad), (MM_RAD, 1, CLOSED_RAD)]
 
 
 def test_a_users_own_file_wins_over_the_factory_one_whoever_runs_the_daemon(
@@ -102,8 +109,14 @@ def test_litegrip_calib_pins_one_file_for_every_channel(home: Path) -> None:
     pinned = write_file(home / "pinned.json", "reverse", channel="can7", rad_to_mm=73.0)
     own_file(home, "can0", "normal")
     with a_site(home, {"LITEGRIP_CALIB": str(pinned)}) as site:
-        for channel in ("can0", "can1"):
+        for channel in ("can1", "can0"):
             site.add(Daemon(channel, "reverse", calibrated=False))
             with LiteGrip(channel) as gripper:
                 assert gripper.load_calibration()
                 assert (gripper.mount, gripper.config.rad_to_mm) == ("reverse", 73.0)
+                gripper.enable()
+                data = gripper.zero()
+                assert Path(gripper.save_calibration()) == pinned
+            saved = json.loads(pinned.read_text(encoding="utf-8"))
+            assert saved["zero_position_rad"] == data.zero_position_rad
+            write_file(pinned, "reverse", channel="can7", rad_to_mm=73.0)

@@ -1,38 +1,37 @@
 """The SDK's section "Trajectory record and replay": what recording and replay have in common."""
 
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 
 from litegrip_client import (
-    CommandError,
     LiteGrip,
-    Trajectory,
     TrajectoryBusyError,
 )
+from litegrip_client.ctl.main import main
 from tests.drop_in import Daemon, Site
 from tests.geometry import TRAVEL_MM
-from tests.sdk_compat.scenes import bench_unit, content, jaws_are_loose, load_content
-from tests.sdk_compat.trajectories import assert_slack, off_mm, swing, teach
+from tests.sdk.readme.scenes import jaws_are_loose
+from tests.sdk.readme.trajectories import off_mm, swing, teach
 
 
-def test_the_example(site: Site, home: Path, daemon: Daemon) -> None:
+def test_the_same_from_the_command_line(
+    site: Site, daemon: Daemon, capsys: pytest.CaptureFixture[str]
+) -> None:
+    site.run(0.01)
+    assert main(["enable"]) == 0
     teach(site, daemon)
-    began_mm = daemon.gripper.opening_mm
-    with LiteGrip("can0") as gripper:
-        gripper.load_template(daemon.mount)
-        gripper.enable()
-
-        taught = gripper.record(1.0)
-        pushed_mm = daemon.gripper.opening_mm
-        taught.save("pick")
-        gripper.play(taught)
-
-        assert daemon.gripper.opening_mm == pytest.approx(pushed_mm, abs=2.5)
-    assert pushed_mm > began_mm + 5.0
-    assert (home / ".litegrip" / "trajectories" / "pick.lgt").exists()
-    assert Trajectory.load("pick") == taught
+    assert main(["record", "pick", "--seconds", "1"]) == 0
+    taught_mm = daemon.gripper.opening_mm
+    assert main(["close"]) == 0
+    capsys.readouterr()
+    assert main(["trajectories"]) == 0
+    line, usage = capsys.readouterr().out.splitlines()[1:]
+    assert line.split()[:4] == ["pick", "100", "0.99", "s"]
+    assert "1 of 500" in usage
+    assert main(["play", "pick", "--repeat", "3"]) == 0
+    assert daemon.gripper.opening_mm == pytest.approx(taught_mm, abs=2.5)
+    assert "3 passes" in capsys.readouterr().out
 
 
 def test_a_motion_is_captured_once_and_repeated_later(
@@ -55,54 +54,6 @@ def test_a_motion_is_captured_once_and_repeated_later(
     begun_s = again[-1].at_s
     ended = [off_mm(again, taught, begun_s - 0.005 * shift, TRAVEL_MM) for shift in range(150, 400)]
     assert min(ended) < 4.0
-
-
-def test_recording_is_zero_gravity_and_replay_streams_openings_as_mit_frames(
-    site: Site, daemon: Daemon, gripper: LiteGrip
-) -> None:
-    gripper.record_start()
-    with site.recorded(daemon) as moments:
-        site.run(0.3)
-    for moment in moments[2:]:
-        command = moment.command
-        assert command is not None
-        assert_slack(command)
-    gripper.record_stop()
-    gripper.goto_openness(0.5)
-    with site.recorded(daemon) as moments:
-        assert gripper.play(swing())
-    commands = [moment.command for moment in moments[5:]]
-    assert all(command is not None and command.kp_nm_rad > 0.0 for command in commands)
-    positions = {command.position_rad for command in commands if command is not None}
-    assert len(positions) > 150
-
-
-def test_what_is_stored_is_the_openness_so_it_replays_on_another_mount_and_calibration(
-    site: Site, daemon: Daemon, gripper: LiteGrip, mount: str
-) -> None:
-    teach(site, daemon)
-    taught = gripper.record(1.0)
-    config = gripper.config
-    assert (taught.mount, taught.rad_to_mm) == (mount, config.rad_to_mm)
-    for sample in taught.samples:
-        distance_rad = (taught.pos_closed_rad - sample.position_rad) * (config.close_sign or 0)
-        travel_rad = abs(taught.pos_open_rad - taught.pos_closed_rad)
-        share = min(max(distance_rad / travel_rad, 0.0), 1.0)
-        assert sample.openness == pytest.approx(share, abs=1e-9)
-    other_mount = "reverse" if mount == "normal" else "normal"
-    other = site.add(Daemon("can1", other_mount, parameters=bench_unit(other_mount)))
-    with LiteGrip("can1") as second:
-        unit = other.gripper.parameters
-        limits = {"zero_position_rad": unit.closed_rad, "max_position_rad": unit.open_rad}
-        load_content(second, content(other_mount, **limits))
-        second.enable()
-        assert second.play(taught)
-        state = second.get_state()
-        assert state.openness == pytest.approx(taught.samples[-1].openness, abs=0.02)
-        travel_mm = abs(unit.closed_rad - unit.open_rad) * unit.rad_to_mm
-        assert other.gripper.opening_mm / travel_mm == pytest.approx(
-            taught.samples[-1].openness, abs=0.02
-        )
 
 
 def test_one_status_tells_of_both_directions(site: Site, gripper: LiteGrip) -> None:
@@ -177,22 +128,4 @@ def test_disconnect_stops_whichever_is_running(
         where_mm = daemon.gripper.opening_mm
         site.run(1.0)
         assert daemon.gripper.opening_mm == pytest.approx(where_mm, abs=1.0)
-        assert not jaws_are_loose(site, daemon)
-
-
-def test_both_need_a_calibration(site: Site, mount: str) -> None:
-    daemon = site.add(Daemon(mount=mount, calibrated=False))
-    with LiteGrip("can0") as gripper:
-        gripper.enable()
-        attempts: list[Callable[[], object]] = [
-            lambda: gripper.record(0.5),
-            gripper.record_start,
-            lambda: gripper.record_start(zero_gravity=False),
-            lambda: gripper.play(swing()),
-            lambda: gripper.play_start(swing()),
-        ]
-        for attempt in attempts:
-            with pytest.raises(CommandError) as caught:
-                attempt()
-            assert caught.value.reason == "not_calibrated"
         assert not jaws_are_loose(site, daemon)

@@ -2,17 +2,22 @@
 
 import json
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from litegrip_client import CALIB_TEMPLATES, CommandError, GripperConfig, LiteGrip, list_templates
+from litegrip_client import (
+    CALIB_TEMPLATES,
+    CalibrationData,
+    CommandError,
+    LiteGrip,
+    list_templates,
+)
 from tests.drop_in import Daemon, Site
 from tests.geometry import MM_RAD, SPAN_MM, TRAVEL_MM
-from tests.sdk_compat.conftest import MOUNTS
-from tests.sdk_compat.motions import MOTIONS
-from tests.sdk_compat.scenes import bench_unit, content, write_file
+from tests.sdk.conftest import MOUNTS
+from tests.sdk.readme.motions import MOTIONS
+from tests.sdk.readme.scenes import bench_unit, content, write_file
 
 SELECTIONS: dict[str, Callable[[LiteGrip, str], object]] = {
     "constructor": lambda gripper, mount: LiteGrip("can0", mount=mount).connect(),
@@ -24,30 +29,23 @@ SELECTIONS: dict[str, Callable[[LiteGrip, str], object]] = {
 }
 
 
-def test_closing_means_increasing_radians_on_a_normal_mount_and_decreasing_on_a_reverse_one(
-    daemon: Daemon, gripper: LiteGrip, mount: str
-) -> None:
-    gripper.open()
-    open_rad, open_mm = daemon.gripper.position_rad, daemon.gripper.opening_mm
-    gripper.close()
-    assert daemon.gripper.opening_mm < open_mm - 0.83 * TRAVEL_MM
-    closing_sign = 1 if daemon.gripper.position_rad > open_rad else -1
-    assert closing_sign == (1 if mount == "normal" else -1)
-    assert gripper.config.close_sign == closing_sign
-
-
 def test_the_direction_follows_from_the_order_of_the_limits(site: Site, mount: str) -> None:
+    """Closing means increasing radians on a normal mount, and decreasing on a reverse one."""
     daemon = site.add(Daemon(mount=mount, calibrated=False))
     with LiteGrip("can0") as gripper:
-        file = write_file(Path.home() / "any.json", mount)
-        gripper.load_calibration(file)
-        assert gripper.config.close_sign == (1 if mount == "normal" else -1)
-        assert gripper.mount == mount
+        assert gripper.load_calibration(write_file(Path.home() / "any.json", mount))
+        config, sign = gripper.config, 1 if mount == "normal" else -1
+        assert config.pos_open_rad is not None
+        assert config.pos_closed_rad is not None
+        assert (config.pos_open_rad >= config.pos_closed_rad) is (mount == "reverse")
+        assert (config.close_sign, gripper.mount) == (sign, mount)
         gripper.enable()
+        assert gripper.open()
+        open_rad = daemon.gripper.position_rad
+        assert daemon.gripper.opening_mm == pytest.approx(TRAVEL_MM, abs=1.0)
         assert gripper.close()
         assert daemon.gripper.opening_mm == pytest.approx(0.0, abs=1.0)
-        assert gripper.open()
-        assert daemon.gripper.opening_mm == pytest.approx(TRAVEL_MM, abs=1.0)
+        assert (daemon.gripper.position_rad - open_rad) * sign > 1.0
 
 
 @pytest.mark.parametrize("motion", MOTIONS)
@@ -67,30 +65,37 @@ def test_the_templates_have_names_in_order() -> None:
     assert list_templates() == ["normal", "reverse"]
 
 
-def test_mount_loads_the_named_template_and_is_read_back_from_the_limits(
-    site: Site, mount: str
-) -> None:
-    daemon = site.add(Daemon("can1", mount, calibrated=False))
-    with LiteGrip("can1", mount=mount) as gripper:
-        assert gripper.mount == mount
-        gripper.enable()
-        assert gripper.close()
-        assert daemon.gripper.opening_mm == pytest.approx(0.0, abs=1.0)
-
-
-def test_zero_measures_the_real_travel_and_saves_it(site: Site, mount: str) -> None:
+def test_zero_measures_the_real_travel_and_saves_it(site: Site, home: Path, mount: str) -> None:
+    """The template was nominal: it said the direction, not the travel of this gripper."""
     unit = bench_unit(mount)
     daemon = site.add(Daemon("can1", mount, calibrated=False, parameters=unit))
     with LiteGrip("can1", mount=mount) as gripper:
         nominal = gripper.config
         gripper.enable()
-        data = gripper.zero()
+        with site.recorded(daemon) as moments:
+            data = gripper.zero()
+        after = gripper.config
         assert gripper.mount == mount
-    assert nominal.pos_closed_rad == content(mount)["zero_position_rad"]
+        file = home / "state" / "can1_calibration.json"
+        saved = json.loads(file.read_text(encoding="utf-8"))
+        assert Path(gripper.save_calibration()) == file
+    assert (nominal.pos_closed_rad, nominal.rad_to_mm) == (
+        content(mount)["zero_position_rad"],
+        MM_RAD,
+    )
+    openings = [moment.opening_mm for moment in moments]
+    assert max(openings) == pytest.approx(SPAN_MM, abs=1.0)
+    assert -3.0 < min(openings) < 1.0  # the press that confirms the stop gives the soft end a way
+    assert isinstance(data, CalibrationData)
     assert data.zero_position_rad == pytest.approx(unit.closed_rad, abs=0.01)
     assert data.max_position_rad == pytest.approx(unit.open_rad, abs=0.01)
     assert data.travel_range_rad == pytest.approx(abs(unit.closed_rad - unit.open_rad), abs=0.01)
     assert data.rad_to_mm == pytest.approx(SPAN_MM / data.travel_range_rad)
+    assert after.close_sign == nominal.close_sign
+    assert after.rad_to_mm == pytest.approx(unit.rad_to_mm, rel=0.01)
+    assert after.travel_mm == pytest.approx(SPAN_MM)
+    for key in ("zero_position_rad", "max_position_rad", "rad_to_mm", "travel_range_rad"):
+        assert saved[key] == getattr(data, key)
     restarted = site.add(Daemon("can1", mount, boots=True, gripper=daemon.gripper))
     with LiteGrip("can1") as gripper:
         assert gripper.config.pos_closed_rad == data.zero_position_rad
@@ -111,6 +116,7 @@ def test_the_same_selection_is_reachable_four_ways(site: Site, mount: str, selec
         assert loaded.pos_closed_rad == expected["zero_position_rad"]
         assert loaded.pos_open_rad == expected["max_position_rad"]
         assert loaded.rad_to_mm == expected["rad_to_mm"]
+        assert gripper.mount == mount
         gripper.enable()
         assert gripper.close()
     assert daemon.gripper.opening_mm == pytest.approx(0.0, abs=1.0)
@@ -182,25 +188,3 @@ def test_the_wrong_mount_is_logged_on_load_and_the_first_close_heads_the_wrong_w
         gripper.enable()
         gripper.close()
         assert daemon.gripper.opening_mm == pytest.approx(TRAVEL_MM, abs=1.0)
-
-
-def test_mount_is_none_until_calibrated(site: Site, mount: str) -> None:
-    site.add(Daemon(mount=mount, calibrated=False))
-    with LiteGrip("can0") as gripper:
-        assert gripper.mount is None
-        gripper.load_template(mount)
-        assert gripper.mount == mount
-
-
-def test_the_templates_are_nominal_and_zero_replaces_them(site: Site, mount: str) -> None:
-    """They say the direction, not the travel of this gripper."""
-    unit = replace(bench_unit(mount), initial_opening_mm=60.0)
-    site.add(Daemon(mount=mount, calibrated=False, parameters=unit))
-    with LiteGrip("can0", mount=mount) as gripper:
-        gripper.enable()
-        before: GripperConfig = gripper.config
-        gripper.zero()
-        after = gripper.config
-    assert (before.rad_to_mm, before.close_sign) == (MM_RAD, after.close_sign)
-    assert after.rad_to_mm == pytest.approx(unit.rad_to_mm, rel=0.01)
-    assert after.travel_mm == pytest.approx(SPAN_MM)

@@ -38,12 +38,6 @@ def swing(size: float = 0.2, middle: float = 0.5, torque_nm: float = 0.0) -> Tra
     return Trajectory(samples, 100.0, 1.7e9, 0.114, -1.491, 74.8)
 
 
-def pose(openness: float) -> Trajectory:
-    """Return a trajectory of one sample."""
-    sample = TrajectorySample(0.0, openness, 0.0, 0.0, 0.0)
-    return Trajectory([sample], 100.0, 1.7e9, 0.114, -1.491, 74.8)
-
-
 def assert_slack(command: MitCommand) -> None:
     """No gain, and no torque but for the step with which zero is coded."""
     assert (command.kp_nm_rad, command.kd_nm_s_rad) == (0.0, 0.0)

@@ -10,7 +10,7 @@ import pytest
 from litegrip_client import CommandError, HardwareError, LiteGrip, MotionConfig, MoveProgress
 from tests.drop_in import Daemon, Moment, Site
 from tests.geometry import TRAVEL_MM, TRAVEL_RAD
-from tests.sdk_compat.scenes import CODE_RAD, LEAD_MM_RAD, bench_unit, lead_mm
+from tests.sdk.readme.scenes import CODE_RAD, LEAD_MM_RAD, bench_unit, lead_mm
 
 
 def probe(
@@ -35,15 +35,17 @@ def test_zero_probes_with_the_motion_config_and_saves_but_calibrate_does_neither
     daemon = site.add(Daemon(mount=mount, calibrated=False, parameters=unit))
     with LiteGrip("can0", mount=mount) as gripper:
         gripper.enable()
-        gripper.motion_config = MotionConfig(calib_kp=30.0, calib_kd=3.0)
+        gripper.motion_config = MotionConfig(calib_kp=30.0, calib_kd=3.0, calib_step_rad=0.04)
         _, gains = probe(site, daemon, gripper.calibrate)
         assert gains == {(20, 2.0)}
         assert not saved.exists()
         assert gripper.config.rad_to_mm == pytest.approx(unit.rad_to_mm, rel=0.01)  # but used
         _, gains = probe(site, daemon, lambda: gripper.calibrate(kp=15.0, kd=1.0))
         assert gains == {(15, 1.0)}
-        _, gains = probe(site, daemon, gripper.zero)
+        moments, gains = probe(site, daemon, gripper.zero)
         assert gains == {(30, 3.0)}
+        most_mm = max(lead_mm(moment) for moment in moments[1:])
+        assert most_mm == pytest.approx(0.04 * LEAD_MM_RAD, rel=0.01)
         assert saved.exists()
 
 

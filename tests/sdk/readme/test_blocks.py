@@ -1,5 +1,6 @@
 """Each code block of the SDK's README runs, with nothing changed but its import."""
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,10 +11,10 @@ import pytest
 from examples import teleop, trajectory
 from litegrip_client import LiteGrip, Trajectory
 from tests.drop_in import Daemon, Site
-from tests.sdk_compat import blocks
-from tests.sdk_compat.scenes import bench_unit, own_file
-from tests.sdk_compat.test_teleop import Tapped, share_open
-from tests.sdk_compat.trajectories import teach
+from tests.sdk.readme import blocks
+from tests.sdk.readme.scenes import bench_unit, own_file, speed_mm_s
+from tests.sdk.readme.test_teleop import Tapped, share_open
+from tests.sdk.readme.trajectories import teach
 
 
 def interrupt() -> None:
@@ -140,16 +141,27 @@ def test_trajectory(site: Site, home: Path, daemon: Daemon) -> None:
     own_file(home, "can0", daemon.mount)
     teach(site, daemon)
     began_mm = daemon.gripper.opening_mm
-    names = blocks.run(blocks.source("trajectory"))
-    assert daemon.gripper.opening_mm > began_mm + 5.0
+    with site.recorded(daemon) as moments:
+        names = blocks.run(blocks.source("trajectory"))
+    pushed_mm = next(m.opening_mm for m in moments if m.at_s > moments[0].at_s + 4.0)
+    assert daemon.gripper.opening_mm == pytest.approx(pushed_mm, abs=2.5)
+    assert pushed_mm > began_mm + 5.0
     assert len(names["taught"]) == pytest.approx(500, abs=2)
+    assert (home / ".litegrip" / "trajectories" / "pick.lgt").exists()
     assert Trajectory.load("pick") == names["taught"]
     assert not daemon.is_energised
 
 
 def test_progress(gripper: LiteGrip, capsys: pytest.CaptureFixture[str]) -> None:
     blocks.run(blocks.source("progress"), gripper=gripper)
-    assert capsys.readouterr().out.startswith("[move] ")
+    lines = capsys.readouterr().out.splitlines()
+    number = r"[+-]\d\.\d"
+    form = rf"\[move\] (\d+)/(\d+) cmd={number}{{4}} pos={number}{{4}} tau={number}{{3}}"
+    found = [re.fullmatch(form, line) for line in lines]
+    steps = [(int(match[1]), int(match[2])) for match in found if match is not None]
+    assert len(steps) == len(lines) > 20
+    assert steps == sorted(steps)
+    assert all(0 < step <= total for step, total in steps)
 
 
 def test_motion_config(site: Site, daemon: Daemon) -> None:
@@ -159,8 +171,9 @@ def test_motion_config(site: Site, daemon: Daemon) -> None:
     held: list[float] = []
     site.after(10.0, lambda: held.append(daemon.closing_torque_nm))
     site.after(10.1, interrupt)
-    with pytest.raises(KeyboardInterrupt):
+    with site.recorded(daemon) as moments, pytest.raises(KeyboardInterrupt):
         blocks.run(blocks.source("motion_config"))
+    assert speed_mm_s(moments, 55.0, 20.0) == pytest.approx(25.0, rel=0.03)
     assert held == pytest.approx([0.5], abs=0.05)
 
 
@@ -184,8 +197,10 @@ def test_the_line_for_one_gripper(
     site.after(15.0, interrupt)
     assert teleop.main(line) == 0
     out = capsys.readouterr().out
+    assert "following link open  frames" in out
     assert "trips 1" in out
     assert "no fault" in out
+    assert not daemon.is_energised
 
 
 def test_the_lines_for_trajectories(

@@ -1,6 +1,5 @@
 """The SDK's section "Progress reporting"."""
 
-import re
 from collections.abc import Callable
 from itertools import pairwise
 
@@ -14,14 +13,6 @@ MOTIONS: dict[str, Callable[..., object]] = {
     "close": lambda gripper, **more: gripper.close(**more),
     "grasp": lambda gripper, **more: gripper.grasp(hold_s=1.0, **more),
 }
-
-
-def show(p: MoveProgress) -> None:
-    """Print a report as the SDK's example does."""
-    print(
-        f"[{p.phase}] {p.i}/{p.total_steps} cmd={p.cmd_rad:+.4f} "
-        f"pos={p.pos_rad:+.4f} tau={p.torque_nm:+.3f}"
-    )
 
 
 def test_the_motion_actions_never_print(
@@ -57,21 +48,6 @@ def test_progress_is_called_with_snapshots_at_the_sampling_rate(
     for _, report, position_rad in calls:
         assert report.pos_rad == pytest.approx(position_rad, abs=0.01)
         assert abs(report.cmd_rad - report.pos_rad) < 0.06
-
-
-def test_the_example_prints_every_report(
-    daemon: Daemon, gripper: LiteGrip, capsys: pytest.CaptureFixture[str]
-) -> None:
-    gripper.open(progress=show)
-    lines = capsys.readouterr().out.splitlines()
-    form = re.compile(
-        r"\[(\w+)\] (\d+)/(\d+) cmd=[+-]\d\.\d{4} pos=[+-]\d\.\d{4} tau=[+-]\d\.\d{3}"
-    )
-    found = [form.fullmatch(line) for line in lines]
-    steps = [int(match[2]) for match in found if match is not None]
-    assert len(steps) == len(lines) > 20
-    assert steps == sorted(steps)
-    assert all(0 < int(match[2]) <= int(match[3]) for match in found if match is not None)
 
 
 @pytest.mark.parametrize("method", ["zero", "calibrate"])
