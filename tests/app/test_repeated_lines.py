@@ -11,6 +11,7 @@ from litegripd.app.status import MotorGreeting, log_event
 from litegripd.model.gripper import DM4310
 from litegripd.model.motor import UP, BusCondition
 from litegripd.model.state import Event, EventKind
+from tests.motor.bench import everything, nothing
 from tests.world import World
 
 DAY_S = 86_400.0
@@ -75,7 +76,7 @@ def flap(out_s: float) -> tuple[Event, ...]:
     events: list[Event] = []
     for condition in (GONE, UP):
         world.condition = condition
-        world.lose_to_motor = lambda _frame, is_lost=condition is GONE: is_lost
+        world.lose_to_motor = everything if condition is GONE else nothing
         for _ in range(10):
             world.run(out_s / 10.0)
             events += world.take_log()
