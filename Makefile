@@ -79,7 +79,8 @@ nightly: $(STAMP) test-through-portal
 		tests/model/test_grips.py tests/model/test_trajectory.py tests/client/test_trajectory.py
 	LITEGRIPD_FLEET_MESSAGES=100000 LITEGRIPD_FUZZ_SEED=$(SEED) $(BIN)/python -m pytest -s tests/process/fleet/test_hostile.py
 	LITEGRIPD_PROPERTIES=nightly $(BIN)/python -m pytest --timeout=7200 --numprocesses auto --dist worksteal \
-		--hypothesis-seed=$(SEED) $(PROPERTIES) tests/control/test_many_grasps.py
+		--hypothesis-seed=$(SEED) $(PROPERTIES) tests/control/test_many_grasps.py \
+		tests/app/test_repeated_lines.py
 
 format: $(STAMP)
 	$(BIN)/ruff format .

@@ -9,6 +9,7 @@ from litegripd.model.motor import UP, BusCondition
 from litegripd.model.state import Event, EventKind
 from litegripd.rpc.jsonrpc import encode
 from litegripd.rpc.subscriptions import EVENT_KINDS, KEPT_EVENTS, KEPT_OF_KIND, MAX_PER_SESSION
+from tests.motor.bench import everything, nothing
 from tests.rpc.raw import Raw, request
 from tests.world import PERIOD_S, Client, World, enabled_world
 
@@ -233,7 +234,7 @@ def flap(world: World) -> list[Event]:
     world.take_log()
     for condition in (BusCondition("adapter_gone", "there is no can0"), UP):
         world.condition = condition
-        world.lose_to_motor = lambda _frame, is_lost=condition is not UP: is_lost
+        world.lose_to_motor = nothing if condition is UP else everything
         world.run(1.0)
     return world.take_log()
 
