@@ -10,6 +10,7 @@ from litegrip_client.line.connection import Connection
 from tests.client.fake_daemon import FakeDaemon
 from tests.client.fake_trajectories import FakeTrajectories
 from tests.client.helpers import Ctl
+from tests.client.rig import Heard, a_bench, run_ctl
 
 
 @pytest.fixture(autouse=True)
@@ -59,6 +60,20 @@ def ctl(
         return code, captured.out, captured.err
 
     return run
+
+
+@pytest.fixture
+def heard(home: Path) -> Iterator[Heard]:
+    """Return a calibrated gripper's daemon in virtual time, the motor disabled."""
+    with a_bench(home) as site:
+        daemon = Heard()
+        site.add(daemon)
+        yield daemon
+
+
+@pytest.fixture
+def litegripctl(capsys: pytest.CaptureFixture[str]) -> Ctl:
+    return run_ctl(capsys)
 
 
 @pytest.fixture

@@ -11,11 +11,13 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+from litegrip_client.ctl import state_view
 from litegrip_client.ctl.commands import COMMANDS
 from litegrip_client.ctl.live import Interruptions, Scene, picture
 from litegrip_client.ctl.parser import for_gripper
 from litegrip_client.ctl.state_view import state_line
 from litegrip_client.line.feeds import Event
+from litegrip_client.values.results import STATE_FIELDS
 from tests.client.ctl_terminal import Terminal
 from tests.client.fake_daemon import HELLO, STATE, FakeDaemon
 from tests.client.live_daemon import HEALTH, OWNER, live, streaming
@@ -234,3 +236,7 @@ def test_a_line_tells_the_phase_of_teleoperation() -> None:
     job = {"job": 3, "kind": "teleop", "phase": "stale", "owner": OWNER}
     assert "job 3 teleop stale" in state_line({**STATE, "job": job})
     assert state_line({**STATE, "job": {**job, "phase": None}}).endswith("job 3 teleop")
+
+
+def test_only_fields_of_a_state_have_a_line_of_their_own() -> None:
+    assert set(STATE_FIELDS) >= state_view._TOLD
