@@ -1,4 +1,5 @@
-from collections.abc import Iterator
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -74,6 +75,38 @@ def heard(home: Path) -> Iterator[Heard]:
 @pytest.fixture
 def litegripctl(capsys: pytest.CaptureFixture[str]) -> Ctl:
     return run_ctl(capsys)
+
+
+@pytest.fixture
+def on_a_terminal(litegripctl: Ctl) -> Ctl:
+    """Return litegripctl with its standard output at a terminal."""
+
+    def run(*arguments: str) -> tuple[int, str, str]:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("sys.stdout.isatty", lambda: True)
+            return litegripctl(*arguments)
+
+    return run
+
+
+@pytest.fixture
+def hide(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], None]:
+    """Return what takes a library away, and the module of the client that has imported it."""
+
+    def hide(library: str, user: str) -> None:
+        class Absent:
+            def find_spec(self, name: str, *_more: object) -> None:
+                if name.partition(".")[0] == library:
+                    raise ModuleNotFoundError(f"No module named {library!r}", name=library)
+
+        for name in list(sys.modules):
+            if name.partition(".")[0] == library or name.startswith(user):
+                monkeypatch.delitem(sys.modules, name)
+        package, _, module = user.rpartition(".")
+        monkeypatch.delattr(sys.modules[package], module, raising=False)
+        monkeypatch.setattr(sys, "meta_path", [Absent(), *sys.meta_path])
+
+    return hide
 
 
 @pytest.fixture

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -108,18 +109,9 @@ def test_what_cannot_be_shown_says_why(
 @pytest.mark.parametrize("missing", ["mcap", "matplotlib"])
 @pytest.mark.parametrize("words", [["x.mcap"], ["--local", "pick"]])
 def test_without_the_libraries_it_says_what_to_install(
-    plot: Ctl, monkeypatch: pytest.MonkeyPatch, missing: str, words: list[str]
+    plot: Ctl, hide: Callable[[str, str], None], missing: str, words: list[str]
 ) -> None:
-    for name in list(sys.modules):
-        if name.startswith(("litegrip_client.ctl.plot", missing)):
-            monkeypatch.delitem(sys.modules, name)
-
-    class Absent:
-        def find_spec(self, name: str, *_more: object) -> None:
-            if name.partition(".")[0] == missing:
-                raise ModuleNotFoundError(f"No module named {missing!r}", name=missing)
-
-    monkeypatch.setattr(sys, "meta_path", [Absent(), *sys.meta_path])
+    hide(missing, "litegrip_client.ctl.plot")
     text = f"plot needs the library {missing}, which is not installed"
     code, shown, _ = plot(*words, "--json")
     assert (code, json.loads(shown)["error"]["message"]) == (4, text)

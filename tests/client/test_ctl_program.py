@@ -42,18 +42,12 @@ def samples(daemon: FakeDaemon, count: int) -> None:
     ],
 )
 def test_what_takes_a_while_shows_a_bar_on_a_terminal_and_then_the_result(
-    heard: Heard,
-    litegripctl: Ctl,
-    monkeypatch: pytest.MonkeyPatch,
-    line: str,
-    figures: str,
-    result: str,
+    heard: Heard, on_a_terminal: Ctl, line: str, figures: str, result: str
 ) -> None:
     heard.client().result("motor.enable", detach=True)
     if line == "grasp":
         heard.gripper.put_object(width_mm=50)
-    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
-    code, shown, _ = litegripctl(*line.split())
+    code, shown, _ = on_a_terminal(*line.split())
     before, *frames, last = shown.split("\r")
     assert (code, before) == (0, "")
     parts = {"n": "[0-9.]+", "mm": r" [0-9.]+ mm  [-+][0-9.]+ N·m"}

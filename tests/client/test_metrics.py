@@ -2,10 +2,9 @@
 
 import json
 import re
-import sys
+from collections.abc import Callable
 from typing import Any
 
-import pytest
 from prometheus_client.metrics_core import Metric
 from prometheus_client.openmetrics.parser import text_string_to_metric_families as open_metrics
 from prometheus_client.parser import text_string_to_metric_families as classic
@@ -115,12 +114,10 @@ def test_the_command(heard: Heard, litegripctl: Ctl) -> None:
 
 
 def test_without_the_library_a_line_says_what_to_install(
-    heard: Heard, litegripctl: Ctl, monkeypatch: pytest.MonkeyPatch
+    heard: Heard, litegripctl: Ctl, hide: Callable[[str, str], None]
 ) -> None:
     heard.instead["health"] = HEALTH
-    monkeypatch.delitem(sys.modules, "litegrip_client.ctl.metrics")
-    monkeypatch.delattr("litegrip_client.ctl.metrics")
-    monkeypatch.setitem(sys.modules, "prometheus_client", None)
+    hide("prometheus_client", "litegrip_client.ctl.metrics")
     code, out, err = litegripctl("metrics")
     assert (code, out) == (4, "")
     assert err.startswith("litegripctl: metrics needs the library prometheus_client")
