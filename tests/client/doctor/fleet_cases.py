@@ -26,7 +26,6 @@ FLEET_CASES: Cases = {
         ),
         Case(certified(31.0), "OK good for 31 days"),
         Case(certified(29.0), "WARNING good for 29 days # restart the portal"),
-        Case(certified(-0.1), "ERROR is over # restart the portal"),
     ],
     # What another machine has, is not looked for on this one.
     "daemon": [

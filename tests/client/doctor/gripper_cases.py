@@ -16,10 +16,6 @@ GRIPPER_CASES: Cases = {
         Case(facts(), "OK the daemon uses it, load 12%, 0 lost frames"),
         Case(facts(daemon=None)),
         Case(
-            with_daemon(health_bus={"state": "down", "error": "Network is down"}),
-            "ERROR the daemon cannot use it (down): Network is down # found above",
-        ),
-        Case(
             with_daemon(health_bus={"state": "bus_stalled", "error": "x"}, health_motor=RESTS),
             "WARNING nobody on it acknowledges a frame # 24 V",
         ),
@@ -117,11 +113,6 @@ GRIPPER_CASES: Cases = {
             " # first set [motor] can_id = 0x09 in /etc/litegripd/can0.toml",
         ),
         Case(
-            facts(scan=Scan(ASKED)),
-            "ERROR no motor answers at 0x01 to 0x10"
-            " # A motor that is set to 5 Mbit/s (CAN FD) or another bit rate cannot be found",
-        ),
-        Case(
             facts(scan=Scan(problem="the motor is enabled"), daemon=daemon(state_enabled=True)),
             "ERROR no id was asked: the motor is enabled"
             " $ litegripctl -c can0 disable"
@@ -158,18 +149,10 @@ GRIPPER_CASES: Cases = {
     "control-mode": [
         Case(facts(), "OK CTRL_MODE 1, MIT"),
         Case(with_daemon(info_registers={})),
-        Case(
-            with_daemon(info_registers__CTRL_MODE=2),
-            "ERROR CTRL_MODE is 2, not 1 (MIT) # set register 10 to 1",
-        ),
     ],
     "can-br": [
         Case(facts(), "OK can_br 4, 1 Mbit/s"),
         Case(with_daemon(info_registers__can_br=None)),
-        Case(
-            with_daemon(info_registers__can_br=3),
-            "WARNING can_br 3, 500 kbit/s, where 1 Mbit/s (4) is expected # set register 35 to 4",
-        ),
     ],
     "ids": [
         Case(facts(), "OK commanded by 0x08, answers on 0x18"),
@@ -182,19 +165,11 @@ GRIPPER_CASES: Cases = {
             with_daemon(info_registers__MST_ID=8),
             "ERROR cannot be told apart # set register 7 (MST_ID) to 0x18",
         ),
-        Case(
-            with_daemon(info_registers__MST_ID=0),
-            "WARNING MST_ID was never set # set register 7 (MST_ID) to 0x18",
-        ),
     ],
     "watchdog": [
         Case(facts(), "OK TIMEOUT 2000, on; by it the motor lets go 100 ms after a loss"),
         Case(with_daemon(info_registers__TIMEOUT=8000), "OK 400 ms"),
         Case(with_daemon(info_registers={})),
-        Case(
-            with_daemon(info_registers__TIMEOUT=0),
-            "WARNING TIMEOUT is 0, off after power-on # set register 9 to 2000",
-        ),
         Case(
             with_daemon(info_registers__TIMEOUT=20_000),
             "WARNING TIMEOUT is 1 s after power-on # set register 9 to 2000",
@@ -215,12 +190,6 @@ GRIPPER_CASES: Cases = {
             "OK mount normal, travel 87.0 mm, open goes to 80 mm, 3 days old, /var/lib/lite",
         ),
         Case(facts(daemon=None)),
-        Case(
-            with_daemon(hello_gripper={"calibrated": False, "mount": None}),
-            "WARNING none: motions are refused"
-            " # litegripctl -c can0 calibration load normal (or reverse); then measure:"
-            f" {ZERO}",
-        ),
         Case(
             with_daemon(info_calibration__file=None),
             "WARNING in no file: lost at a restart $ litegripctl -c can0 calibration save",
@@ -278,11 +247,6 @@ GRIPPER_CASES: Cases = {
             f" $ {ZERO}"
             " # its limits are probably wrong; if a caliper says that the jaws do not open 85"
             " mm, then:",
-        ),
-        Case(
-            with_daemon(info_calibration__work_stroke="work_stroke_mm is 95, beyond"),
-            "WARNING work_stroke_mm is 95, beyond"
-            " # then have the file read again: litegripctl -c can0 calibration load --chain",
         ),
     ],
     "stroke": [
