@@ -1,9 +1,7 @@
 """litegripctl doctor as a command: with a daemon, without one, with a strange one."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -16,7 +14,7 @@ from litegrip_client.ctl.doctor.link_checks import _IF_LOST
 from litegrip_client.ctl.findings import as_text, error, ok, warning
 from litegripd.model.sentence import sentence, with_terms
 from tests.client.doctor.known import HEALTH, HELLO, INFO, changed, link
-from tests.client.rig import SILENT, Heard, Line, Refuse, a_bench, run_ctl
+from tests.client.rig import SILENT, Ctl, Heard, Line, Refuse
 
 SLCAN = {"interface": "slcan", "channel": "/dev/ttyACM0", "bitrate": 1_000_000}
 NOBODY = ("-c", "nodaemon7")
@@ -26,15 +24,13 @@ NOBODY = ("-c", "nodaemon7")
 class Machine:
     """One that is as it should be but for what a test changes, with a daemon for can0."""
 
-    def __init__(
-        self, daemon: Heard, capsys: pytest.CaptureFixture[str], patch: pytest.MonkeyPatch
-    ) -> None:
+    def __init__(self, daemon: Heard, ctl: Ctl, patch: pytest.MonkeyPatch) -> None:
         self.daemon = daemon
         self.system = System(link("healthy"), None, ("can0",), "peak_usb")
         self.bus: tuple[str, str] | None = None
         """About which bus the system was asked."""
         self.links: list[str] = []
-        self._ctl = run_ctl(capsys)
+        self._ctl = ctl
         self._patch = patch
         for name, value in (
             ("system", self._system),
@@ -63,26 +59,19 @@ class Machine:
         assert err == ""
         return code, out
 
-    def rows(self, *words: str) -> dict[str, dict[str, Any]]:
-        """Return what the doctor tells a program, by check."""
+    def levels(self, *words: str) -> dict[str, str]:
+        """Return the level of each check, as the doctor tells a program."""
         code, out = self.doctor("--json", *words)
         data = json.loads(out)
         assert data["ok"] is (code == 0)
-        return {row["check"]: row for row in data["findings"]}
-
-    def levels(self, *words: str) -> dict[str, str]:
-        return {check: row["level"] for check, row in self.rows(*words).items()}
+        return {row["check"]: row["level"] for row in data["findings"]}
 
 
 @pytest.fixture
 def machine(
-    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> Iterator[Machine]:
-    monkeypatch.setattr(gather, "DIRECTORY", tmp_path / "etc")
-    with a_bench(home) as site:
-        daemon = Heard()
-        site.add(daemon)
-        yield Machine(daemon, capsys, monkeypatch)
+    heard: Heard, litegripctl: Ctl, directory: Path, monkeypatch: pytest.MonkeyPatch
+) -> Machine:
+    return Machine(heard, litegripctl, monkeypatch)
 
 
 def test_all_is_well(machine: Machine) -> None:
