@@ -11,7 +11,7 @@ from litegrip_client.line.connection import Connection
 from tests.client.fake_daemon import FakeDaemon
 from tests.client.fake_trajectories import FakeTrajectories
 from tests.client.helpers import Ctl
-from tests.client.rig import Heard, a_bench, run_ctl
+from tests.client.rig import Bench, Heard, a_bench, run_ctl
 
 
 @pytest.fixture(autouse=True)
@@ -64,12 +64,18 @@ def ctl(
 
 
 @pytest.fixture
-def heard(home: Path) -> Iterator[Heard]:
-    """Return a calibrated gripper's daemon in virtual time, the motor disabled."""
+def site(home: Path) -> Iterator[Bench]:
+    """Return a machine in virtual time."""
     with a_bench(home) as site:
-        daemon = Heard()
-        site.add(daemon)
-        yield daemon
+        yield site
+
+
+@pytest.fixture
+def heard(site: Bench) -> Heard:
+    """Return the daemon of a calibrated gripper there, on can0; the motor is disabled."""
+    daemon = Heard()
+    site.add(daemon)
+    return daemon
 
 
 @pytest.fixture
