@@ -122,35 +122,73 @@ def test_remedies_are_commands_and_not_the_protocols_methods(
     assert json.loads(litegripctl("--json", "state")[1])["error"]["message"] == shown
 
 
+USAGE = {
+    "stae": "COMMAND: 'stae' is none of them; did you mean 'state'?",
+    "lease tke": "ACTION: 'tke' is none of them; did you mean 'take'?",
+    "lease x": "ACTION: 'x' is none of them: show, take",
+    "xyzzy": "COMMAND: 'xyzzy' is none of them\n",
+    "grasp --forse 10": "unrecognized arguments: --forse 10; did you mean '--force'?",
+    "grasp --forse=10": "; did you mean '--force'?",
+    "state --jsn": "; did you mean '--json'?",
+    "state xyzzy": "unrecognized arguments: xyzzy\n",
+    "stop --level relx": "did you mean 'relax'?",
+    "cancel abc": "'abc' is not a whole number of 1 or more",
+    "grasp --width 48 --tolerance -1": "'-1' is not a number of 0 or more",
+    "grasp --hold nan": "'nan' is not a number of 0 or more",
+    "grasp --width 0 --tolerance 1": "'0' is not a number above 0",
+    "grasp --force x": "see: litegripctl grasp --help\n",
+    "grasp --width 4": "see: litegripctl grasp --help\n",
+    "grasp --no-such-option": "see: litegripctl grasp --help\n",
+    "teleop slave --no-such-option": "see: litegripctl teleop slave --help\n",
+    "calibration load": "see: litegripctl calibration load --help\n",
+    "nothing": "see: litegripctl --help\n",
+}
+"""Wrong command lines, and what of it is said."""
+
+
 @pytest.mark.parametrize(
-    ("line", "meant"),
+    "line",
     [
-        ("stae", "COMMAND: 'stae' is none of them; did you mean 'state'?"),
-        ("lease tke", "ACTION: 'tke' is none of them; did you mean 'take'?"),
-        ("lease x", "ACTION: 'x' is none of them: show, take"),
-        ("xyzzy", "COMMAND: 'xyzzy' is none of them\n"),
-        ("grasp --forse 10", "unrecognized arguments: --forse 10; did you mean '--force'?"),
-        ("grasp --forse=10", "; did you mean '--force'?"),
-        ("state --jsn", "; did you mean '--json'?"),
-        ("state xyzzy", "unrecognized arguments: xyzzy\n"),
-        ("stop --level relx", "did you mean 'relax'?"),
-        ("cancel abc", "'abc' is not a whole number of 1 or more"),
-        ("grasp --width 48 --tolerance -1", "'-1' is not a number of 0 or more"),
-        ("grasp --hold nan", "'nan' is not a number of 0 or more"),
-        ("grasp --width 0 --tolerance 1", "'0' is not a number above 0"),
-        ("grasp --force x", "\n  see: litegripctl grasp --help\n"),
-        ("grasp --width 4", "\n  see: litegripctl grasp --help\n"),
-        ("grasp --no-such-option", "\n  see: litegripctl grasp --help\n"),
-        ("teleop slave --no-such-option", "\n  see: litegripctl teleop slave --help\n"),
-        ("calibration load", "\n  see: litegripctl calibration load --help\n"),
-        ("nothing", "\n  see: litegripctl --help\n"),
+        *USAGE,
+        "",
+        "fly",
+        "open --speed 0",
+        "open --speed nan",
+        "open --speed fast",
+        "watch --hz -1",
+        "watch --count 0",
+        "watch --count ²",
+        "stop --level gently",
+        "cancel",
+        "cancel x",
+        "grasp --force 0",
+        "grasp --hold -1",
+        "grasp --tolerance 2",
+        "grasp --width 48",
+        "release --by -5",
+        "move",
+        "move 45mm --speed 5 --duration 2",
+        "force",
+        "zero --mount upside-down",
+        "calibration forget",
+        "calibration load normal --chain",
+        "config set",
+        "config set force_n",
+        "config set force_n=strong",
+        "config set force_n=nan",
+        "register",
+        "-c ../etc state",
+        "-c can0 --socket /x state",
     ],
 )
-def test_wrong_usage_is_met_with_what_comes_close_or_is_allowed_and_with_the_help(
-    litegripctl: Ctl, line: str, meant: str
+def test_wrong_usage_is_told_with_what_is_meant_and_where_the_help_is(
+    litegripctl: Ctl, line: str
 ) -> None:
     code, out, err = litegripctl(*line.split())
     assert (code, out) == (2, "")
-    assert meant in err
+    assert err.startswith("usage: litegripctl")
+    assert USAGE.get(line, "") in err
     assert err.splitlines()[-1].startswith("  see: litegripctl")
     assert "choose from" not in err
+    code, out, err = litegripctl("--json", *line.split())
+    assert (code, json.loads(out)["error"]["data"]["reason"], err) == (2, "wrong_usage", "")

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import inspect
 import re
-from argparse import Action
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import pytest
 
 import litegrip_client
 from litegrip_client import LiteGrip, LiteGripError
-from litegrip_client.ctl import commands as ctl
-from litegrip_client.ctl.parser import LateParser, Parser, whole_parser
 from litegrip_client.threads.blocking import connect
 from litegrip_client.values.errors import from_error_object
 from litegrip_client.values.voices import ARGUMENTS, CALLS, in_python, in_shell
@@ -26,6 +23,7 @@ from litegripd.motor.phases import implausible_refusal
 from litegripd.rpc.jsonrpc import error_object
 from litegripd.rpc.method import check, methods_of
 from litegripd.sim.methods import SimMethods
+from tests.client.ctl_commands import every_parser
 from tests.client.helpers import Ctl
 from tests.client.rig import Heard, Refuse
 from tests.world import World
@@ -39,23 +37,8 @@ def of_wire(text: str) -> list[str]:
     return [name for name in ROWS if "." in name and re.search(rf"\b{re.escape(name)}\b", text)]
 
 
-def commands() -> Iterator[tuple[str, list[Action]]]:
-    """Give every command line without its options, and its arguments."""
-
-    def walk(parser: Parser, name: str) -> Iterator[tuple[str, list[Action]]]:
-        if isinstance(parser, LateParser):
-            parser.become()
-        actions = list(parser.arguments())
-        yield name, actions
-        for action in actions:
-            if isinstance(action.choices, Mapping):
-                for word, inner in action.choices.items():
-                    yield from walk(inner, f"{name} {word}")
-
-    return walk(whole_parser(ctl.COMMANDS), "litegripctl")
-
-
-COMMANDS = dict(commands())
+COMMANDS = {parser.prog: list(parser.arguments()) for parser in every_parser()}
+"""The arguments of every command line without its options."""
 
 
 def command_of(method: str) -> str:
