@@ -39,21 +39,22 @@ def test_there_is_a_line_for_every_command() -> None:
     assert every_command() <= names
 
 
-@pytest.mark.parametrize("reason", ["busy", "stopped", "not_permitted", "motor_silent"])
 @pytest.mark.parametrize("line", ASKING)
 def test_a_refusal_is_one_line_of_json_and_has_the_code_of_its_reason(
-    heard: Heard, litegripctl: Ctl, line: str, reason: str
+    heard: Heard, litegripctl: Ctl, line: str
 ) -> None:
-    refused = Refuse(reason, REFUSALS[reason].code, "what\nelse")
-    methods = (*METHODS, *methods_of(SimMethods))
-    hello = {**heard.client().result("hello"), "simulated": True}
-    heard.instead |= {**{method.name: refused for method in methods}, "hello": hello}
-    code, out, _ = litegripctl(*line.split(), "--json")
-    if line == NEEDS_TERMINAL:
-        assert (code, error_of(out)["data"]["reason"]) == (2, "wrong_usage")
-        return
-    assert (code, error_of(out)["data"]["reason"]) == (REFUSALS[reason].exit_code, reason)
-    assert error_of(out)["code"] == REFUSALS[reason].code
+    methods = {method.name for method in (*METHODS, *methods_of(SimMethods))} - {"hello"}
+    heard.instead["hello"] = {**heard.client().result("hello"), "simulated": True}
+    for reason in ("busy", "stopped", "not_permitted", "motor_silent"):
+        refusal = Refuse(reason, REFUSALS[reason].code, "what\nelse")
+        heard.instead |= dict.fromkeys(methods, refusal)
+        code, out, _ = litegripctl(*line.split(), "--json")
+        error = error_of(out)
+        if line == NEEDS_TERMINAL:
+            assert (code, error["data"]["reason"]) == (2, "wrong_usage")
+        else:
+            assert (code, error["data"]["reason"]) == (REFUSALS[reason].exit_code, reason)
+            assert error["code"] == REFUSALS[reason].code
 
 
 @pytest.mark.parametrize("line", LINES)
