@@ -2,13 +2,11 @@
 
 import base64
 import hashlib
-import json
 from pathlib import Path
 
 import pytest
 
 from litegrip_client.ctl.commands.trajectories import listed_text
-from tests.client.fake_trajectories import CONTENT
 from tests.client.helpers import Ctl
 from tests.client.rig import Heard
 from tests.trajectories import lgt
@@ -22,22 +20,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     path.mkdir()
     monkeypatch.setenv("LITEGRIP_TRAJ_DIR", str(path))
     return path
-
-
-def test_the_list_of_this_side_needs_no_daemon(folder: Path, litegripctl: Ctl) -> None:
-    (folder / "pick.lgt").write_bytes(CONTENT)
-    (folder / "cut.lgt").write_bytes(CONTENT[:-1])
-    for arguments in (["--local"], ["--local", "list"], ["list", "--local"]):
-        code, out, _ = litegripctl(*NOWHERE, "trajectories", *arguments)
-        lines = out.splitlines()
-        assert code == 0
-        assert lines[1].split()[:4] == ["pick", "300", "2.99", "s"]
-        assert lines[2].startswith("cut: NOT usable: 12065 bytes, but 300 samples make 12066")
-    data = json.loads(litegripctl(*NOWHERE, "--json", "trajectories", "--local")[1])
-    assert data["directory"] == str(folder)
-    assert [row["name"] for row in data["trajectories"]] == ["cut", "pick"]
-    code, _, err = litegripctl(*NOWHERE, "trajectories", "--local", "delete", "pick")
-    assert (code, "--local does not go with delete" in err) == (2, True)
 
 
 def test_a_date_that_is_none_is_not_shown() -> None:

@@ -162,6 +162,18 @@ def test_the_lines_of_a_dump_are_what_was_recorded(path: Path, dump: Dump) -> No
     }
 
 
+def test_a_line_is_broken_where_there_were_no_ticks(dump: Dump) -> None:
+    ticks = [*dump.ticks[:100], *dump.ticks[200:]]
+    drawn = lines(rows(draw(replace(dump, ticks=ticks), None))[TORQUE])["measured"]
+    end_s = ticks[-1]["monotonic_s"]
+    times = [tick["monotonic_s"] - end_s for tick in ticks]
+    shown = values(ticks, "torque_nm").expected
+    assert drawn == (
+        pytest.approx([*times[:100], times[99], *times[100:]]),
+        pytest.approx([*shown[:100], math.nan, *shown[100:]], nan_ok=True),
+    )
+
+
 def test_a_dump_without_calibration_is_drawn_in_radians(tmp_path: Path) -> None:
     world = World(calibrated=False)
     world.gripper.push(0.5)

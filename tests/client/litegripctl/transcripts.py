@@ -262,9 +262,16 @@ class Stage:
 
     def trajectory(self, name: str) -> None:
         """A trajectory of 300 samples lies where those of this side are."""
+        self._mine(name, lgt(POINTS))
+
+    def cut(self, name: str) -> None:
+        """One that lacks its last byte does."""
+        self._mine(name, lgt(POINTS)[:-1])
+
+    def _mine(self, name: str, content: bytes) -> None:
         path = self._folder / "mine" / name
         path.parent.mkdir(exist_ok=True)
-        path.write_bytes(lgt(POINTS))
+        path.write_bytes(content)
 
     def holds(self, rest: str) -> None:
         """A file of the folder is found to have this content."""
@@ -296,9 +303,11 @@ _NUMBER = r"[-+]?[0-9.]+"
 
 
 def _has(actual: Any, wished: Any) -> bool:
-    """Return True if an object has at least the wished members."""
+    """Return True if an object has at least the wished members, and so have those of a list."""
     if isinstance(wished, dict) and isinstance(actual, dict):
         return all(name in actual and _has(actual[name], one) for name, one in wished.items())
+    if isinstance(wished, list) and isinstance(actual, list):
+        return len(actual) == len(wished) and all(map(_has, actual, wished))
     return bool(actual == wished)
 
 
