@@ -17,20 +17,10 @@ from litegrip_client.ctl.render import progress
 from litegripd.model.errors import ERROR_TABLE
 from tests.client.ctl_commands import ACTIONS
 from tests.client.ctl_terminal import COMMAND, ROOT, start
-from tests.client.fake_daemon import DEADLINE_S, HELLO, STATE, FakeDaemon, Request
+from tests.client.fake_daemon import DEADLINE_S, HELLO, STATE, FakeDaemon
 from tests.client.helpers import Ctl
+from tests.client.live_daemon import live
 from tests.client.rig import Heard
-
-
-def samples(daemon: FakeDaemon, count: int) -> None:
-    def subscribe(request: Request) -> None:
-        request.reply({"subscription": 1, "state": STATE})
-        for seq in range(count):
-            sample = {"subscription": 1, "seq": seq, "dropped": 0, "monotonic_s": 1.0}
-            request.notify("state.sample", {**sample, "state": STATE})
-
-    daemon.handlers["state.subscribe"] = subscribe
-    daemon.handlers["state.unsubscribe"] = lambda request: {"subscription": 1}
 
 
 @pytest.mark.parametrize(
@@ -84,7 +74,7 @@ def test_progress_without_an_end_has_no_bar_and_a_replay_has_passes(
 
 @pytest.mark.parametrize("line", ["state", "--json state", "watch --count 2"])
 def test_a_full_disk_is_said_in_one_line(daemon: FakeDaemon, line: str) -> None:
-    samples(daemon, 5)
+    live(daemon)
     with Path("/dev/full").open("wb") as full:
         process = start("--socket", daemon.path, *line.split(), stdout=full, stderr=subprocess.PIPE)
         _, told = process.communicate(timeout=DEADLINE_S)
@@ -106,7 +96,7 @@ def test_a_full_disk_is_said_in_one_line(daemon: FakeDaemon, line: str) -> None:
 def test_streams_that_are_closed_are_no_traceback(
     daemon: FakeDaemon, line: str, closed: str, code: int, out: bool, err: str
 ) -> None:
-    samples(daemon, 5)
+    live(daemon)
     daemon.handlers["job.cancel"] = lambda request: request.fail("unknown_job", -32012, "no")
     shell = ["sh", "-c", f'exec "$@" {closed}', "sh", *COMMAND, "--socket", daemon.path]
     done = subprocess.run(
@@ -119,7 +109,7 @@ def test_streams_that_are_closed_are_no_traceback(
 
 
 def test_a_pipe_that_closes_is_no_noise(daemon: FakeDaemon) -> None:
-    samples(daemon, 100)
+    live(daemon, 100)
     process = start(
         "--socket", daemon.path, "watch", stdout=subprocess.PIPE, stderr=subprocess.PIPE
     )
