@@ -40,7 +40,7 @@ def found_in(check: str, case: Case) -> Finding | None:
 def test_a_check(check: str, case: Case) -> None:
     found, wanted = found_in(check, case), case.found()
     if wanted is None or found is None:
-        assert found == wanted
+        assert (found, wanted) == (None, None)
         return
     assert (found.level, found.command) == (wanted.level, wanted.command)
     assert wanted.text in found.text
