@@ -108,8 +108,7 @@ DAEMON_CASES: Cases = {
         Case(replace(BARE, hung_pid=77), "ERROR pid 77 listens # without systemd: end it"),
         Case(
             facts(daemon=None, failure="no daemon", others=("left", "right")),
-            "ERROR no channel was named, and can0 is none of this machine; there are: left,"
-            " right"
+            "ERROR no channel was named, and can0 is none of this machine; there are: left, right"
             " $ litegripctl -c left doctor"
             " # export LITEGRIP_CHANNEL=left",
         ),
@@ -232,8 +231,7 @@ DAEMON_CASES: Cases = {
         ),
         Case(
             facts(daemon=None, configuration=Configuration(FILE, unchecked="it takes long")),
-            f"WARNING {FILE} was not checked, which may name another bus than can0: it takes"
-            " long"
+            f"WARNING {FILE} was not checked, which may name another bus than can0: it takes long"
             " # litegripd can0 --check",
         ),
         Case(

@@ -46,8 +46,7 @@ GRIPPER_CASES: Cases = {
         ),
         Case(
             with_daemon(state_status="under_voltage", health_motor=RESTS),
-            "WARNING disabled, last feedback 0.004 s ago: its power stage has, or had, no"
-            " supply"
+            "WARNING disabled, last feedback 0.004 s ago: its power stage has, or had, no supply"
             " # 24 V",
         ),
         Case(
@@ -255,8 +254,7 @@ GRIPPER_CASES: Cases = {
             with_daemon(info_configuration__gripper={"stroke_mm": 95.0}),
             "WARNING by the configuration the jaws open 95 mm, by the calibration 86.0 mm"
             " $ litegripctl -c can0 calibration rescale"
-            " # if a caliper agrees with the configuration; else correct stroke_mm in"
-            " [gripper]",
+            " # if a caliper agrees with the configuration; else correct stroke_mm in [gripper]",
         ),
         Case(facts(daemon=None)),
         Case(with_daemon(info_configuration={})),
