@@ -147,7 +147,6 @@ DAEMON_CASES: Cases = {
             " # start it where 'ulimit -r' is 50 or more",
         ),
         Case(facts(), "OK SCHED_FIFO 50, memory locked"),
-        Case(facts(daemon=None)),
         Case(
             with_daemon(
                 health_control__fifo_priority=0, info_configuration__control={"priority": 0}
@@ -181,7 +180,6 @@ DAEMON_CASES: Cases = {
         ),
     ],
     "configuration": [
-        Case(facts()),
         Case(facts(edited=(FILE, NOW_S - 20.0))),
         Case(facts(daemon=None, edited=(FILE, NOW_S))),
         Case(
@@ -242,7 +240,6 @@ DAEMON_CASES: Cases = {
     ],
     "version": [
         Case(facts(), "OK 1.2.3, as this program"),
-        Case(facts(daemon=None)),
         Case(
             with_daemon(hello_version="1.2.2"),
             f"WARNING the daemon is 1.2.2, this program 1.2.3 $ {RELOAD} # install one version",
@@ -273,8 +270,6 @@ DAEMON_CASES: Cases = {
         ),
     ],
     "teleop": [
-        Case(facts()),
-        Case(facts(daemon=None)),
         *(
             Case(with_daemon(health_teleop={"reach": reach, "unreached": None}), "OK is")
             for reach in ("connected", "frames")
@@ -309,7 +304,6 @@ DAEMON_CASES: Cases = {
     ],
     "health": [
         Case(facts(), "OK verdict on itself is ok"),
-        Case(facts(daemon=None)),
         Case(
             with_daemon(health_verdict="degraded", health_reasons=["a", "b"]),
             "WARNING degraded: a; b $ litegripctl -c can0 health",

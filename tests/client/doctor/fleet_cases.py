@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from litegrip_client.ctl.doctor.facts import Facts
 from tests.client.doctor.case import Case, Cases
-from tests.client.doctor.known import NOW_S, facts, with_daemon
+from tests.client.doctor.known import NOW_S, with_daemon
 
 REMOTE = {"channel": "can7", "site": "lab", "gripper": "left"}
 FAR = replace(with_daemon(hello_remote=REMOTE), is_remote=True, channel="lab.left", interface=None)
@@ -18,7 +18,6 @@ def certified(days: float) -> Facts:
 
 FLEET_CASES: Cases = {
     "protection": [
-        Case(facts()),
         Case(with_daemon(health_remote=None)),
         Case(
             with_daemon(health_remote={"insecure": True, "certificate_expires_s": None}),
@@ -27,7 +26,6 @@ FLEET_CASES: Cases = {
         Case(certified(31.0), "OK good for 31 days"),
         Case(certified(29.0), "WARNING good for 29 days # restart the portal"),
     ],
-    # What another machine has, is not looked for on this one.
     "daemon": [
         Case(FAR, "OK on another machine (there, 'litegripctl -c can7 doctor'"),
         Case(
@@ -42,9 +40,6 @@ FLEET_CASES: Cases = {
             "WARNING the daemon is 1.2.3, this program 9 # one version on both machines",
         ),
     ],
-    "real-time": [Case(FAR)],
-    "link": [Case(FAR)],
-    "bit-rate": [Case(FAR)],
     "channel": [
         Case(
             replace(FAR, daemon=with_daemon(hello_remote={**REMOTE, "channel": "can0"}).daemon),

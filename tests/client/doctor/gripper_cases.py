@@ -14,7 +14,6 @@ ASKED = tuple(range(1, 17))
 GRIPPER_CASES: Cases = {
     "bus": [
         Case(facts(), "OK the daemon uses it, load 12%, 0 lost frames"),
-        Case(facts(daemon=None)),
         Case(
             with_daemon(health_bus={"state": "bus_stalled", "error": "x"}, health_motor=RESTS),
             "WARNING nobody on it acknowledges a frame # 24 V",
@@ -83,8 +82,6 @@ GRIPPER_CASES: Cases = {
         ),
     ],
     "stop": [
-        Case(facts()),
-        Case(facts(daemon=None)),
         Case(
             with_daemon(state_stop={"level": "hold", "by": "pick.py", "why": "a hand"}),
             "WARNING a stop of pick.py is latched, and motions are refused: a hand"
@@ -99,7 +96,6 @@ GRIPPER_CASES: Cases = {
         ),
     ],
     "scan": [
-        Case(facts()),
         Case(facts(scan=Scan(ASKED, {8: 24})), "OK motors answer at: 0x08 (answers on 0x18)"),
         Case(
             facts(scan=Scan(ASKED, {8: 24, 9: 25})),
@@ -120,7 +116,6 @@ GRIPPER_CASES: Cases = {
     ],
     "other-master": [
         Case(facts(), "OK nobody but the daemon"),
-        Case(facts(daemon=None)),
         Case(
             with_daemon(health_motor={"foreign_commands": 3, "foreign_active": True}),
             "ERROR another program has sent the motor 3 frames, and continues: a second master"
@@ -147,7 +142,6 @@ GRIPPER_CASES: Cases = {
     ],
     "control-mode": [
         Case(facts(), "OK CTRL_MODE 1, MIT"),
-        Case(with_daemon(info_registers={})),
     ],
     "can-br": [
         Case(facts(), "OK can_br 4, 1 Mbit/s"),
@@ -155,7 +149,6 @@ GRIPPER_CASES: Cases = {
     ],
     "ids": [
         Case(facts(), "OK commanded by 0x08, answers on 0x18"),
-        Case(with_daemon(info_registers={})),
         Case(
             with_daemon(info_registers__ESC_ID=9),
             "ERROR but its ESC_ID is 0x09 # set [motor] can_id = 0x09",
@@ -168,7 +161,6 @@ GRIPPER_CASES: Cases = {
     "watchdog": [
         Case(facts(), "OK TIMEOUT 2000, on; by it the motor lets go 100 ms after a loss"),
         Case(with_daemon(info_registers__TIMEOUT=8000), "OK 400 ms"),
-        Case(with_daemon(info_registers={})),
         Case(
             with_daemon(info_registers__TIMEOUT=20_000),
             "WARNING TIMEOUT is 1 s after power-on # set register 9 to 2000",
@@ -176,7 +168,6 @@ GRIPPER_CASES: Cases = {
     ],
     "ranges": [
         Case(facts(), "OK PMAX 12.5, VMAX 30, TMAX 10, the model's"),
-        Case(with_daemon(info_registers={})),
         Case(
             with_daemon(info_registers__PMAX=3.141593),
             "WARNING PMAX 3.14159, VMAX 30, TMAX 10 instead of the model's 12.5, 30, 10"
@@ -188,7 +179,6 @@ GRIPPER_CASES: Cases = {
             facts(),
             "OK mount normal, travel 87.0 mm, open goes to 80 mm, 3 days old, /var/lib/lite",
         ),
-        Case(facts(daemon=None)),
         Case(
             with_daemon(info_calibration__file=None),
             "WARNING in no file: lost at a restart $ litegripctl -c can0 calibration save",
@@ -256,7 +246,6 @@ GRIPPER_CASES: Cases = {
             " $ litegripctl -c can0 calibration rescale"
             " # if a caliper agrees with the configuration; else correct stroke_mm in [gripper]",
         ),
-        Case(facts(daemon=None)),
         Case(with_daemon(info_configuration={})),
         Case(
             with_daemon(info_configuration__gripper={"stroke_mm": 120.0}),
@@ -277,7 +266,6 @@ GRIPPER_CASES: Cases = {
     ],
     "position": [
         Case(facts(), "OK -0.500 rad, calibrated travel -1.500 to 0.100 rad"),
-        Case(facts(daemon=None)),
         Case(with_daemon(state_stale=True, state_position_rad=9.0)),
         Case(with_daemon(hello_gripper={"calibrated": False})),
         Case(with_daemon(state_position_rad=1.09), "OK"),

@@ -6,6 +6,7 @@ import damiao_motor
 import pytest
 
 from litegrip_client.ctl.commands.machine import CHECKS
+from litegrip_client.ctl.doctor.facts import Facts
 from litegrip_client.ctl.doctor.gripper_checks import (
     CAN_BR_1_MBIT_S,
     IMPLAUSIBLE_OUTSIDE_RAD,
@@ -20,8 +21,9 @@ from litegripd.model.gripper import MOTOR_TYPES
 from litegripd.motor import codec, identity
 from tests.client.doctor.case import Case
 from tests.client.doctor.daemon_cases import DAEMON_CASES
-from tests.client.doctor.fleet_cases import FLEET_CASES
+from tests.client.doctor.fleet_cases import FAR, FLEET_CASES
 from tests.client.doctor.gripper_cases import GRIPPER_CASES
+from tests.client.doctor.known import facts, with_daemon
 from tests.client.doctor.link_cases import LINK_CASES
 
 TABLES = (LINK_CASES, DAEMON_CASES, GRIPPER_CASES, FLEET_CASES)
@@ -48,10 +50,39 @@ def test_a_check(check: str, case: Case) -> None:
     assert (wanted.advice or "") in (found.advice or "")
 
 
+WELL = "configuration device iproute2 network protection scan serial stop teleop"
+"""Of what these check nothing is said where all is well."""
+
+NO_DAEMON = (
+    "bus calibration can-br channel control-mode health ids motor other-master position ranges"
+    " real-time stroke version watchdog"
+)
+NO_CONTROLLER = "adapter bit-rate bus-errors bus-state modes queue restart sample-point"
+
+
+@pytest.mark.parametrize(
+    ("found", "less"),
+    [
+        (facts(), ""),
+        (facts(daemon=None), NO_DAEMON),
+        (facts("vcan"), NO_CONTROLLER),
+        (facts("unset"), "bus-state restart sample-point"),
+        (facts("down"), "bus-state restart"),
+        (facts(None, interface=None, daemon=None), f"link {NO_CONTROLLER} {NO_DAEMON}"),
+        (with_daemon(info_registers={}), "can-br control-mode ids ranges watchdog"),
+        # What another machine has, is not looked for on this one.
+        (FAR, f"link disk real-time {NO_CONTROLLER}"),
+    ],
+)
+def test_nothing_is_said_of_what_is_not_there(found: Facts, less: str) -> None:
+    silent = {check.name for check in CHECKS if check.examine(found) is None}
+    assert silent == {*WELL.split(), *less.split()}
+
+
 def test_every_check_is_shown_passing() -> None:
     """And failing in the scenes of `tests/symptoms`, which are not told here a second time."""
     passing = {check for check, case in CASES if (case.finds or "OK").startswith("OK")}
-    assert passing == BY_NAME.keys()
+    assert passing | {*WELL.split()} == BY_NAME.keys()
 
 
 def failing() -> list[Finding]:
