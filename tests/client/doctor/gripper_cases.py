@@ -102,10 +102,12 @@ GRIPPER_CASES: Cases = {
             "OK 0x09 (answers on 0x19); a gripper has one motor: others are not its",
         ),
         Case(
-            facts(scan=Scan(ASKED, {9: 25})),
+            facts(
+                scan=Scan(ASKED, {9: 25}), daemon=daemon(info_configuration__file="/etc/mine.toml")
+            ),
             "ERROR nothing answers at 0x08, but motors do at: 0x09 (answers on 0x19)"
             " $ sudo systemctl restart litegripd@can0"
-            " # first set [motor] can_id = 0x09 in /etc/litegripd/can0.toml",
+            " # first set [motor] can_id = 0x09 in /etc/mine.toml",
         ),
         Case(
             facts(scan=Scan(problem="the motor is enabled"), daemon=daemon(state_enabled=True)),
