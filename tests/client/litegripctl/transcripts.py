@@ -83,6 +83,7 @@ class Stage:
                 patch.setattr("sys.stdin", here)
                 patch.setattr(sys.stderr, "isatty", lambda: True)
             code, shown, told = self._ctl(*arguments)
+        assert all(stream.hung_up for stream in self._daemon.streams), "a connection is left open"
         assert self._answers in ([], [_NOBODY])
         self._answers = []
         lines = [*shown.splitlines(), *(f"! {line}" for line in told.splitlines())]
