@@ -71,11 +71,12 @@ def site(home: Path) -> Iterator[Bench]:
 
 
 @pytest.fixture
-def heard(site: Bench) -> Heard:
+def heard(site: Bench) -> Iterator[Heard]:
     """Return the daemon of a calibrated gripper there, on can0; the motor is disabled."""
     daemon = Heard()
     site.add(daemon)
-    return daemon
+    yield daemon
+    assert all(stream.hung_up for stream in daemon.streams), "a connection is left open"
 
 
 @pytest.fixture
