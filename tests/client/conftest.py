@@ -1,4 +1,5 @@
-from collections.abc import Iterator
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,7 @@ from litegrip_client import LiteGrip, Trajectory
 from litegrip_client.ctl.main import main
 from tests.client.fake_daemon import FakeDaemon
 from tests.client.helpers import Ctl
-from tests.client.rig import Asyncio, Bench, Kind, Threads
+from tests.client.rig import Asyncio, Bench, Heard, Kind, Threads, a_bench, run_ctl
 
 
 @pytest.fixture(autouse=True)
@@ -32,12 +33,6 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def daemon(tmp_path: Path) -> Iterator[FakeDaemon]:
     with FakeDaemon(tmp_path / "can0.sock") as daemon:
         yield daemon
-
-
-@pytest.fixture
-def site() -> Bench | None:
-    """Return nothing: time is the real one, and so are sockets."""
-    return None
 
 
 @pytest.fixture(params=[Threads, Asyncio], ids=["threads", "asyncio"])
@@ -73,6 +68,59 @@ def ctl(
         return code, captured.out, captured.err
 
     return run
+
+
+@pytest.fixture
+def site(home: Path) -> Iterator[Bench]:
+    """Return a machine in virtual time."""
+    with a_bench(home) as site:
+        yield site
+
+
+@pytest.fixture
+def heard(site: Bench) -> Iterator[Heard]:
+    """Return the daemon of a calibrated gripper there, on can0; the motor is disabled."""
+    daemon = Heard()
+    site.add(daemon)
+    yield daemon
+    assert all(stream.hung_up for stream in daemon.streams), "a connection is left open"
+
+
+@pytest.fixture
+def litegripctl(capsys: pytest.CaptureFixture[str]) -> Ctl:
+    return run_ctl(capsys)
+
+
+@pytest.fixture
+def on_a_terminal(litegripctl: Ctl) -> Ctl:
+    """Return litegripctl with its standard output at a terminal."""
+
+    def run(*arguments: str) -> tuple[int, str, str]:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("sys.stdout.isatty", lambda: True)
+            return litegripctl(*arguments)
+
+    return run
+
+
+@pytest.fixture
+def hide(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], None]:
+    """Return what takes a library away, and the module of the client that has imported it."""
+
+    def hide(library: str, user: str) -> None:
+        class Absent:
+            def find_spec(self, name: str, *_more: object) -> None:
+                if name.partition(".")[0] == library:
+                    raise ModuleNotFoundError(f"No module named {library!r}", name=library)
+
+        for name in list(sys.modules):
+            if name.partition(".")[0] == library or name.startswith(user):
+                monkeypatch.delitem(sys.modules, name)
+        package, _, module = user.rpartition(".")
+        monkeypatch.delattr(sys.modules[package], module, raising=False)
+        monkeypatch.setattr(sys, "meta_path", [Absent(), *sys.meta_path])
+
+    return hide
 
 
 @pytest.fixture

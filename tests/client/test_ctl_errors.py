@@ -1,17 +1,18 @@
-"""How litegripctl tells errors, and what Ctrl-C does."""
+"""How litegripctl tells errors: what it says, the hint below it, and its exit code."""
 
 import json
-from pathlib import Path
+from collections.abc import Callable
+from typing import Any, TypeAlias
 
 import pytest
 
-from litegrip_client.ctl.main import main
 from litegripd.model.errors import ERROR_TABLE, ErrorKind
 from litegripd.model.sentence import sentence
 from litegripd.motor.phases import implausible_refusal
-from tests.client.fake_daemon import FakeDaemon, Request
 from tests.client.helpers import Ctl
+from tests.client.rig import Heard, Refuse
 
+Told: TypeAlias = Callable[..., tuple[int, list[str]]]
 IN_ITS_OWN_WORDS = {
     "stopped",
     "sent_before_stop",
@@ -26,36 +27,34 @@ IN_ITS_OWN_WORDS = {
 }
 
 
+@pytest.fixture
+def told(heard: Heard, litegripctl: Ctl) -> Told:
+    """Return what refuses `state`, and gives its exit code and the lines of standard error."""
+
+    def told(*refusal: Any, **data: Any) -> tuple[int, list[str]]:
+        heard.instead["state.get"] = Refuse(*refusal, **data)
+        code, out, err = litegripctl("state")
+        assert out == ""
+        return code, err.splitlines()
+
+    return told
+
+
 RAISED = [kind for kind in ERROR_TABLE if kind.reason != "unknown_method"]
 """All but what no command asks for: a method that its own version does not have."""
 
 
 @pytest.mark.parametrize("kind", RAISED, ids=lambda kind: kind.reason)
-def test_every_error_ends_with_its_exit_code(daemon: FakeDaemon, ctl: Ctl, kind: ErrorKind) -> None:
-    daemon.handlers["state.get"] = lambda request: request.fail(
-        kind.reason, kind.code, "what", retryable=kind.retryable, hint="do this"
-    )
-    code, out, err = ctl("state")
-    hint = "litegripctl" if kind.reason in IN_ITS_OWN_WORDS else "do this"
-    assert (code, out) == (kind.exit_code, "")
-    assert err.startswith("litegripctl: what\n  ")
-    assert hint in err.splitlines()[1]
-    code, out, err = ctl("--json", "state")
+def test_every_error_ends_with_its_exit_code(told: Told, litegripctl: Ctl, kind: ErrorKind) -> None:
+    own = {"retryable": kind.retryable, "hint": "do this"}
+    code, (what, hint) = told(kind.reason, kind.code, "what", **own)
+    assert (code, what) == (kind.exit_code, "litegripctl: what")
+    assert hint.startswith("  ")
+    assert ("litegripctl" if kind.reason in IN_ITS_OWN_WORDS else "do this") in hint
+    code, out, err = litegripctl("--json", "state")
     assert (code, err) == (kind.exit_code, "")
-    data = {"reason": kind.reason, "retryable": kind.retryable, "hint": "do this"}
+    data = {"reason": kind.reason, **own}
     assert json.loads(out) == {"error": {"code": kind.code, "message": "what", "data": data}}
-
-
-def test_a_daemon_without_a_method_is_older_than_the_command(daemon: FakeDaemon, ctl: Ctl) -> None:
-    daemon.handlers["job.list"] = lambda request: request.fail("unknown_method", -32601, "what")
-    code, out, err = ctl("jobs")
-    assert (code, out) == (4, "")
-    first, second = err.splitlines()
-    assert first.startswith("litegripctl: the daemon, litegripd ")
-    assert first.endswith(" and lacks: litegripctl jobs")
-    assert second == "  upgrade it as docs/installation.md says, then: litegripctl restart --hold"
-    code, out, _ = ctl("--json", "jobs")
-    assert (code, json.loads(out)["error"]["data"]["reason"]) == (4, "older_daemon")
 
 
 @pytest.mark.parametrize(
@@ -65,81 +64,37 @@ def test_a_daemon_without_a_method_is_older_than_the_command(daemon: FakeDaemon,
         ("busy", -32020, "litegripctl jobs"),
         ("motor_silent", -32032, "try again"),
         ("unreachable", -32060, "litegripctl doctor"),
-        ("internal_error", -32603, "journalctl -t litegripd"),
+        ("internal_error", -32603, "journalctl -u litegripd@can0"),
     ],
 )
-def test_there_is_always_a_hint(
-    daemon: FakeDaemon, ctl: Ctl, reason: str, code: int, hint: str
-) -> None:
+def test_there_is_always_a_hint(told: Told, reason: str, code: int, hint: str) -> None:
     retryable = reason == "motor_silent"
-    daemon.handlers["state.get"] = lambda request: request.fail(
-        reason, code, "first\nsecond\x1b", retryable=retryable
-    )
-    _, _, err = ctl("state")
-    what, then = err.splitlines()
+    _, (what, then) = told(reason, code, "first\nsecond\x1b", retryable=retryable)
     assert what == "litegripctl: first second "
     assert hint in then
 
 
-def test_the_log_is_that_of_the_channel_where_that_is_known(
-    daemon: FakeDaemon, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def told(*arguments: str) -> str:
-        assert main([*arguments, "state"]) == 70
-        return capsys.readouterr().err.splitlines()[-1]
-
-    daemon.handlers["state.get"] = lambda request: request.fail("internal_error", -32603)
-    monkeypatch.setenv("LITEGRIPD_SOCKET", daemon.path)
-    assert told() == "  see the daemon's log: journalctl -t litegripd"
-    assert told("-c", "can0") == "  see the daemon's log: journalctl -u litegripd@can0"
-    monkeypatch.delenv("LITEGRIPD_SOCKET")
-    monkeypatch.setattr(
-        "litegrip_client.core.sockets.SYSTEM_DIRECTORY", str(Path(daemon.path).parent)
-    )
-    assert told() == "  see the daemon's log: journalctl -u litegripd@can0"
-
-
-def test_the_log_of_a_gripper_of_another_machine_is_there(
-    daemon: FakeDaemon, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    hello = daemon.handlers["hello"]
-    daemon.handlers["hello"] = lambda request: {**hello(request), "channel": "lab.left"}
-    daemon.handlers["state.get"] = lambda request: request.fail("internal_error", -32603)
-    monkeypatch.setenv("LITEGRIPD_SOCKET", daemon.path)
-    assert main(["-c", "lab.left", "state"]) == 70
-    hint = "  see the daemon's log on the gripper's machine: journalctl -t litegripd"
-    assert capsys.readouterr().err.splitlines()[-1] == hint
-
-
+@pytest.mark.parametrize(
+    ("refusal", "data", "line"),
+    [
+        (("bus_down", -32033, "no bus; mend it"), {"hint": "mend it"}, "no bus; mend it"),
+        (
+            ("motor_silent", -32032, "the motor's registers are still being read: try again"),
+            {"retryable": True},
+            "the motor's registers are still being read: try again",
+        ),
+    ],
+)
 def test_a_remedy_that_the_message_ends_with_is_not_told_twice(
-    daemon: FakeDaemon, ctl: Ctl
+    told: Told, refusal: tuple[Any, ...], data: dict[str, Any], line: str
 ) -> None:
-    daemon.handlers["state.get"] = lambda request: request.fail(
-        "bus_down", -32033, "no bus; mend it", hint="mend it"
-    )
-    code, _out, err = ctl("state")
-    assert (code, err) == (5, "litegripctl: no bus; mend it\n")
+    assert told(*refusal, **data) == (5, [f"litegripctl: {line}"])
 
 
-def test_what_says_itself_that_it_may_be_tried_again_needs_no_hint(
-    daemon: FakeDaemon, ctl: Ctl
-) -> None:
-    text = "the motor's registers are still being read: try again"
-    daemon.handlers["state.get"] = lambda request: request.fail(
-        "motor_silent", -32032, text, retryable=True
-    )
-    assert ctl("state")[2] == f"litegripctl: {text}\n"
-
-
-def test_a_remedy_in_the_protocols_words_is_not_told_twice_either(
-    daemon: FakeDaemon, ctl: Ctl
-) -> None:
+def test_a_remedy_in_the_protocols_words_is_not_told_twice_either(told: Told) -> None:
     refusal = implausible_refusal(6.283)
-    daemon.handlers["state.get"] = lambda request: request.fail(
-        refusal.reason, -32037, refusal.message, **refusal.data
-    )
-    (told,) = ctl("state")[2].splitlines()
-    assert "if what is shown is wrong; then litegripctl clear-fault, and calibrate again" in told
+    _, (line,) = told(refusal.reason, -32037, refusal.message, **refusal.data)
+    assert "if what is shown is wrong; then litegripctl clear-fault, and calibrate again" in line
 
 
 @pytest.mark.parametrize(
@@ -159,97 +114,81 @@ def test_a_remedy_in_the_protocols_words_is_not_told_twice_either(
     ],
 )
 def test_remedies_are_commands_and_not_the_protocols_methods(
-    daemon: FakeDaemon, ctl: Ctl, template: str, shown: str
+    told: Told, litegripctl: Ctl, template: str, shown: str
 ) -> None:
-    told = sentence(template)
-    daemon.handlers["state.get"] = lambda request: request.fail("x", -1, "no", hint=told)
-    assert ctl("state")[2] == f"litegripctl: no\n  {shown}\n"
-    daemon.handlers["state.get"] = lambda request: request.fail("x", -1, told, hint="do so")
-    assert ctl("state")[2] == f"litegripctl: {shown}\n  do so\n"
-    assert json.loads(ctl("--json", "state")[1])["error"]["message"] == shown
+    assert told("x", -1, "no", hint=sentence(template))[1] == ["litegripctl: no", f"  {shown}"]
+    marked = told("x", -1, sentence(template), hint="do so")[1]
+    assert marked == [f"litegripctl: {shown}", "  do so"]
+    assert json.loads(litegripctl("--json", "state")[1])["error"]["message"] == shown
 
 
-def test_json_has_the_hint_too(ctl: Ctl) -> None:
-    code, out, _ = ctl("--json", "zero")
-    hint = "if that is safe: litegripctl zero --yes"
-    assert (code, json.loads(out)["error"]["data"]["hint"]) == (2, hint)
+USAGE = {
+    "stae": "COMMAND: 'stae' is none of them; did you mean 'state'?",
+    "lease tke": "ACTION: 'tke' is none of them; did you mean 'take'?",
+    "lease x": "ACTION: 'x' is none of them: show, take",
+    "xyzzy": "COMMAND: 'xyzzy' is none of them\n",
+    "grasp --forse 10": "unrecognized arguments: --forse 10; did you mean '--force'?",
+    "grasp --forse=10": "; did you mean '--force'?",
+    "state --jsn": "; did you mean '--json'?",
+    "state xyzzy": "unrecognized arguments: xyzzy\n",
+    "stop --level relx": "did you mean 'relax'?",
+    "cancel abc": "'abc' is not a whole number of 1 or more",
+    "grasp --width 48 --tolerance -1": "'-1' is not a number of 0 or more",
+    "grasp --hold nan": "'nan' is not a number of 0 or more",
+    "grasp --width 0 --tolerance 1": "'0' is not a number above 0",
+    "grasp --force x": "see: litegripctl grasp --help\n",
+    "grasp --width 4": "see: litegripctl grasp --help\n",
+    "grasp --no-such-option": "see: litegripctl grasp --help\n",
+    "teleop slave --no-such-option": "see: litegripctl teleop slave --help\n",
+    "calibration load": "see: litegripctl calibration load --help\n",
+    "nothing": "see: litegripctl --help\n",
+}
+"""Wrong command lines, and what of it is said."""
 
 
 @pytest.mark.parametrize(
-    ("line", "meant"),
+    "line",
     [
-        ("stae", "COMMAND: 'stae' is none of them; did you mean 'state'?"),
-        ("lease tke", "ACTION: 'tke' is none of them; did you mean 'take'?"),
-        ("lease x", "ACTION: 'x' is none of them: show, take"),
-        ("xyzzy", "COMMAND: 'xyzzy' is none of them\n"),
-        ("grasp --forse 10", "unrecognized arguments: --forse 10; did you mean '--force'?"),
-        ("grasp --forse=10", "; did you mean '--force'?"),
-        ("state --jsn", "; did you mean '--json'?"),
-        ("state xyzzy", "unrecognized arguments: xyzzy\n"),
-        ("stop --level relx", "did you mean 'relax'?"),
+        *USAGE,
+        "",
+        "fly",
+        "open --speed 0",
+        "open --speed nan",
+        "open --speed fast",
+        "watch --hz -1",
+        "watch --count 0",
+        "watch --count ²",
+        "stop --level gently",
+        "cancel",
+        "cancel x",
+        "grasp --force 0",
+        "grasp --hold -1",
+        "grasp --tolerance 2",
+        "grasp --width 48",
+        "release --by -5",
+        "move",
+        "move 45mm --speed 5 --duration 2",
+        "force",
+        "zero --mount upside-down",
+        "calibration forget",
+        "calibration load normal --chain",
+        "config set",
+        "config set force_n",
+        "config set force_n=strong",
+        "config set force_n=nan",
+        "register",
+        "-c ../etc state",
+        "-c can0 --socket /x state",
     ],
 )
-def test_what_comes_close_is_proposed(ctl: Ctl, line: str, meant: str) -> None:
-    code, _, err = ctl(*line.split())
-    assert code == 2
-    assert meant in err
+def test_wrong_usage_is_told_with_what_is_meant_and_where_the_help_is(
+    litegripctl: Ctl, line: str
+) -> None:
+    code, out, err = litegripctl(*line.split())
+    assert (code, out) == (2, "")
+    assert err.startswith("usage: litegripctl")
+    assert USAGE.get(line, "") in err
+    assert err.splitlines()[-1].startswith("  see: litegripctl")
     assert "choose from" not in err
-
-
-@pytest.mark.parametrize(
-    ("line", "wrong"),
-    [
-        ("cancel abc", "'abc' is not a whole number of 1 or more"),
-        ("grasp --width 48 --tolerance -1", "'-1' is not a number of 0 or more"),
-        ("grasp --hold nan", "'nan' is not a number of 0 or more"),
-        ("grasp --width 0 --tolerance 1", "'0' is not a number above 0"),
-    ],
-)
-def test_a_wrong_value_is_met_with_what_is_allowed(ctl: Ctl, line: str, wrong: str) -> None:
-    code, _, error = ctl(*line.split())
-    assert code == 2
-    assert wrong in error
-
-
-def test_what_the_daemon_takes_as_zero_the_shell_takes_too(daemon: FakeDaemon, ctl: Ctl) -> None:
-    daemon.handlers["motion.grasp"] = lambda request: request.fail("busy", -32020, "later")
-    ctl("grasp", "--width", "48", "--tolerance", "0", "--hold", "0")
-    [request] = [asked for asked in daemon.requests if asked.method == "motion.grasp"]
-    assert (request.params["tolerance_mm"], request.params["hold_s"]) == (0.0, 0.0)
-
-
-@pytest.mark.parametrize(
-    ("line", "helps"),
-    [
-        ("grasp --force x", "litegripctl grasp"),
-        ("grasp --width 4", "litegripctl grasp"),
-        ("grasp --no-such-option", "litegripctl grasp"),
-        ("teleop slave --no-such-option", "litegripctl teleop slave"),
-        ("calibration load", "litegripctl calibration load"),
-        ("nothing", "litegripctl"),
-    ],
-)
-def test_wrong_usage_points_to_the_help_of_its_command(ctl: Ctl, line: str, helps: str) -> None:
-    code, _, err = ctl(*line.split())
-    assert (code, err.splitlines()[-1]) == (2, f"  see: {helps} --help")
-
-
-def test_a_refused_value_points_to_the_help_of_its_command(daemon: FakeDaemon, ctl: Ctl) -> None:
-    daemon.handlers["motion.grasp"] = lambda request: request.fail("out_of_limits", -32011, "60")
-    assert ctl("grasp", "--force", "60")[2].splitlines()[-1] == "  see: litegripctl grasp --help"
-
-
-def refuse(request: Request) -> None:
-    text = sentence("the motor is not enabled ({motor.enable})")
-    request.fail("not_enabled", -32030, text)
-
-
-def test_a_remedy_is_for_the_gripper_that_was_named(
-    daemon: FakeDaemon, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Typed as printed, it must not enable, or stop, another gripper."""
-    daemon.handlers["motion.open"] = refuse
-    assert main(["--socket", daemon.path, "open"]) == 5
-    ctl = f"litegripctl --socket {daemon.path}"
-    told = f"litegripctl: the motor is not enabled ({ctl} enable)"
-    assert capsys.readouterr().err.splitlines()[0] == told
+    code, out, err = litegripctl("--json", *line.split())
+    assert (code, json.loads(out)["error"]["data"]["reason"], err) == (2, "wrong_usage", "")

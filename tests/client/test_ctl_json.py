@@ -6,31 +6,20 @@ from typing import Any
 
 import pytest
 
-from litegrip_client.ctl.main import main
 from litegrip_client.ctl.parser import EXIT_CODES
 from litegrip_client.values.trajectory import write_file
+from litegripd.app.build import METHODS
 from litegripd.model.errors import ERROR_TABLE
+from litegripd.rpc.method import methods_of
+from litegripd.sim.methods import SimMethods
 from tests.client.ctl_commands import LINES, WITHOUT_DAEMON, every_command
-from tests.client.fake_daemon import HELLO, FakeDaemon, Handler, Request
+from tests.client.helpers import Ctl
+from tests.client.rig import Heard, Refuse
 from tests.trajectories import lgt
 
 REFUSALS = {row.reason: row for row in ERROR_TABLE}
 ASKING = [line for line in LINES if line.partition(" ")[0] not in WITHOUT_DAEMON]
 NEEDS_TERMINAL = "calibration manual"
-
-
-class Refusing(dict[str, Handler]):
-    """Handlers of a daemon that greets, and refuses everything else for one reason."""
-
-    def __init__(self, reason: str) -> None:
-        super().__init__(hello=lambda request: HELLO)
-        self._row = REFUSALS[reason]
-
-    def get(self, method: str, default: Any = None) -> Any:
-        return super().get(method) or self._refuse
-
-    def _refuse(self, request: Request) -> None:
-        request.fail(self._row.reason, self._row.code, "what\nelse")
 
 
 @pytest.fixture(autouse=True)
@@ -45,33 +34,33 @@ def error_of(out: str) -> dict[str, Any]:
     return error
 
 
-def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str]:
-    code = main([*arguments, "--json"])
-    return code, capsys.readouterr().out
-
-
 def test_there_is_a_line_for_every_command() -> None:
     names = {" ".join(line.split()[:2]) for line in LINES} | {line.split()[0] for line in LINES}
     assert every_command() <= names
 
 
-@pytest.mark.parametrize("reason", ["busy", "stopped", "not_permitted", "motor_silent"])
 @pytest.mark.parametrize("line", ASKING)
 def test_a_refusal_is_one_line_of_json_and_has_the_code_of_its_reason(
-    daemon: FakeDaemon, capsys: pytest.CaptureFixture[str], line: str, reason: str
+    heard: Heard, litegripctl: Ctl, line: str
 ) -> None:
-    daemon.handlers = Refusing(reason)
-    code, out = run(capsys, "--socket", daemon.path, *line.split())
-    if line == NEEDS_TERMINAL:
-        assert (code, error_of(out)["data"]["reason"]) == (2, "wrong_usage")
-        return
-    assert (code, error_of(out)["data"]["reason"]) == (REFUSALS[reason].exit_code, reason)
-    assert error_of(out)["code"] == REFUSALS[reason].code
+    methods = {method.name for method in (*METHODS, *methods_of(SimMethods))} - {"hello"}
+    heard.instead["hello"] = {**heard.client().result("hello"), "simulated": True}
+    for reason in ("busy", "stopped", "not_permitted", "motor_silent"):
+        refusal = Refuse(reason, REFUSALS[reason].code, "what\nelse")
+        heard.instead |= dict.fromkeys(methods, refusal)
+        code, out, _ = litegripctl(*line.split(), "--json")
+        error = error_of(out)
+        if line == NEEDS_TERMINAL:
+            assert (code, error["data"]["reason"]) == (2, "wrong_usage")
+        else:
+            assert (code, error["data"]["reason"]) == (REFUSALS[reason].exit_code, reason)
+            assert error["code"] == REFUSALS[reason].code
 
 
 @pytest.mark.parametrize("line", LINES)
-def test_without_a_daemon(tmp_path: Path, capsys: pytest.CaptureFixture[str], line: str) -> None:
-    code, out = run(capsys, "--socket", str(tmp_path / "none.sock"), *line.split())
+def test_without_a_daemon(tmp_path: Path, litegripctl: Ctl, line: str) -> None:
+    where = ("--socket", str(tmp_path / "none.sock"))
+    code, out, _ = litegripctl(*where, *line.split(), "--json")
     if line in ASKING:
         assert (code, error_of(out)["data"]["reason"]) == (3, "no_daemon")
     elif line.startswith("fleet"):  # by another program, which complains of its configuration
@@ -81,8 +70,8 @@ def test_without_a_daemon(tmp_path: Path, capsys: pytest.CaptureFixture[str], li
 
 
 @pytest.mark.parametrize("line", LINES)
-def test_a_wrong_command_line(capsys: pytest.CaptureFixture[str], line: str) -> None:
-    code, out = run(capsys, *line.split(), "--no-such-option")
+def test_a_wrong_command_line(litegripctl: Ctl, line: str) -> None:
+    code, out, _ = litegripctl(*line.split(), "--no-such-option", "--json")
     assert (code, error_of(out)["data"]["reason"]) == (2, "wrong_usage")
 
 

@@ -1,8 +1,10 @@
 """litegripctl as a program: its command line, a terminal, a pipe that closes, no daemon."""
 
 import json
+import re
 import subprocess
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,44 +13,68 @@ import pytest
 import litegrip_client
 from litegrip_client.ctl.commands import find
 from litegrip_client.ctl.main import main
+from litegrip_client.ctl.render import progress
 from litegripd.model.errors import ERROR_TABLE
 from tests.client.ctl_commands import ACTIONS
-from tests.client.ctl_terminal import COMMAND, ROOT, Terminal, start
-from tests.client.fake_daemon import DEADLINE_S, HELLO, MOVE, STATE, FakeDaemon, Request
+from tests.client.ctl_terminal import COMMAND, ROOT, start
+from tests.client.fake_daemon import DEADLINE_S, HELLO, STATE, FakeDaemon
+from tests.client.helpers import Ctl
+from tests.client.live_daemon import live
+from tests.client.rig import Heard
 
 
-def samples(daemon: FakeDaemon, count: int) -> None:
-    def subscribe(request: Request) -> None:
-        request.reply({"subscription": 1, "state": STATE})
-        for seq in range(count):
-            sample = {"subscription": 1, "seq": seq, "dropped": 0, "monotonic_s": 1.0}
-            request.notify("state.sample", {**sample, "state": STATE})
+@pytest.mark.parametrize(
+    ("line", "figures", "result"),
+    [
+        ("open", "{mm}  ramp|{mm}  press|{mm}  settle", "open: pressed home, at {n} mm"),
+        ("grasp", "{mm}  approach", "grasp: object held, {n} mm wide, .*litegripctl release"),
+        ("record x --seconds 0.5", "{n} s, {n} samples", "record: 50 samples in {n} s, .* play x"),
+    ],
+)
+def test_what_takes_a_while_shows_a_bar_on_a_terminal_and_then_the_result(
+    heard: Heard, on_a_terminal: Ctl, line: str, figures: str, result: str
+) -> None:
+    heard.client().result("motor.enable", detach=True)
+    if line == "grasp":
+        heard.gripper.put_object(width_mm=50)
+    code, shown, _ = on_a_terminal(*line.split())
+    before, *frames, last = shown.split("\r")
+    assert (code, before) == (0, "")
+    parts = {"n": "[0-9.]+", "mm": r" [0-9.]+ mm  [-+][0-9.]+ N·m"}
+    bars = []
+    for frame in frames:
+        found = re.fullmatch(rf"\[(#*\.*)\] ({figures.format(**parts)})\x1b\[K", frame)
+        assert found is not None, frame
+        bars.append(found[1])
+    assert {len(bar) for bar in bars} == {24}
+    assert bars == sorted(bars, reverse=True)  # "." comes behind "#"
+    assert len(set(bars)) >= 5
+    assert re.fullmatch(rf"\x1b\[K{result.format(**parts)}\n", last)
 
-    daemon.handlers["state.subscribe"] = subscribe
-    daemon.handlers["state.unsubscribe"] = lambda request: {"subscription": 1}
 
-
-def test_a_motion_on_a_terminal_shows_a_bar_and_then_the_result(daemon: FakeDaemon) -> None:
-    def move(request: Request) -> Any:
-        for step in (0, 5, 10):
-            request.progress(step)
-        return MOVE
-
-    daemon.handlers["motion.open"] = move
-    code, shown = Terminal("--socket", daemon.path, "open").end()
-    assert code == 0
-    frames = [frame.partition("\x1b[K")[0] for frame in shown.split("\r") if frame.strip()]
-    assert frames[:3] == [
-        f"[{'.' * 24}]  12.50 mm  +0.30 N·m  travel",
-        f"[{'#' * 12}{'.' * 12}]  12.50 mm  +0.30 N·m  travel",
-        f"[{'#' * 24}]  12.50 mm  +0.30 N·m  travel",
-    ]
-    assert shown.endswith("\r\x1b[Kopen: pressed, at 35.25 mm\n")
+@pytest.mark.parametrize(
+    ("data", "line"),
+    [
+        (
+            {"phase": "hold", "step": 3, "total_steps": 0, "opening_mm": 48.2, "torque_nm": 2.0},
+            " 48.20 mm  +2.00 N·m  hold",
+        ),
+        ({"phase": "probe_open\x1b"}, "-- mm  -- N·m  probe open?"),
+        (
+            {"phase": "play", "step": 5, "total_steps": 10, "opening_mm": 12.5, "loops": 2},
+            "[############............]  12.50 mm  -- N·m  play, pass 3",
+        ),
+    ],
+)
+def test_progress_without_an_end_has_no_bar_and_a_replay_has_passes(
+    data: dict[str, Any], line: str
+) -> None:
+    assert progress(data) == line
 
 
 @pytest.mark.parametrize("line", ["state", "--json state", "watch --count 2"])
 def test_a_full_disk_is_said_in_one_line(daemon: FakeDaemon, line: str) -> None:
-    samples(daemon, 5)
+    live(daemon)
     with Path("/dev/full").open("wb") as full:
         process = start("--socket", daemon.path, *line.split(), stdout=full, stderr=subprocess.PIPE)
         _, told = process.communicate(timeout=DEADLINE_S)
@@ -70,7 +96,7 @@ def test_a_full_disk_is_said_in_one_line(daemon: FakeDaemon, line: str) -> None:
 def test_streams_that_are_closed_are_no_traceback(
     daemon: FakeDaemon, line: str, closed: str, code: int, out: bool, err: str
 ) -> None:
-    samples(daemon, 5)
+    live(daemon)
     daemon.handlers["job.cancel"] = lambda request: request.fail("unknown_job", -32012, "no")
     shell = ["sh", "-c", f'exec "$@" {closed}', "sh", *COMMAND, "--socket", daemon.path]
     done = subprocess.run(
@@ -83,7 +109,7 @@ def test_streams_that_are_closed_are_no_traceback(
 
 
 def test_a_pipe_that_closes_is_no_noise(daemon: FakeDaemon) -> None:
-    samples(daemon, 100)
+    live(daemon, 100)
     process = start(
         "--socket", daemon.path, "watch", stdout=subprocess.PIPE, stderr=subprocess.PIPE
     )
@@ -118,52 +144,52 @@ def test_the_version_is_the_package_s_and_needs_no_daemon(
 
 
 def test_without_a_daemon(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, litegripctl: Ctl
 ) -> None:
     (tmp_path / "litegripd@.service").touch()
     monkeypatch.setattr("litegrip_client.core.discovery.UNIT_DIRECTORIES", (str(tmp_path),))
-    assert main(["-c", "nodaemon7", "state"]) == 3
-    what, hint = capsys.readouterr().err.splitlines()
+    code, _, err = litegripctl("-c", "nodaemon7", "state")
+    what, hint = err.splitlines()
+    assert code == 3
     assert what.startswith("litegripctl: no daemon can be reached for channel nodaemon7 (/run/")
     assert "systemctl start litegripd@nodaemon7" in hint
 
 
-def test_without_a_channel_the_running_ones_are_named_and_none_is_guessed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    own = tmp_path / "xdg" / "litegripd"
-    own.mkdir(parents=True)
-    monkeypatch.setattr("litegrip_client.core.sockets.SYSTEM_DIRECTORY", str(tmp_path))
-    with FakeDaemon(own / "sim7.sock") as daemon:
-        assert main(["enable"]) == 3
-        assert daemon.requests == []
-    hint = "there are: sim7; name one: litegripctl -c sim7 ..."
-    assert capsys.readouterr().err.splitlines()[1].strip() == hint
-    assert main(["-c", "can0", "enable"]) == 3
-    assert "there is one for sim7: name that; or start one" in capsys.readouterr().err
-
-
-def test_a_command_that_only_reads_takes_the_only_daemon_and_says_which(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+@pytest.fixture
+def sim7(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeDaemon]:
+    """Return the only daemon of a machine, which its user has started."""
     own = tmp_path / "xdg" / "litegripd"
     own.mkdir(parents=True)
     monkeypatch.setattr("litegrip_client.core.sockets.SYSTEM_DIRECTORY", str(tmp_path))
     with FakeDaemon(own / "sim7.sock") as daemon:
         daemon.handlers["hello"] = lambda request: {**HELLO, "channel": "sim7"}
-        assert main(["state", "--json"]) == 0
-        shown = capsys.readouterr()
-        assert shown.err == "sim7, the only daemon here:\n"
-        assert json.loads(shown.out)["mode"]
-        assert main(["-c", "can0", "state"]) == 3
-        assert "there is one for sim7" in capsys.readouterr().err
-        with FakeDaemon(own / "sim8.sock"):
-            assert main(["state"]) == 3
-    assert "there are: sim7, sim8" in capsys.readouterr().err
+        yield daemon
+
+
+def test_without_a_channel_the_running_ones_are_named_and_none_is_guessed(
+    sim7: FakeDaemon, litegripctl: Ctl
+) -> None:
+    code, _, err = litegripctl("enable")
+    assert (code, sim7.requests) == (3, [])
+    assert err.splitlines()[1].strip() == "there are: sim7; name one: litegripctl -c sim7 ..."
+    for command in ("enable", "state"):
+        code, _, err = litegripctl("-c", "can0", command)
+        assert (code, "there is one for sim7: name that; or start one" in err) == (3, True)
+
+
+def test_a_command_that_only_reads_takes_the_only_daemon_and_says_which(
+    sim7: FakeDaemon, litegripctl: Ctl
+) -> None:
+    code, out, err = litegripctl("state", "--json")
+    assert (code, err) == (0, "sim7, the only daemon here:\n")
+    assert json.loads(out)["mode"]
+    with FakeDaemon(Path(sim7.path).with_name("sim8.sock")):
+        code, _, err = litegripctl("state")
+    assert (code, "there are: sim7, sim8" in err) == (3, True)
 
 
 def test_a_closed_socket_of_the_default_channel_is_no_matter_of_its_name(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, litegripctl: Ctl
 ) -> None:
     def refuse(path: str, timeout_s: float) -> None:
         raise PermissionError(13, "Permission denied")
@@ -171,65 +197,11 @@ def test_a_closed_socket_of_the_default_channel_is_no_matter_of_its_name(
     monkeypatch.setattr("litegrip_client.core.sockets.SYSTEM_DIRECTORY", str(tmp_path))
     monkeypatch.setattr("litegrip_client.threads.blocking.Connection", refuse)
     (tmp_path / "can0.sock").touch()
-    assert main(["state"]) == 3
-    what, hint = capsys.readouterr().err.splitlines()
+    code, _, err = litegripctl("state")
+    what, hint = err.splitlines()
+    assert code == 3
     assert "permission denied: only for the group" in what
     assert hint.strip().startswith("join the group")
-
-
-def test_a_channel_that_was_asked_for_must_be_the_daemons(
-    daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setenv("LITEGRIPD_SOCKET", daemon.path)
-    assert main(["state"]) == 0
-    assert main(["-c", "can1", "state"]) == 4
-    assert "has channel can0, not can1" in capsys.readouterr().err
-    monkeypatch.setenv("LITEGRIP_CHANNEL", "can2")
-    assert main(["state"]) == 4
-    assert main(["state", "-c", "can0"]) == 0
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        [],
-        ["fly"],
-        ["open", "--speed", "0"],
-        ["open", "--speed", "nan"],
-        ["open", "--speed", "fast"],
-        ["watch", "--hz", "-1"],
-        ["watch", "--count", "0"],
-        ["watch", "--count", "²"],
-        ["stop", "--level", "gently"],
-        ["cancel"],
-        ["cancel", "x"],
-        ["grasp", "--force", "0"],
-        ["grasp", "--hold", "-1"],
-        ["grasp", "--tolerance", "2"],
-        ["grasp", "--width", "48"],
-        ["release", "--by", "-5"],
-        ["move"],
-        ["move", "45mm", "--speed", "5", "--duration", "2"],
-        ["force"],
-        ["zero", "--mount", "upside-down"],
-        ["calibration", "forget"],
-        ["calibration", "load"],
-        ["calibration", "load", "normal", "--chain"],
-        ["config", "set"],
-        ["config", "set", "force_n"],
-        ["config", "set", "force_n=strong"],
-        ["config", "set", "force_n=nan"],
-        ["register"],
-        ["-c", "../etc", "state"],
-        ["-c", "can0", "--socket", "/x", "state"],
-    ],
-)
-def test_wrong_usage_ends_with_2(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(arguments) == 2
-    assert capsys.readouterr().err.startswith("usage: litegripctl")
-    assert main(["--json", *arguments]) == 2
-    out, err = capsys.readouterr()
-    assert (json.loads(out)["error"]["data"]["reason"], err) == ("wrong_usage", "")
 
 
 def test_the_help_lists_every_exit_code(capsys: pytest.CaptureFixture[str]) -> None:
@@ -270,3 +242,4 @@ def test_every_command_is_there_and_helps(
         assert listed(text) == ACTIONS.get(name, [])
         for action in listed(text):
             help_of(name, action)
+    assert "--fake-leader --torque-limit 1.0" in help_of("teleop")

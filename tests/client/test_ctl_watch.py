@@ -5,20 +5,25 @@ import json
 import signal
 import sys
 from collections import deque
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 import pytest
 from rich.console import Console
 
+from litegrip_client.ctl import state_view
 from litegrip_client.ctl.commands import COMMANDS
 from litegrip_client.ctl.live import Interruptions, Scene, picture
 from litegrip_client.ctl.parser import for_gripper
 from litegrip_client.ctl.state_view import state_line
 from litegrip_client.line.feeds import Event
+from litegrip_client.values.results import STATE_FIELDS
 from tests.client.ctl_terminal import Terminal
 from tests.client.fake_daemon import HELLO, STATE, FakeDaemon
+from tests.client.helpers import Ctl
 from tests.client.live_daemon import HEALTH, OWNER, live, streaming
+from tests.client.rig import Heard
 
 TAKEN, GIVEN_BACK = "\x1b[?1049h", "\x1b[?1049l"
 LAST_LINE = "holding      35.25 mm   +0.2500 rad   +0.500 N·m   33 °C"
@@ -88,14 +93,10 @@ def test_the_view_of_a_daemon_that_has_gone_says_so_first() -> None:
     scene.trouble = "the daemon ended the connection"
     head = shown(scene).splitlines()[0]
     assert head == "can0  NO DAEMON, trying again: the daemon ended the connection"
-    assert "NO DAEMON" in shown_before_anything_is_known()
-
-
-def shown_before_anything_is_known() -> str:
     scene = Scene()
     assert "can0  --" in shown(scene)
     scene.trouble = "x"
-    return shown(scene)
+    assert "NO DAEMON" in shown(scene)
 
 
 def test_a_trace_forgets_what_is_older_than_a_minute() -> None:
@@ -198,39 +199,38 @@ def test_a_daemon_that_goes_is_waited_for(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("plain", [True, False])
 def test_without_the_view_it_is_a_line_for_each_state(
-    daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch, *, plain: bool
+    heard: Heard, on_a_terminal: Ctl, monkeypatch: pytest.MonkeyPatch, *, plain: bool
 ) -> None:
     if not plain:
         monkeypatch.setenv("TERM", "dumb")
-    options = ["--plain"] if plain else []
-    command = ["--socket", live(daemon).path, "watch", "--count", "4", *options]
-    code, out = Terminal(*command).end()
+    code, out, _ = on_a_terminal("watch", "--count", "4", *(["--plain"] if plain else []))
     assert (code, out.count("\n"), out.count("\x1b")) == (0, 4, 0)
-    assert daemon.methods() == ["hello", "state.subscribe", "state.unsubscribe"]
+    assert heard.methods() == ["hello", "state.subscribe", "state.unsubscribe"]
 
 
+@pytest.mark.usefixtures("heard")
 def test_without_rich_it_says_so_once_and_shows_lines(
-    daemon: FakeDaemon, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    on_a_terminal: Ctl, hide: Callable[[str, str], None]
 ) -> None:
-    hidden = "raise ModuleNotFoundError('no rich', name='rich')"
-    (tmp_path / "rich.py").write_text(hidden, encoding="utf-8")
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    code, out = Terminal("--socket", live(daemon).path, "watch", "--count", "3").end()
-    assert code == 0
-    word = "litegripctl: lines only: the live view needs the library rich: "
-    assert out.startswith(f"{word}{sys.executable} -m pip install rich\n")
-    assert out.count("\n") == 4
-    assert out.count("needs the library rich") == 1
-    assert (TAKEN not in out, LAST_LINE in out) == (True, True)
+    hide("rich", "litegrip_client.ctl.live")
+    code, out, err = on_a_terminal("watch", "--count", "3")
+    told = "litegripctl: lines only: the live view needs the library rich: "
+    assert (code, err) == (0, f"{told}{sys.executable} -m pip install rich\n")
+    assert [line.split()[0] for line in out.splitlines()] == ["disabled"] * 3
+    assert TAKEN not in out
 
 
-def test_json_on_a_terminal_is_lines(daemon: FakeDaemon) -> None:
-    command = ["--socket", live(daemon).path, "watch", "--count", "3", "--json"]
-    code, out = Terminal(*command).end()
-    assert (code, [json.loads(line)["mode"] for line in out.splitlines()]) == (0, ["holding"] * 3)
+@pytest.mark.usefixtures("heard")
+def test_json_on_a_terminal_is_lines(on_a_terminal: Ctl) -> None:
+    code, out, _ = on_a_terminal("watch", "--count", "3", "--json")
+    assert (code, [json.loads(line)["mode"] for line in out.splitlines()]) == (0, ["disabled"] * 3)
 
 
 def test_a_line_tells_the_phase_of_teleoperation() -> None:
     job = {"job": 3, "kind": "teleop", "phase": "stale", "owner": OWNER}
     assert "job 3 teleop stale" in state_line({**STATE, "job": job})
     assert state_line({**STATE, "job": {**job, "phase": None}}).endswith("job 3 teleop")
+
+
+def test_only_fields_of_a_state_have_a_line_of_their_own() -> None:
+    assert set(STATE_FIELDS) >= state_view._TOLD

@@ -2,17 +2,17 @@
 
 import json
 import re
-import sys
+from collections.abc import Callable
 from typing import Any
 
-import pytest
 from prometheus_client.metrics_core import Metric
 from prometheus_client.openmetrics.parser import text_string_to_metric_families as open_metrics
 from prometheus_client.parser import text_string_to_metric_families as classic
 
+from litegrip_client import __version__
 from litegrip_client.ctl import metrics
-from tests.client.fake_daemon import FakeDaemon
 from tests.client.helpers import Ctl
+from tests.client.rig import Heard
 
 HEALTH: dict[str, Any] = {
     "verdict": "degraded",
@@ -102,27 +102,25 @@ def test_the_classic_format_reads_it_too() -> None:
     assert kinds <= {"counter", "gauge", "summary", "histogram", "untyped"}
 
 
-def test_the_command(daemon: FakeDaemon, ctl: Ctl) -> None:
-    daemon.handlers["health"] = lambda request: HEALTH
-    code, out, err = ctl("metrics")
+def test_the_command(heard: Heard, litegripctl: Ctl) -> None:
+    heard.instead["health"] = HEALTH
+    code, out, err = litegripctl("metrics")
     assert (code, err) == (0, "")
-    assert out == metrics.text(HEALTH, channel="can0", version="0.1.0")
+    assert out == metrics.text(HEALTH, channel="can0", version=__version__)
     assert out.endswith("\n# EOF\n")
-    data = json.loads(ctl("metrics", "--json")[1])
+    data = json.loads(litegripctl("metrics", "--json")[1])
     assert data["text"] == out
     assert data["format"].startswith("application/openmetrics-text")
 
 
 def test_without_the_library_a_line_says_what_to_install(
-    daemon: FakeDaemon, ctl: Ctl, monkeypatch: pytest.MonkeyPatch
+    heard: Heard, litegripctl: Ctl, hide: Callable[[str, str], None]
 ) -> None:
-    daemon.handlers["health"] = lambda request: HEALTH
-    monkeypatch.delitem(sys.modules, "litegrip_client.ctl.metrics")
-    monkeypatch.delattr("litegrip_client.ctl.metrics")
-    monkeypatch.setitem(sys.modules, "prometheus_client", None)
-    code, out, err = ctl("metrics")
+    heard.instead["health"] = HEALTH
+    hide("prometheus_client", "litegrip_client.ctl.metrics")
+    code, out, err = litegripctl("metrics")
     assert (code, out) == (4, "")
     assert err.startswith("litegripctl: metrics needs the library prometheus_client")
     assert err.endswith("-m pip install prometheus_client\n")
-    assert "health" not in daemon.methods()
-    assert ctl("health")[0] == 1
+    assert "health" not in heard.methods()
+    assert litegripctl("health")[0] == 1

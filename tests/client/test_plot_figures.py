@@ -15,7 +15,15 @@ from matplotlib.lines import Line2D
 from mcap.reader import make_reader
 
 from litegrip_client import Trajectory
-from litegrip_client.ctl.plot.drawing import Dump, draw, draw_trajectory, png, read
+from litegrip_client.ctl.plot.drawing import (
+    Dump,
+    Happening,
+    draw,
+    draw_trajectory,
+    labels,
+    png,
+    read,
+)
 from litegripd.recorder.files import read as read_memory
 from litegripd.recorder.files import to_mcap
 from tests.client.helpers import Ctl
@@ -103,8 +111,8 @@ def values(ticks: list[dict[str, Any]], name: str, *, is_measured: bool = True) 
 
 def test_each_row_of_a_dump_has_a_label_with_its_unit(dump: Dump) -> None:
     figure = draw(dump, None)
-    labels = [axes.get_ylabel() for axes in figure.axes]
-    assert labels == ["", "mode", OPENING, TORQUE, COIL, LATENESS]
+    names = [axes.get_ylabel() for axes in figure.axes]
+    assert names == ["", "mode", OPENING, TORQUE, COIL, LATENESS]
     assert figure.axes[-1].get_xlabel() == "time before the end of the recording [s]"
     assert figure.get_suptitle().startswith("channel virtual, until 2001-09-0")
     assert figure.get_suptitle().endswith("motor fault")
@@ -152,6 +160,18 @@ def test_the_lines_of_a_dump_are_what_was_recorded(path: Path, dump: Dump) -> No
         "coil": (times, values(ticks, "coil_temperature_c")),
         "driver": (times, values(ticks, "driver_temperature_c")),
     }
+
+
+def test_a_line_is_broken_where_there_were_no_ticks(dump: Dump) -> None:
+    ticks = [*dump.ticks[:100], *dump.ticks[200:]]
+    drawn = lines(rows(draw(replace(dump, ticks=ticks), None))[TORQUE])["measured"]
+    end_s = ticks[-1]["monotonic_s"]
+    times = [tick["monotonic_s"] - end_s for tick in ticks]
+    shown = values(ticks, "torque_nm").expected
+    assert drawn == (
+        pytest.approx([*times[:100], times[99], *times[100:]]),
+        pytest.approx([*shown[:100], math.nan, *shown[100:]], nan_ok=True),
+    )
 
 
 def test_a_dump_without_calibration_is_drawn_in_radians(tmp_path: Path) -> None:
@@ -218,12 +238,32 @@ def test_events_are_named_above_the_rows_where_they_were(path: Path, dump: Dump)
     assert modes_named == ["moving", "holding", "moving", "fault", "offline"]
 
 
-@pytest.mark.parametrize(("arguments", "last_s"), [((), None), (("--last", "0.5"), 0.5)])
+def test_an_object_that_moved_is_named_with_its_way_and_is_no_alarm() -> None:
+    text = "the object gave way by 1.5 mm and is held again, at 48.5 mm"
+    data = {"moved_mm": 1.49, "width_mm": 48.5}
+    (label,) = labels([Happening(1.0, "object_moved", text, data)], 10.0, -10.0)
+    assert (label.text, label.is_alarm) == ("object moved 1.5 mm", False)
+    (other,) = labels([Happening(1.0, "object_moved", text, {})], 10.0, -10.0)
+    assert other.text.startswith("the object gave way")
+
+
+def test_labels_are_few_and_the_worst_gives_its_name() -> None:
+    routine = [Happening(0.001 * n, "lease", "lease 1 taken", {}) for n in range(50)]
+    fault = Happening(0.02, "motor", "motor: enabled -> fault", {"phase": "fault"})
+    (label,) = labels([*routine, fault], 10.0, -10.0)
+    assert (label.text, label.is_alarm) == ("motor fault  +1", True)
+    many = [Happening(0.01 * n, "stop", f"stop {n}", {}) for n in range(1000)]
+    assert len(labels(many, 10.0, -10.0)) < 50
+
+
+@pytest.mark.parametrize("last_s", [None, 0.5, 500.0])
 def test_the_file_is_this_picture_of_a_dump(
-    ctl: Ctl, path: Path, dump: Dump, tmp_path: Path, arguments: tuple[str, ...], last_s: float
+    litegripctl: Ctl, path: Path, dump: Dump, tmp_path: Path, last_s: float | None
 ) -> None:
     picture = tmp_path / "y.png"
-    assert ctl("plot", str(path), "-o", str(picture), *arguments)[0] == 0
+    last = () if last_s is None else ("--last", str(last_s))
+    shown = litegripctl("plot", str(path), "-o", str(picture), *last)
+    assert shown == (0, f"drawn in {picture}\n", "")
     assert picture.read_bytes() == png(draw(dump, last_s))
 
 
@@ -281,9 +321,9 @@ def test_grips_are_shaded_in_all_rows_and_their_force_is_named() -> None:
     assert [text.get_text() for text in figure.axes[0].texts] == ["8 N", "12.5 N"]
 
 
-def test_the_file_is_this_picture_of_a_trajectory(ctl: Ctl, tmp_path: Path) -> None:
+def test_the_file_is_this_picture_of_a_trajectory(litegripctl: Ctl, tmp_path: Path) -> None:
     path = tmp_path / "pick.lgt"
     path.write_bytes(CONTENT)
-    assert ctl("plot", str(path))[0] == 0
+    assert litegripctl("plot", str(path))[0] == 0
     picture = png(draw_trajectory(Trajectory.from_bytes(CONTENT), "pick"))
     assert path.with_suffix(".png").read_bytes() == picture

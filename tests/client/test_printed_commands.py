@@ -17,6 +17,7 @@ from litegrip_client.ctl.commands import COMMANDS
 from litegrip_client.ctl.parser import UsageError, for_gripper, parse
 from litegripd.app import main as daemon
 from tests.client.doctor.test_checks import failing
+from tests.symptoms.test_symptoms import ROWS
 
 ROOT = Path(__file__).parents[2]
 END = r"(?:[^;'\"`()\n,.#&|]|\.(?=\w))*"
@@ -87,7 +88,7 @@ def texts(tree: ast.Module) -> Iterator[str]:
 
 @cache
 def said() -> tuple[str, ...]:
-    """Return all that is said: by the sources, and by doctor in each case that it is tried in."""
+    """Return all that is said: by the sources, and by doctor wherever it is tried."""
     sources = [
         text
         for package in ("litegripd", "litegrip_client")
@@ -95,7 +96,7 @@ def said() -> tuple[str, ...]:
         for text in texts(ast.parse(path.read_text(encoding="utf-8")))
     ]
     doctor = [text for found in failing() for text in (found.command, found.advice) if text]
-    return (*sources, *doctor)
+    return (*sources, *doctor, *ROWS)
 
 
 def commands(pattern: re.Pattern[str]) -> list[str]:

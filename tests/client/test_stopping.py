@@ -46,6 +46,11 @@ def stops(tmp_path: Path, daemon: FakeDaemon) -> Iterator[FakeDaemon]:
         yield stops
 
 
+@pytest.fixture
+def site() -> None:
+    """Time is the real one, and so are sockets."""
+
+
 def stop(kind: Kind, daemon: FakeDaemon, *arguments: Any) -> GripperState:
     """Stop, and send a motion behind it, which must know of the stop."""
     with kind.gripper(None, socket_path=daemon.path) as gripper:

@@ -19,11 +19,11 @@ from litegrip_client.values.terms import Voice, told
 from litegrip_client.values.voices import in_python, in_shell
 from litegripd.control import events
 from litegripd.model.sentence import sentence, with_terms
-from tests.client.fake_daemon import FakeDaemon, Request
 from tests.client.helpers import Ctl
+from tests.client.rig import Bench, Heard, Refuse
 from tests.properties import examples
 from tests.users_words import any_words
-from tests.world import Client, World
+from tests.world import World
 
 WORST = "motion.move {stop.clear} /data/force_n.csv: force_n calibration.zero with a mount"
 """Of a person who writes what a program may say."""
@@ -32,9 +32,9 @@ WORST = "motion.move {stop.clear} /data/force_n.csv: force_n calibration.zero wi
 class Scene:
     """A lease that was taken over while its motion ran, and then a stop; `words` are everywhere."""
 
-    def __init__(self, words: str) -> None:
+    def __init__(self, words: str, world: World | None = None) -> None:
         self.words = words
-        self.world = World()
+        self.world = World() if world is None else world
         self.loser = self.world.enabled()
         self.taker, self.watcher = self.world.client(), self.world.client()
         for client in (self.loser, self.taker):
@@ -101,22 +101,6 @@ def test_a_path_beside_a_name(voice: Voice, words: str) -> None:
     assert text.endswith(f"; measure again ({voice('calibration.zero', None, None)})")
 
 
-def serve(daemon: FakeDaemon, client: Client) -> None:
-    """Let a daemon in virtual time answer what the fake one is asked."""
-
-    def answer(request: Request) -> None:
-        params = {
-            name: value
-            for name, value in request.params.items()
-            if name not in ("sent_s", "stop_generation")  # of another clock, and another latch
-        }
-        request.send({**client.call(request.method, **params), "id": request.identity})
-
-    asked = ("state.get", "health", "motion.open", "job.get", "job.list", "lease.get")
-    for method in (*asked, "clients.list", "events.subscribe", "events.unsubscribe"):
-        daemon.handlers[method] = answer
-
-
 COMMANDS = (
     *("state", "open", "lease", "clients", "jobs", "events"),
     *("--json state", "--json open", "--json jobs", "--json events", "--json lease"),
@@ -124,45 +108,34 @@ COMMANDS = (
 
 
 @pytest.mark.parametrize("words", [WORST, "{0} {} %s force_n", "clear it with stop.clear first"])
-def test_by_litegripctl(daemon: FakeDaemon, ctl: Ctl, words: str) -> None:
-    scene = Scene(words)
-    serve(daemon, scene.watcher)
+def test_by_litegripctl(site: Bench, heard: Heard, litegripctl: Ctl, words: str) -> None:
+    scene = Scene(words, heard)
+    site.now_s = heard.now_s
     for command in (*COMMANDS, f"job {scene.job}", f"job {scene.running}"):
-        _, out, err = ctl(*command.split())
+        _, out, err = litegripctl(*command.split())
         assert words in out + err, command
 
 
-def test_the_doctor_and_the_health_tell_a_reason_as_it_is(daemon: FakeDaemon, ctl: Ctl) -> None:
+def test_the_doctor_and_the_health_tell_a_reason_as_it_is(heard: Heard, litegripctl: Ctl) -> None:
     reasons = [sentence("{why}: {motor.clear_fault}", why=WORST), WORST]
-    health = with_terms({"verdict": "down", "reasons": reasons, "notes": [WORST]})
-    daemon.handlers["health"] = lambda request: health
+    heard.instead["health"] = with_terms({"verdict": "down", "reasons": reasons, "notes": [WORST]})
     for command in ("health", "doctor"):
-        out = ctl(command)[1]
+        out = litegripctl(command)[1]
         assert f"{WORST}: litegripctl clear-fault" in out
         assert out.count(WORST) >= 2
 
 
-def test_by_a_subscription_to_events(daemon: FakeDaemon) -> None:
-    scene = Scene(WORST)
-    (event,) = scene.events("stop")
-    daemon.handlers["events.subscribe"] = lambda request: {
-        "subscription": 1,
-        "state": {},
-        "events": [event],
-    }
-    daemon.handlers["events.unsubscribe"] = lambda request: {"subscription": 1}
-    with connect("can0", daemon.path) as connection, connection.subscribe_events() as feed:
-        assert WORST in feed.recent[0].message
-        assert feed.recent[0].message.endswith("clear it with gripper.clear_stop() first")
+def test_by_a_subscription_to_events(heard: Heard) -> None:
+    Scene(WORST, heard)
+    with connect("can0") as connection, connection.subscribe_events() as feed:
+        (told,) = [event.message for event in feed.recent if event.kind == "stop"]
+    assert WORST in told
+    assert told.endswith("clear it with gripper.clear_stop() first")
 
 
-def test_an_older_daemon_marks_nothing_and_its_sentence_stays(daemon: FakeDaemon) -> None:
+def test_an_older_daemon_marks_nothing_and_its_sentence_stays(heard: Heard) -> None:
     text = "a stop is latched: motion.move; clear it with stop.clear first"
-
-    def fail(request: Request) -> None:
-        request.fail("stopped", -32021, text, hint="stop.clear")
-
-    daemon.handlers["motion.open"] = fail
-    with connect("can0", daemon.path) as connection, pytest.raises(LiteGripError) as caught:
+    heard.instead["motion.open"] = Refuse("stopped", -32021, text, hint="stop.clear")
+    with connect("can0") as connection, pytest.raises(LiteGripError) as caught:
         connection.call("motion.open")
     assert str(caught.value) == text

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import inspect
 import re
-from argparse import Action
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import pytest
 
 import litegrip_client
 from litegrip_client import LiteGrip, LiteGripError
-from litegrip_client.ctl import commands as ctl
-from litegrip_client.ctl.parser import LateParser, Parser, whole_parser
 from litegrip_client.threads.blocking import connect
 from litegrip_client.values.errors import from_error_object
 from litegrip_client.values.voices import ARGUMENTS, CALLS, in_python, in_shell
@@ -26,8 +23,9 @@ from litegripd.motor.phases import implausible_refusal
 from litegripd.rpc.jsonrpc import error_object
 from litegripd.rpc.method import check, methods_of
 from litegripd.sim.methods import SimMethods
-from tests.client.fake_daemon import FakeDaemon
+from tests.client.ctl_commands import every_parser
 from tests.client.helpers import Ctl
+from tests.client.rig import Heard, Refuse
 from tests.world import World
 
 ROWS = {method.name: method for method in (*METHODS, *methods_of(SimMethods))}
@@ -39,23 +37,8 @@ def of_wire(text: str) -> list[str]:
     return [name for name in ROWS if "." in name and re.search(rf"\b{re.escape(name)}\b", text)]
 
 
-def commands() -> Iterator[tuple[str, list[Action]]]:
-    """Give every command line without its options, and its arguments."""
-
-    def walk(parser: Parser, name: str) -> Iterator[tuple[str, list[Action]]]:
-        if isinstance(parser, LateParser):
-            parser.become()
-        actions = list(parser.arguments())
-        yield name, actions
-        for action in actions:
-            if isinstance(action.choices, Mapping):
-                for word, inner in action.choices.items():
-                    yield from walk(inner, f"{name} {word}")
-
-    return walk(whole_parser(ctl.COMMANDS), "litegripctl")
-
-
-COMMANDS = dict(commands())
+COMMANDS = {parser.prog: list(parser.arguments()) for parser in every_parser()}
+"""The arguments of every command line without its options."""
 
 
 def command_of(method: str) -> str:
@@ -133,18 +116,14 @@ def test_no_reader_but_that_of_the_wire_reads_its_names(refusal: Refusal) -> Non
 
 
 @pytest.mark.parametrize("refusal", list(refusals()), ids=lambda refusal: refusal.reason)
-def test_no_remedy_is_read_twice(refusal: Refusal, daemon: FakeDaemon, ctl: Ctl) -> None:
-    wire = error_object(refusal)
-    for text in (str(from_error_object(wire)), _shown(daemon, ctl, refusal)):
-        calls = re.findall(r"gripper\.\w+\(|litegripctl [a-z-]+", text)
-        assert len(calls) == len(set(calls)), text
-
-
-def _shown(daemon: FakeDaemon, ctl: Ctl, refusal: Refusal) -> str:
-    daemon.handlers["state.get"] = lambda request: request.fail(
+def test_no_remedy_is_read_twice(refusal: Refusal, heard: Heard, litegripctl: Ctl) -> None:
+    heard.instead["state.get"] = Refuse(
         refusal.reason, refusal.kind.code, refusal.message, **refusal.data
     )
-    return ctl("state")[2].replace("litegripctl: ", "", 1)
+    shown = litegripctl("state")[2].replace("litegripctl: ", "", 1)
+    for text in (str(from_error_object(error_object(refusal))), shown):
+        calls = re.findall(r"gripper\.\w+\(|litegripctl [a-z-]+", text)
+        assert len(calls) == len(set(calls)), text
 
 
 def of(method: str, **given: object) -> tuple[str, str, str]:
@@ -234,11 +213,11 @@ def test_a_message_whose_terms_cannot_be_stays_as_it_came(terms: object) -> None
     assert from_error_object(wire).message == "stop.clear"
 
 
-def test_another_language_can_be_given_to_a_connection(daemon: FakeDaemon) -> None:
+def test_another_language_can_be_given_to_a_connection(heard: Heard) -> None:
     text = sentence("the motor is not enabled: enable it first ({motor.enable})")
     hint = method_name("motor.enable")
-    daemon.handlers["motion.open"] = lambda r: r.fail("not_enabled", -32030, text, hint=hint)
-    with connect("can0", daemon.path) as connection:
+    heard.instead["motion.open"] = Refuse("not_enabled", -32030, text, hint=hint)
+    with connect("can0") as connection:
         connection.voice = lambda method, *_: f"the service {method}"
         with pytest.raises(LiteGripError, match="not enabled") as caught:
             connection.call("motion.open")
@@ -260,17 +239,11 @@ def test_a_remedy_is_said_when_its_calls_are() -> None:
     assert shown("motor.enable", "{motor.enable}") == "motor.enable\ngripper.enable()"
 
 
-def test_python_reads_python(daemon: FakeDaemon, gripper: LiteGrip) -> None:
-    daemon.handlers["motion.open"] = lambda request: request.fail(
-        "stopped",
-        -32021,
-        sentence("a stop is latched; clear it with {stop.clear} first"),
-        hint=method_name("stop.clear"),
-    )
-    with pytest.raises(LiteGripError) as caught:
-        gripper.open()
-    assert str(caught.value) == "a stop is latched; clear it with gripper.clear_stop() first"
+def test_python_reads_python(heard: Heard) -> None:
     reasons = [method_name("motor.clear_fault"), "motor.clear_fault"]
-    answer = with_terms({"verdict": "down", "reasons": reasons})
-    daemon.handlers["health"] = lambda request: answer
-    assert gripper.health()["reasons"] == ["gripper.clear_fault()", "motor.clear_fault"]
+    heard.instead["health"] = with_terms({"verdict": "down", "reasons": reasons})
+    heard.client().result("stop")
+    with LiteGrip("can0") as gripper:
+        with pytest.raises(LiteGripError, match=r"; clear it with gripper\.clear_stop\(\) first$"):
+            gripper.open()
+        assert gripper.health()["reasons"] == ["gripper.clear_fault()", "motor.clear_fault"]

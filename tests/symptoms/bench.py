@@ -40,13 +40,14 @@ ROOT = Path(__file__).resolve().parents[2]
 SETTLED_S = 1.5
 _access = os.access
 
-IP = """#!{python}
+IP = """#!{python} -IS
 import json, sys
-from pathlib import Path
-file, words = Path({file!r}), [word for word in sys.argv[1:] if not word.startswith("-")]
-if not file.exists():
+words = [word for word in sys.argv[1:] if not word.startswith("-")]
+try:
+    with open({file!r}) as file:
+        link = json.load(file)
+except FileNotFoundError:
     sys.exit(f'Device "{{words[2]}}" does not exist.')
-link = json.loads(file.read_text())
 if words[:2] == ["link", "show"]:
     sys.exit(print(json.dumps([link])))
 name, words = words[2], words[3:]
@@ -84,7 +85,8 @@ if heals and "UP" in flags and data:
     if not data.get("bittiming", {{}}).get("bitrate"):
         sys.exit("RTNETLINK answers: Invalid argument")
     data.update(state="ERROR-ACTIVE", berr_counter={{"tx": 0, "rx": 0}})
-file.write_text(json.dumps(link))
+with open({file!r}, "w") as file:
+    json.dump(link, file)
 """
 SUDO = '#!/bin/sh\nexec "$@"\n'
 CTL = '#!/bin/sh\ncd {root} && exec {python} -m litegrip_client.ctl.main "$@"\n'

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from litegrip_client.ctl.doctor.facts import Configuration, Socket, User
 from litegrip_client.values.atomic_file import Shortage
-from tests.client.doctor.case import Case
+from tests.client.doctor.case import Case, Cases
 from tests.client.doctor.known import NOW_S, SOCKETS, facts, with_daemon
 
 JOIN = "sudo usermod --append --groups litegrip alice"
@@ -47,407 +47,301 @@ LIMITS = (
 FULL = Shortage("No space left on /tmp: 0 bytes free, no more files (inodes), free some", True)
 LITTLE = Shortage("Little space left on /var/lib/litegripd: 900000 bytes free, free some", False)
 
-DAEMON_CASES = [
-    Case("daemon", facts(), "ok", "runs for 12 s, pid 77, /run/litegripd/can0.sock"),
-    Case(
-        "daemon",
-        facts(daemon=None, failure="no daemon can be reached", sockets=()),
-        "error",
-        "no daemon can be reached",
-        "sudo systemctl start litegripd@can0",
-        "without hardware: litegripd can0 --simulate",
-    ),
-    Case(
-        "daemon",
-        facts(daemon=None, failure="nobody listens", sockets=(), is_unit_enabled=True),
-        "error",
-        "nobody listens",
-        "sudo systemctl start litegripd@can0",
-        "it was stopped or has failed: systemctl status litegripd@can0 says which",
-    ),
-    Case(
-        "daemon",
-        facts(daemon=None, failure="no daemon can be reached", sockets=CLOSED),
-        "warning",
-        "not known if it runs",
-        "systemctl status litegripd@can0",
-    ),
-    Case(
-        "daemon",
-        facts(asked_channel="can1"),
-        "error",
-        "the daemon at /run/litegripd/can0.sock has channel can0, not can1",
-        "unset LITEGRIPD_SOCKET",
-    ),
-    Case(
-        "daemon",
-        facts(daemon=None, failure="no daemon can be reached", sockets=(), configuration=WRONG),
-        "error",
-        "no daemon can be reached",
-        "sudo systemctl start litegripd@can0",
-        "not before the configuration is corrected",
-    ),
-    Case(
-        "daemon",
-        facts(daemon=None, failure="the daemon did not answer hello within 5 s", hung_pid=77),
-        "error",
-        "pid 77 listens, but the daemon did not answer hello within 5 s",
-        "sudo systemctl restart litegripd@can0",
-        "look first: systemctl status litegripd@can0; without systemd: end it",
-    ),
-    Case(
-        "daemon",
-        replace(UNKNOWN, hung_pid=0),
-        "error",
-        "a process listens, but no daemon can be reached",
-        advises="without systemd: end it",
-    ),
-    Case(
-        "daemon",
-        UNKNOWN,
-        "error",
-        "no daemon can be reached",
-        advises="litegripd CHANNEL --socket /tmp/s",
-    ),
-    Case(
-        "daemon",
-        replace(UNKNOWN, sockets=CLOSED),
-        "warning",
-        "is closed to this",
-        advises="ask who",
-    ),
-    Case(
-        "daemon",
-        BARE,
-        "error",
-        "nobody listens",
-        "litegripd can0",
-        "as root: litegripctl install-units --can can0, which",
-    ),
-    Case(
-        "daemon",
-        replace(BARE, interface="slcan", bus_channel="/dev/ttyACM0", configuration=None),
-        "error",
-        "nobody listens",
-        "litegripd can0",
-        "litegripctl install-units, which",
-    ),
-    Case(
-        "daemon",
-        replace(BARE, configuration=WRONG),
-        "error",
-        "nobody listens",
-        "litegripd can0",
-        "not before the configuration is corrected; that is in the foreground",
-    ),
-    Case(
-        "daemon",
-        replace(BARE, hung_pid=77),
-        "error",
-        "pid 77 listens",
-        advises="without systemd: end it",
-    ),
-    Case("group", replace(BARE, user=NO_GROUP), "warning", "no group", f"{MAKE} && {JOIN}", STARTS),
-    Case(
-        "real-time",
-        replace(
+DAEMON_CASES: Cases = {
+    "daemon": [
+        Case(facts(), "OK runs for 12 s, pid 77, /run/litegripd/can0.sock"),
+        Case(
+            facts(daemon=None, failure="no daemon can be reached", sockets=()),
+            "ERROR no daemon can be reached"
+            " $ sudo systemctl start litegripd@can0"
+            " # without hardware: litegripd can0 --simulate",
+        ),
+        Case(
+            facts(daemon=None, failure="nobody listens", sockets=(), is_unit_enabled=True),
+            "ERROR nobody listens"
+            " $ sudo systemctl start litegripd@can0"
+            " # it was stopped or has failed: systemctl status litegripd@can0 says which",
+        ),
+        Case(
+            facts(daemon=None, failure="no daemon can be reached", sockets=CLOSED),
+            "WARNING not known if it runs $ systemctl status litegripd@can0",
+        ),
+        Case(
+            facts(asked_channel="can1"),
+            "ERROR the daemon at /run/litegripd/can0.sock has channel can0, not can1"
+            " $ unset LITEGRIPD_SOCKET",
+        ),
+        Case(
+            facts(daemon=None, failure="no daemon can be reached", sockets=(), configuration=WRONG),
+            "ERROR no daemon can be reached"
+            " $ sudo systemctl start litegripd@can0"
+            " # not before the configuration is corrected",
+        ),
+        Case(
+            facts(daemon=None, failure="the daemon did not answer hello within 5 s", hung_pid=77),
+            "ERROR pid 77 listens, but the daemon did not answer hello within 5 s"
+            " $ sudo systemctl restart litegripd@can0"
+            " # look first: systemctl status litegripd@can0; without systemd: end it",
+        ),
+        Case(
+            replace(UNKNOWN, hung_pid=0),
+            "ERROR a process listens, but no daemon can be reached # without systemd: end it",
+        ),
+        Case(UNKNOWN, "ERROR no daemon can be reached # litegripd CHANNEL --socket /tmp/s"),
+        Case(replace(UNKNOWN, sockets=CLOSED), "WARNING is closed to this # ask who"),
+        Case(
+            BARE,
+            "ERROR nobody listens"
+            " $ litegripd can0"
+            " # as root: litegripctl install-units --can can0, which",
+        ),
+        Case(
+            replace(BARE, interface="slcan", bus_channel="/dev/ttyACM0", configuration=None),
+            "ERROR nobody listens $ litegripd can0 # litegripctl install-units, which",
+        ),
+        Case(
+            replace(BARE, configuration=WRONG),
+            "ERROR nobody listens"
+            " $ litegripd can0"
+            " # not before the configuration is corrected; that is in the foreground",
+        ),
+        Case(replace(BARE, hung_pid=77), "ERROR pid 77 listens # without systemd: end it"),
+        Case(
+            facts(daemon=None, failure="no daemon", others=("left", "right")),
+            "ERROR no channel was named, and can0 is none of this machine; there are: left, right"
+            " $ litegripctl -c left doctor"
+            " # export LITEGRIP_CHANNEL=left",
+        ),
+    ],
+    "group": [
+        Case(replace(BARE, user=NO_GROUP), f"WARNING no group $ {MAKE} && {JOIN} # {STARTS}"),
+        Case(facts(), "OK alice is in group litegrip"),
+        Case(facts(user=ROOT), "OK root needs no group litegrip"),
+        Case(
+            facts(user=OUTSIDE, sockets=(Socket("/run/user/1000/x.sock", True, 1000),)),
+            "OK alice needs no group",
+        ),
+        Case(facts(user=OUTSIDE), f"WARNING alice is not in group $ {JOIN} # {LOGIN}"),
+        Case(
+            facts(user=replace(ALICE, has_group=False)),
+            "WARNING alice is in group litegrip, but not yet in this session"
+            " $ newgrp litegrip"
+            f" # {LOGIN}",
+        ),
+        Case(
+            facts(user=NO_GROUP),
+            f"WARNING there is no group litegrip $ {MAKE} && {JOIN} # {AGAIN}",
+        ),
+        Case(
+            facts(user=replace(ROOT, group_exists=False)),
+            f"WARNING there is no group litegrip $ {MAKE} # {AGAIN}",
+        ),
+    ],
+    "real-time": [
+        Case(
+            replace(
+                with_daemon(health_control={"fifo_priority": 0, "memory_locked": False}),
+                is_unit_installed=False,
+            ),
+            "WARNING not granted: SCHED_FIFO 50 and locked memory"
+            " # start it where 'ulimit -r' is 50 or more",
+        ),
+        Case(facts(), "OK SCHED_FIFO 50, memory locked"),
+        Case(
+            with_daemon(
+                health_control__fifo_priority=0, info_configuration__control={"priority": 0}
+            ),
+            "OK ordinary priority, as configured, memory locked",
+        ),
+        Case(
             with_daemon(health_control={"fifo_priority": 0, "memory_locked": False}),
-            is_unit_installed=False,
+            f"WARNING not granted: SCHED_FIFO 50 and locked memory $ {LIMITS} # CAP_SYS_NICE",
         ),
-        "warning",
-        "not granted: SCHED_FIFO 50 and locked memory",
-        advises="start it where 'ulimit -r' is 50 or more",
-    ),
-    Case("configuration", facts(), None),
-    Case("configuration", facts(edited=(FILE, NOW_S - 20.0)), None),
-    Case("configuration", facts(daemon=None, edited=(FILE, NOW_S)), None),
-    Case(
-        "configuration",
-        facts(edited=(FILE, NOW_S - 5.0)),
-        "warning",
-        f"{FILE} was written after the daemon was started, which continues with the one before",
-        "litegripctl -c can0 restart --hold",
-        "where that is refused, since other tables have changed: sudo systemctl restart",
-    ),
-    Case(
-        "configuration",
-        facts(misnamed="/etc/litegripd/can0.toml.txt"),
-        "warning",
-        f"/etc/litegripd/can0.toml.txt is no file that a daemon reads, which would be {FILE}",
-        f"sudo mv /etc/litegripd/can0.toml.txt {FILE}",
-        "then restart the daemon",
-    ),
-    Case(
-        "configuration",
-        facts(daemon=None, configuration=Configuration(FILE, content={"bus": {}})),
-        "ok",
-        f"{FILE}: interface socketcan, channel can0",
-    ),
-    Case(
-        "configuration",
-        facts(daemon=None, configuration=named(problem="no calibration: /m.json: kp is 1e400")),
-        "error",
-        f"{FILE}: no calibration: /m.json: kp is 1e400 ([gripper] mount names it)",
-        advises="a daemon starts with it, and refuses motions: correct it, and check it again:"
-        " litegripd can0 --check",
-    ),
-    Case(
-        "configuration",
-        facts(daemon=None, configuration=named(warnings=["it is another gripper's", "too long"])),
-        "warning",
-        "/m.json, which [gripper] mount names: it is another gripper's; too long",
-        advises="correct it, and check it again: litegripd can0 --check",
-    ),
-    Case("configuration", facts(daemon=None, configuration=named()), "ok"),
-    Case(
-        "configuration",
-        facts(daemon=None, configuration=WRONG, interface=None),
-        "error",
-        f"{FILE}: not valid TOML",
-        advises="check it again: litegripd can0 --check",
-    ),
-    Case(
-        "configuration",
-        facts(
-            daemon=None,
-            configuration=Configuration(FILE, unchecked="it is closed"),
-            interface=None,
+        Case(
+            with_daemon(
+                health_control={"fifo_priority": 0, "memory_locked": False}, info_simulated=True
+            ),
+            "OK ordinary priority, which is enough for a simulated gripper",
         ),
-        "warning",
-        f"{FILE} was not checked, nor the bus that it names: it is closed",
-        advises="litegripd can0 --check",
-    ),
-    Case(
-        "configuration",
-        facts(daemon=None, configuration=Configuration(FILE, unchecked="it takes long")),
-        "warning",
-        f"{FILE} was not checked, which may name another bus than can0: it takes long",
-        advises="litegripd can0 --check",
-    ),
-    Case(
-        "configuration",
-        facts(daemon=None, configuration=replace(WRONG, as_user="litegrip"), interface=None),
-        "error",
-        f"{FILE}: not valid TOML",
-        advises="check it again: sudo -u litegrip litegripd can0 --check",
-    ),
-    Case("version", facts(), "ok", "1.2.3, as this program"),
-    Case("version", facts(daemon=None), None),
-    Case(
-        "version",
-        with_daemon(hello_version="1.2.2"),
-        "warning",
-        "the daemon is 1.2.2, this program 1.2.3",
-        RELOAD,
-        "install one version",
-    ),
-    Case(
-        "version",
-        replace(with_daemon(hello_version="1.2.2"), is_unit_installed=False),
-        "warning",
-        "the daemon is 1.2.2",
-        "litegripctl -c can0 restart --hold",
-        "the jaws hold meanwhile what they hold",
-    ),
-    Case(
-        "version",
-        replace(with_daemon(hello_version="1.2.2"), interface="litegrip_sim"),
-        "warning",
-        "the daemon is 1.2.2",
-        advises="end it, and start it again",
-    ),
-    Case("sockets", facts(sockets=()), None),
-    Case(
-        "sockets",
-        facts(),
-        "ok",
-        "alice may open /run/litegripd/can0.sock and /run/litegripd/can0.stop.sock",
-    ),
-    Case("sockets", facts(sockets=CLOSED), "error", "alice may not open /run", RESTART, LOGIN),
-    Case("sockets", replace(UNKNOWN, sockets=CLOSED), "error", "may not open", advises=LOGIN),
-    Case(
-        "sockets", facts(sockets=CLOSED, user=OUTSIDE), "error", "alice may not open", JOIN, LOGIN
-    ),
-    Case(
-        "sockets",
-        facts(sockets=CLOSED, user=NO_GROUP),
-        "error",
-        "alice may not open",
-        f"{MAKE} && {JOIN}",
-        AGAIN,
-    ),
-    Case("group", facts(), "ok", "alice is in group litegrip"),
-    Case("group", facts(user=ROOT), "ok", "root needs no group litegrip"),
-    Case(
-        "group",
-        facts(user=OUTSIDE, sockets=(Socket("/run/user/1000/x.sock", True, 1000),)),
-        "ok",
-        "alice needs no group",
-    ),
-    Case("group", facts(user=OUTSIDE), "warning", "alice is not in group", JOIN, LOGIN),
-    Case(
-        "group",
-        facts(user=replace(ALICE, has_group=False)),
-        "warning",
-        "alice is in group litegrip, but not yet in this session",
-        "newgrp litegrip",
-        LOGIN,
-    ),
-    Case(
-        "group",
-        facts(user=NO_GROUP),
-        "warning",
-        "there is no group litegrip",
-        f"{MAKE} && {JOIN}",
-        AGAIN,
-    ),
-    Case(
-        "group",
-        facts(user=replace(ROOT, group_exists=False)),
-        "warning",
-        "there is no group litegrip",
-        MAKE,
-        AGAIN,
-    ),
-    Case("real-time", facts(), "ok", "SCHED_FIFO 50, memory locked"),
-    Case("real-time", facts(daemon=None), None),
-    Case(
-        "real-time",
-        with_daemon(health_control__fifo_priority=0, info_configuration__control={"priority": 0}),
-        "ok",
-        "ordinary priority, as configured, memory locked",
-    ),
-    Case(
-        "real-time",
-        with_daemon(health_control={"fifo_priority": 0, "memory_locked": False}),
-        "warning",
-        "not granted: SCHED_FIFO 50 and locked memory",
-        LIMITS,
-        "CAP_SYS_NICE",
-    ),
-    Case(
-        "real-time",
-        with_daemon(health_control={**GRANTED, "lateness": {"worst_us": 99_999.0}}),
-        "ok",
-        "SCHED_FIFO 50, memory locked",
-    ),
-    Case(
-        "real-time",
-        with_daemon(
-            health_control={**GRANTED, "lateness": {"worst_us": 312_345.6}, "lost_ticks": 61}
+        Case(
+            with_daemon(health_control={**GRANTED, "lateness": {"worst_us": 99_999.0}}),
+            "OK SCHED_FIFO 50, memory locked",
         ),
-        "warning",
-        "the daemon itself stood still for 312 ms at worst since it was started, 61 ticks lost",
-        "litegripctl -c can0 health",
-        "cpus in [control]",
-    ),
-    Case(
-        "real-time",
-        with_daemon(
-            health_control={"fifo_priority": 0, "memory_locked": False}, info_simulated=True
+        Case(
+            with_daemon(
+                health_control={**GRANTED, "lateness": {"worst_us": 312345.6}, "lost_ticks": 61}
+            ),
+            "WARNING the daemon itself stood still for 312 ms at worst since it was started,"
+            " 61 ticks lost"
+            " $ litegripctl -c can0 health"
+            " # cpus in [control]",
         ),
-        "ok",
-        "ordinary priority, which is enough for a simulated gripper",
-    ),
-    Case(
-        "real-time",
-        with_daemon(
-            health_control={**GRANTED, "fifo_priority": 0, "lateness": {"worst_us": 312_345.6}}
+        Case(
+            with_daemon(
+                health_control={**GRANTED, "fifo_priority": 0, "lateness": {"worst_us": 312345.6}}
+            ),
+            "WARNING not granted: SCHED_FIFO 50; the daemon itself stood still for 312 ms"
+            f" $ {LIMITS}"
+            " # CAP_SYS_NICE",
         ),
-        "warning",
-        "not granted: SCHED_FIFO 50; the daemon itself stood still for 312 ms",
-        LIMITS,
-        "CAP_SYS_NICE",
-    ),
-    Case(
-        "daemon",
-        facts(daemon=None, failure="no daemon", others=("left", "right")),
-        "error",
-        "no channel was named, and can0 is none of this machine; there are: left, right",
-        "litegripctl -c left doctor",
-        "export LITEGRIP_CHANNEL=left",
-    ),
-    Case("teleop", facts(), None),
-    Case("teleop", facts(daemon=None), None),
-    *(
-        Case("teleop", with_daemon(health_teleop={"reach": reach, "unreached": None}), "ok", "is")
-        for reach in ("connected", "frames")
-    ),
-    Case(
-        "teleop",
-        with_daemon(health_teleop={"reach": "sending", "unreached": None}),
-        "ok",
-        "no follower refuses them",
-    ),
-    Case(
-        "teleop",
-        with_daemon(health_teleop={"reach": "sending", "unreached": "b:1 refuses (for 9 s)"}),
-        "error",
-        "b:1 refuses (for 9 s)",
-        "litegripctl -c can0 teleop status",
-        "the follower is to be started",
-    ),
-    Case(
-        "teleop",
-        with_daemon(health_teleop={"reach": "bound", "unreached": "no frame comes (for 9 s)"}),
-        "error",
-        "bound: no frame comes (for 9 s)",
-        "litegripctl -c can0 teleop status",
-        "need the same port",
-    ),
-    Case(
-        "teleop",
-        with_daemon(
-            health_teleop={
-                "reach": "connecting",
-                "unreached": "b:1 has refused the connection (for 9 s)",
-            }
+    ],
+    "configuration": [
+        Case(facts(edited=(FILE, NOW_S - 20.0))),
+        Case(facts(daemon=None, edited=(FILE, NOW_S))),
+        Case(
+            facts(edited=(FILE, NOW_S - 5.0)),
+            f"WARNING {FILE} was written after the daemon was started, which continues with"
+            " the one before"
+            " $ litegripctl -c can0 restart --hold"
+            " # where that is refused, since other tables have changed: sudo systemctl restart",
         ),
-        "error",
-        "connecting: b:1 has refused the connection (for 9 s)",
-        "litegripctl -c can0 teleop status",
-        "need the same port",
-    ),
-    Case("health", facts(), "ok", "verdict on itself is ok"),
-    Case("health", facts(daemon=None), None),
-    Case(
-        "health",
-        with_daemon(health_verdict="degraded", health_reasons=["a", "b"]),
-        "warning",
-        "degraded: a; b",
-        "litegripctl -c can0 health",
-    ),
-    Case(
-        "health",
-        with_daemon(health_verdict="down", health_reasons=["c"]),
-        "error",
-        "down: c",
-        "litegripctl -c can0 health",
-    ),
-    Case("disk", facts(), "ok", "there is room for calibrations"),
-    Case("disk", facts(is_remote=True, disks=(FULL,)), None),
-    Case(
-        "disk",
-        facts(disks=(FULL, LITTLE)),
-        "error",
-        "No space left on /tmp: 0 bytes free, no more files (inodes), free some; Little space left",
-        "df -h /var/lib/litegripd /run /tmp /var/log",
-        "nothing can be kept meanwhile, and no daemon can be started while /tmp is full",
-    ),
-    Case(
-        "disk",
-        facts(disks=(LITTLE,)),
-        "warning",
-        "Little space left on /var/lib/litegripd: 900000 bytes free, free some",
-        "sudo du -xh --max-depth=2 /var | sort -h | tail",
-        "what is largest",
-    ),
-    Case(
-        "disk",
-        facts(disks=(Shortage("/var/lib/litegripd can only be read", False, is_read_only=True),)),
-        "warning",
-        "/var/lib/litegripd can only be read",
-        "sudo dmesg | tail",
-        "an error of the disk makes it so",
-    ),
-]
+        Case(
+            facts(misnamed="/etc/litegripd/can0.toml.txt"),
+            "WARNING /etc/litegripd/can0.toml.txt is no file that a daemon reads, which would"
+            f" be {FILE}"
+            f" $ sudo mv /etc/litegripd/can0.toml.txt {FILE}"
+            " # then restart the daemon",
+        ),
+        Case(
+            facts(daemon=None, configuration=Configuration(FILE, content={"bus": {}})),
+            f"OK {FILE}: interface socketcan, channel can0",
+        ),
+        Case(
+            facts(daemon=None, configuration=named(problem="no calibration: /m.json: kp is 1e400")),
+            f"ERROR {FILE}: no calibration: /m.json: kp is 1e400 ([gripper] mount names it)"
+            " # a daemon starts with it, and refuses motions: correct it, and check it again:"
+            " litegripd can0 --check",
+        ),
+        Case(
+            facts(
+                daemon=None, configuration=named(warnings=["it is another gripper's", "too long"])
+            ),
+            "WARNING /m.json, which [gripper] mount names: it is another gripper's; too long"
+            " # correct it, and check it again: litegripd can0 --check",
+        ),
+        Case(facts(daemon=None, configuration=named()), "OK"),
+        Case(
+            facts(daemon=None, configuration=WRONG, interface=None),
+            f"ERROR {FILE}: not valid TOML # check it again: litegripd can0 --check",
+        ),
+        Case(
+            facts(
+                daemon=None,
+                configuration=Configuration(FILE, unchecked="it is closed"),
+                interface=None,
+            ),
+            f"WARNING {FILE} was not checked, nor the bus that it names: it is closed"
+            " # litegripd can0 --check",
+        ),
+        Case(
+            facts(daemon=None, configuration=Configuration(FILE, unchecked="it takes long")),
+            f"WARNING {FILE} was not checked, which may name another bus than can0: it takes long"
+            " # litegripd can0 --check",
+        ),
+        Case(
+            facts(daemon=None, configuration=replace(WRONG, as_user="litegrip"), interface=None),
+            f"ERROR {FILE}: not valid TOML"
+            " # check it again: sudo -u litegrip litegripd can0 --check",
+        ),
+    ],
+    "version": [
+        Case(facts(), "OK 1.2.3, as this program"),
+        Case(
+            with_daemon(hello_version="1.2.2"),
+            f"WARNING the daemon is 1.2.2, this program 1.2.3 $ {RELOAD} # install one version",
+        ),
+        Case(
+            replace(with_daemon(hello_version="1.2.2"), is_unit_installed=False),
+            "WARNING the daemon is 1.2.2"
+            " $ litegripctl -c can0 restart --hold"
+            " # the jaws hold meanwhile what they hold",
+        ),
+        Case(
+            replace(with_daemon(hello_version="1.2.2"), interface="litegrip_sim"),
+            "WARNING the daemon is 1.2.2 # end it, and start it again",
+        ),
+    ],
+    "sockets": [
+        Case(facts(sockets=())),
+        Case(
+            facts(),
+            "OK alice may open /run/litegripd/can0.sock and /run/litegripd/can0.stop.sock",
+        ),
+        Case(facts(sockets=CLOSED), f"ERROR alice may not open /run $ {RESTART} # {LOGIN}"),
+        Case(replace(UNKNOWN, sockets=CLOSED), f"ERROR may not open # {LOGIN}"),
+        Case(facts(sockets=CLOSED, user=OUTSIDE), f"ERROR alice may not open $ {JOIN} # {LOGIN}"),
+        Case(
+            facts(sockets=CLOSED, user=NO_GROUP),
+            f"ERROR alice may not open $ {MAKE} && {JOIN} # {AGAIN}",
+        ),
+    ],
+    "teleop": [
+        *(
+            Case(with_daemon(health_teleop={"reach": reach, "unreached": None}), "OK is")
+            for reach in ("connected", "frames")
+        ),
+        Case(
+            with_daemon(health_teleop={"reach": "sending", "unreached": None}),
+            "OK no follower refuses them",
+        ),
+        Case(
+            with_daemon(health_teleop={"reach": "sending", "unreached": "b:1 refuses (for 9 s)"}),
+            "ERROR b:1 refuses (for 9 s)"
+            " $ litegripctl -c can0 teleop status"
+            " # the follower is to be started",
+        ),
+        Case(
+            with_daemon(health_teleop={"reach": "bound", "unreached": "no frame comes (for 9 s)"}),
+            "ERROR bound: no frame comes (for 9 s)"
+            " $ litegripctl -c can0 teleop status"
+            " # need the same port",
+        ),
+        Case(
+            with_daemon(
+                health_teleop={
+                    "reach": "connecting",
+                    "unreached": "b:1 has refused the connection (for 9 s)",
+                }
+            ),
+            "ERROR connecting: b:1 has refused the connection (for 9 s)"
+            " $ litegripctl -c can0 teleop status"
+            " # need the same port",
+        ),
+    ],
+    "health": [
+        Case(facts(), "OK verdict on itself is ok"),
+        Case(
+            with_daemon(health_verdict="degraded", health_reasons=["a", "b"]),
+            "WARNING degraded: a; b $ litegripctl -c can0 health",
+        ),
+        Case(
+            with_daemon(health_verdict="down", health_reasons=["c"]),
+            "ERROR down: c $ litegripctl -c can0 health",
+        ),
+    ],
+    "disk": [
+        Case(facts(), "OK there is room for calibrations"),
+        Case(facts(is_remote=True, disks=(FULL,))),
+        Case(
+            facts(disks=(FULL, LITTLE)),
+            "ERROR No space left on /tmp: 0 bytes free, no more files (inodes), free some;"
+            " Little space left"
+            " $ df -h /var/lib/litegripd /run /tmp /var/log"
+            " # nothing can be kept meanwhile, and no daemon can be started while /tmp is full",
+        ),
+        Case(
+            facts(disks=(LITTLE,)),
+            "WARNING Little space left on /var/lib/litegripd: 900000 bytes free, free some"
+            " $ sudo du -xh --max-depth=2 /var | sort -h | tail"
+            " # what is largest",
+        ),
+        Case(
+            facts(
+                disks=(Shortage("/var/lib/litegripd can only be read", False, is_read_only=True),)
+            ),
+            "WARNING /var/lib/litegripd can only be read"
+            " $ sudo dmesg | tail"
+            " # an error of the disk makes it so",
+        ),
+    ],
+}

@@ -2,75 +2,54 @@
 
 from dataclasses import replace
 
-from tests.client.doctor.case import Case
-from tests.client.doctor.known import NOW_S, facts, with_daemon
+from litegrip_client.ctl.doctor.facts import Facts
+from tests.client.doctor.case import Case, Cases
+from tests.client.doctor.known import NOW_S, with_daemon
 
-DAY_S = 86_400.0
 REMOTE = {"channel": "can7", "site": "lab", "gripper": "left"}
 FAR = replace(with_daemon(hello_remote=REMOTE), is_remote=True, channel="lab.left", interface=None)
 
 
-FLEET_CASES = [
-    Case("protection", facts(), None),
-    Case("protection", with_daemon(health_remote=None), None),
-    Case(
-        "protection",
-        with_daemon(health_remote={"insecure": True, "certificate_expires_s": None}),
-        "warning",
-        "nothing is encrypted",
-        advises="etc/zenoh-certificates",
-    ),
-    Case(
-        "protection",
-        with_daemon(health_remote={"insecure": False, "certificate_expires_s": NOW_S + 31 * DAY_S}),
-        "ok",
-        "good for 31 days",
-    ),
-    Case(
-        "protection",
-        with_daemon(health_remote={"insecure": False, "certificate_expires_s": NOW_S + 29 * DAY_S}),
-        "warning",
-        "good for 29 days",
-        advises="restart the portal",
-    ),
-    Case(
-        "protection",
-        with_daemon(health_remote={"insecure": False, "certificate_expires_s": NOW_S - 1.0}),
-        "error",
-        "is over",
-        advises="restart the portal",
-    ),
-    # What another machine has, is not looked for on this one.
-    Case("daemon", FAR, "ok", "on another machine (there, 'litegripctl -c can7 doctor'"),
-    Case(
-        "daemon",
-        replace(FAR, daemon=None, failure="its gateway is not connected"),
-        "error",
-        "its gateway is not connected",
-        advises="the portal has to run here, with lab.left in [portal]",
-    ),
-    Case(
-        "version",
-        replace(FAR, version="9"),
-        "warning",
-        "the daemon is 1.2.3, this program 9",
-        advises="one version on both machines",
-    ),
-    Case("real-time", FAR, None),
-    Case("link", FAR, None),
-    Case("bit-rate", FAR, None),
-    Case(
-        "channel",
-        replace(FAR, daemon=with_daemon(hello_remote={**REMOTE, "channel": "can0"}).daemon),
-        "ok",
-        "is for can0",
-    ),
-    Case(
-        "channel",
-        FAR,
-        "warning",
-        "is for can0, this is can7",
-        "litegripctl -c can0 enable && litegripctl -c can0 zero",
-        "look at its mount first",
-    ),
-]
+def certified(days: float) -> Facts:
+    """Return facts with a certificate that is good for so long."""
+    expires_s = NOW_S + days * 86_400.0
+    return with_daemon(health_remote={"insecure": False, "certificate_expires_s": expires_s})
+
+
+FLEET_CASES: Cases = {
+    "protection": [
+        Case(with_daemon(health_remote=None)),
+        Case(
+            with_daemon(health_remote={"insecure": True, "certificate_expires_s": None}),
+            "WARNING nothing is encrypted # etc/zenoh-certificates",
+        ),
+        Case(certified(31.0), "OK good for 31 days"),
+        Case(certified(29.0), "WARNING good for 29 days # restart the portal"),
+    ],
+    "daemon": [
+        Case(FAR, "OK on another machine (there, 'litegripctl -c can7 doctor'"),
+        Case(
+            replace(FAR, daemon=None, failure="its gateway is not connected"),
+            "ERROR its gateway is not connected"
+            " # the portal has to run here, with lab.left in [portal]",
+        ),
+    ],
+    "version": [
+        Case(
+            replace(FAR, version="9"),
+            "WARNING the daemon is 1.2.3, this program 9 # one version on both machines",
+        ),
+    ],
+    "channel": [
+        Case(
+            replace(FAR, daemon=with_daemon(hello_remote={**REMOTE, "channel": "can0"}).daemon),
+            "OK is for can0",
+        ),
+        Case(
+            FAR,
+            "WARNING is for can0, this is can7"
+            " $ litegripctl -c can0 enable && litegripctl -c can0 zero"
+            " # look at its mount first",
+        ),
+    ],
+}

@@ -1,12 +1,12 @@
-"""Each check, failing and passing: its level, what it says, and what mends it."""
+"""What checks find by themselves: its level, what it says, and what mends it."""
 
 import subprocess
-from collections import defaultdict
 
 import damiao_motor
 import pytest
 
 from litegrip_client.ctl.commands.machine import CHECKS
+from litegrip_client.ctl.doctor.facts import Facts
 from litegrip_client.ctl.doctor.gripper_checks import (
     CAN_BR_1_MBIT_S,
     IMPLAUSIBLE_OUTSIDE_RAD,
@@ -21,43 +21,72 @@ from litegripd.model.gripper import MOTOR_TYPES
 from litegripd.motor import codec, identity
 from tests.client.doctor.case import Case
 from tests.client.doctor.daemon_cases import DAEMON_CASES
-from tests.client.doctor.fleet_cases import FLEET_CASES
+from tests.client.doctor.fleet_cases import FAR, FLEET_CASES
 from tests.client.doctor.gripper_cases import GRIPPER_CASES
+from tests.client.doctor.known import facts, with_daemon
 from tests.client.doctor.link_cases import LINK_CASES
 
-CASES = [*LINK_CASES, *DAEMON_CASES, *GRIPPER_CASES, *FLEET_CASES]
+TABLES = (LINK_CASES, DAEMON_CASES, GRIPPER_CASES, FLEET_CASES)
+CASES = [(check, case) for table in TABLES for check, cases in table.items() for case in cases]
 BY_NAME = {check.name: check for check in CHECKS}
 
 
-def found_in(case: Case) -> Finding | None:
-    """Return what a case's check finds by itself."""
-    found = BY_NAME[case.check].examine(case.facts)
+def found_in(check: str, case: Case) -> Finding | None:
+    """Return what a check finds by itself."""
+    found = BY_NAME[check].examine(case.facts)
     assert found is None or isinstance(found, Finding)
     return found
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.check}-{case.level}")
-def test_a_check(case: Case) -> None:
-    found = found_in(case)
-    if case.level is None or found is None:
-        assert (case.level, found) == (None, None)
+@pytest.mark.parametrize(("check", "case"), CASES)
+def test_a_check(check: str, case: Case) -> None:
+    found, wanted = found_in(check, case), case.found()
+    if wanted is None or found is None:
+        assert (found, wanted) == (None, None)
         return
-    assert (found.level, found.command) == (case.level, case.command)
-    assert case.says in found.text
-    assert (found.advice is None) is (case.advises is None)
-    assert (case.advises or "") in (found.advice or "")
+    assert (found.level, found.command) == (wanted.level, wanted.command)
+    assert wanted.text in found.text
+    assert (found.advice is None) is (wanted.advice is None)
+    assert (wanted.advice or "") in (found.advice or "")
 
 
-def test_every_check_is_shown_failing_and_passing() -> None:
-    seen = defaultdict(set)
-    for case in CASES:
-        seen[case.check].add("passes" if case.level in (None, "ok") else "fails")
-    assert seen.keys() == BY_NAME.keys()
-    assert all(kinds == {"passes", "fails"} for kinds in seen.values())
+WELL = "configuration device iproute2 network protection scan serial stop teleop"
+"""Of what these check nothing is said where all is well."""
+
+NO_DAEMON = (
+    "bus calibration can-br channel control-mode health ids motor other-master position ranges"
+    " real-time stroke version watchdog"
+)
+NO_CONTROLLER = "adapter bit-rate bus-errors bus-state modes queue restart sample-point"
+
+
+@pytest.mark.parametrize(
+    ("found", "less"),
+    [
+        (facts(), ""),
+        (facts(daemon=None), NO_DAEMON),
+        (facts("vcan"), NO_CONTROLLER),
+        (facts("unset"), "bus-state restart sample-point"),
+        (facts("down"), "bus-state restart"),
+        (facts(None, interface=None, daemon=None), f"link {NO_CONTROLLER} {NO_DAEMON}"),
+        (with_daemon(info_registers={}), "can-br control-mode ids ranges watchdog"),
+        # What another machine has, is not looked for on this one.
+        (FAR, f"link disk real-time {NO_CONTROLLER}"),
+    ],
+)
+def test_nothing_is_said_of_what_is_not_there(found: Facts, less: str) -> None:
+    silent = {check.name for check in CHECKS if check.examine(found) is None}
+    assert silent == {*WELL.split(), *less.split()}
+
+
+def test_every_check_is_shown_passing() -> None:
+    """And failing in the scenes of `tests/symptoms`, which are not told here a second time."""
+    passing = {check for check, case in CASES if (case.finds or "OK").startswith("OK")}
+    assert passing | {*WELL.split()} == BY_NAME.keys()
 
 
 def failing() -> list[Finding]:
-    found = map(found_in, CASES)
+    found = (found_in(check, case) for check, case in CASES)
     return [finding for finding in found if finding is not None and finding.level != "ok"]
 
 

@@ -1,10 +1,12 @@
 """What is asked of the system: iproute2, the kernel's files, devices, users, sockets."""
 
+import grp
 import json
 import os
 import pwd
 import socket
 import subprocess
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -13,6 +15,7 @@ from litegrip_client.ctl.doctor import daemon_checks, gather
 from litegrip_client.ctl.doctor.facts import Configuration, Device, Socket, System
 from litegrip_client.socketcan import link as can_link
 from litegrip_client.socketcan.link import Link
+from tests.client.doctor.conftest import Programs
 from tests.client.doctor.known import LINKS, link
 
 
@@ -35,138 +38,112 @@ def net(tmp_path: Path) -> Path:
     return root
 
 
-@pytest.fixture
-def programs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return the one directory in which programs are looked for."""
-    path = tmp_path / "bin"
-    path.mkdir()
-    monkeypatch.setenv("PATH", str(path))
-    monkeypatch.setattr(can_link, "_ADMIN_PATHS", ())
-    return path
-
-
-def ip_says(programs: Path, script: str) -> None:
-    program = programs / "ip"
-    program.write_text(f"#!/bin/sh\n{script}\n", encoding="utf-8")
-    program.chmod(0o755)
-
-
-def test_iproute2_is_asked_for_one_link(net: Path, programs: Path) -> None:
+def test_iproute2_is_asked_for_one_link(net: Path, programs: Programs) -> None:
     expected = "-details -statistics -json link show can0"
     answer = (LINKS / "healthy.json").read_text(encoding="utf-8")
-    ip_says(programs, f"[ \"$*\" = '{expected}' ] && [ $LC_ALL = C ] && echo '{answer}'")
+    programs.says("ip", f"[ \"$*\" = '{expected}' ] && [ $LC_ALL = C ] && echo '{answer}'")
     assert gather.system("socketcan", "can0", net) == System(
         link("healthy"), None, ("can0", "can1"), "gs_usb", "candleLight USB to CAN adapter"
     )
 
 
-def rename_can0(net: Path, programs: Path) -> None:
+def rename_can0(net: Path, programs: Programs) -> None:
     """Rename can0 to gripper0, in the kernel's files and in what iproute2 says."""
     (net / "can0").rename(net / "gripper0")
     links = json.loads((LINKS / "healthy.json").read_text(encoding="utf-8"))
     answer = json.dumps([{**links[0], "ifname": "gripper0", "ifindex": 3}])
-    ip_says(
-        programs,
+    programs.says(
+        "ip",
         f'[ "$5" = show ] && [ "$6" = gripper0 ] && echo \'{answer}\' && exit 0\n'
         f"echo 'Device \"'$6'\" does not exist.' >&2; exit 1",
     )
 
 
-def test_an_interface_that_is_renamed_is_found_by_its_number(net: Path, programs: Path) -> None:
+def test_an_interface_that_is_renamed_is_found_by_its_number(net: Path, programs: Programs) -> None:
     rename_can0(net, programs)
     asked = gather.system("socketcan", "can0", net, held_index=3)
     assert asked.renamed_from == "can0"
     assert asked.link is not None
     assert (asked.link.name, asked.link.index, asked.link.is_up) == ("gripper0", 3, True)
     assert asked.driver == "gs_usb"
-
-
-def test_another_interface_under_the_old_name_is_not_taken_for_the_daemons(
-    net: Path, programs: Path
-) -> None:
-    (net / "can0").rename(net / "gripper0")
-    (net / "can1").rename(net / "can0")  # without iproute2: the kernel's files tell
-    asked = gather.system("socketcan", "can0", net, held_index=3)
-    assert (asked.renamed_from, asked.link and asked.link.name) == ("can0", "gripper0")
-
-
-def test_an_interface_that_is_gone_is_not_called_renamed(net: Path, programs: Path) -> None:
-    rename_can0(net, programs)
-    for held_index in (None, 99):
+    for held_index in (None, 99):  # one that is gone
         asked = gather.system("socketcan", "can0", net, held_index=held_index)
         assert (asked.renamed_from, asked.link) == (None, None)
 
 
-def test_the_interface_under_its_own_name_is_not_called_renamed(net: Path, programs: Path) -> None:
+@pytest.mark.parametrize(
+    ("renames", "renamed_from", "name"),
+    [
+        ([], None, "can0"),
+        # Another interface under the old name is not taken for the daemon's.
+        ([("can0", "gripper0"), ("can1", "can0")], "can0", "gripper0"),
+    ],
+)
+@pytest.mark.usefixtures("programs")  # without iproute2: the kernel's files tell
+def test_what_has_the_name_is_the_daemons_only_with_its_number(
+    net: Path, renames: list[tuple[str, str]], renamed_from: str | None, name: str
+) -> None:
+    for before, after in renames:
+        (net / before).rename(net / after)
     asked = gather.system("socketcan", "can0", net, held_index=3)
-    assert (asked.renamed_from, asked.link and asked.link.name) == (None, "can0")
+    assert (asked.renamed_from, asked.link and asked.link.name) == (renamed_from, name)
 
 
-def test_whether_systemd_has_the_unit_is_asked(
-    tmp_path: Path, programs: Path, monkeypatch: pytest.MonkeyPatch
+def test_whether_systemd_has_the_unit_and_should_run_the_daemon_is_asked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    directories = (str(tmp_path / "a"), str(programs))
-    monkeypatch.setattr("litegrip_client.core.discovery.UNIT_DIRECTORIES", directories)
-    assert not gather.gather("can4", None, channel_chosen=True).is_unit_installed
-    (programs / "litegripd@.service").touch()
-    assert gather.gather("can4", None, channel_chosen=True).is_unit_installed
+    for name, value in (
+        ("discovery.UNIT_DIRECTORIES", (str(tmp_path / "a"), str(tmp_path))),
+        ("discovery.ENABLED_DIRECTORY", str(tmp_path)),
+        ("sockets.SYSTEM_DIRECTORY", str(tmp_path)),
+    ):
+        monkeypatch.setattr(f"litegrip_client.core.{name}", value)
 
+    def found(channel: str) -> tuple[bool, bool]:
+        facts = gather.gather(channel, None, channel_chosen=True)
+        return facts.is_unit_installed, facts.is_unit_enabled
 
-def test_whether_systemd_should_run_the_daemon_is_asked(
-    tmp_path: Path, programs: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("litegrip_client.core.discovery.ENABLED_DIRECTORY", str(programs))
-    monkeypatch.setattr("litegrip_client.core.sockets.SYSTEM_DIRECTORY", str(tmp_path))
-    (programs / "litegripd@can3.service").symlink_to("/usr/lib/litegripd@.service")
-    assert gather.gather("can3", None, channel_chosen=True).is_unit_enabled
-    assert not gather.gather("can4", None, channel_chosen=True).is_unit_enabled
+    (tmp_path / "litegripd@can3.service").symlink_to("/usr/lib/litegripd@.service")
+    assert (found("can3"), found("can4")) == ((False, True), (False, False))
+    (tmp_path / "litegripd@.service").touch()
+    assert (found("can3"), found("can4")) == ((True, True), (True, False))
 
 
 CONTENT = {"bus": {"interface": "slcan", "channel": "/dev/ttyACM0", "bitrate": 1_000_000}}
 
 
-@pytest.fixture
-def directory(tmp_path: Path, programs: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return the directory of configurations, with one for can0; litegripd is in `programs`."""
-    path = tmp_path / "etc"
-    path.mkdir()
-    (path / "can0.toml").write_text("[bus]\n", encoding="utf-8")
-    monkeypatch.setattr(gather, "DIRECTORY", path)
-    monkeypatch.setattr("sys.executable", str(tmp_path / "nowhere/python"))
-    return path
-
-
-def litegripd_says(programs: Path, script: str) -> None:
-    program = programs / "litegripd"
-    program.write_text(f"#!/bin/sh\n{script}\n", encoding="utf-8")
-    program.chmod(0o755)
-
-
-def test_litegripd_is_asked_what_a_configuration_says(directory: Path, programs: Path) -> None:
+def test_litegripd_is_asked_what_a_configuration_says(directory: Path, programs: Programs) -> None:
     own, common = directory / "can0.toml", directory / "litegripd.toml"
-    assert gather.configuration_file("can1") is None
     for channel, path in (("can0", own), ("can1", common)):
+        assert gather.configuration_file(channel) is None
         path.touch()
         expected = f"{channel} --config {path} --check"
-        litegripd_says(programs, f"[ \"$*\" = '{expected}' ] && echo '{json.dumps(CONTENT)}'")
-        found = gather.configuration_file(channel)
-        assert found == Configuration(str(path), content=CONTENT)
+        said = json.dumps(CONTENT)
+        programs.says("litegripd", f"[ \"$*\" = '{expected}' ] && echo '{said}'")
+        assert gather.configuration_file(channel) == Configuration(str(path), content=CONTENT)
 
 
-def test_a_configuration_that_is_wrong(directory: Path, programs: Path) -> None:
-    litegripd_says(programs, "echo 'litegripd: x.toml: [bus] baud is unknown' >&2; exit 2")
-    found = gather.configuration_file("can0")
-    path = str(directory / "can0.toml")
-    assert found == Configuration(path, error="x.toml: [bus] baud is unknown")
+@pytest.fixture
+def own(directory: Path) -> str:
+    """Return the path of can0's configuration."""
+    path = directory / "can0.toml"
+    path.write_text("[bus]\n", encoding="utf-8")
+    return str(path)
+
+
+def test_a_configuration_that_is_wrong(own: str, programs: Programs) -> None:
+    programs.says("litegripd", "echo 'litegripd: x.toml: [bus] baud is unknown' >&2; exit 2")
+    wrong = Configuration(own, error="x.toml: [bus] baud is unknown")
+    assert gather.configuration_file("can0") == wrong
 
 
 def test_a_configuration_is_known_though_the_calibration_that_it_names_is_wrong(
-    directory: Path, programs: Path
+    own: str, programs: Programs
 ) -> None:
     content = {**CONTENT, "calibration": {"file": "/m.json", "problem": "no calibration: x"}}
-    litegripd_says(programs, f"echo '{json.dumps(content)}'; echo 'litegripd: x' >&2; exit 2")
-    found = gather.configuration_file("can0")
-    assert found == Configuration(str(directory / "can0.toml"), content=content)
+    said = json.dumps(content)
+    programs.says("litegripd", f"echo '{said}'; echo 'litegripd: x' >&2; exit 2")
+    assert gather.configuration_file("can0") == Configuration(own, content=content)
 
 
 @pytest.mark.parametrize(
@@ -180,11 +157,11 @@ def test_a_configuration_is_known_though_the_calibration_that_it_names_is_wrong(
     ],
 )
 def test_a_configuration_that_cannot_be_checked_is_not_called_wrong(
-    directory: Path, programs: Path, script: str | None, why: str, monkeypatch: pytest.MonkeyPatch
+    own: str, programs: Programs, script: str | None, why: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(gather, "CHECK_WITHIN_S", 0.05 if why == "cannot be run" else 9)
     if script is not None:
-        litegripd_says(programs, script)
+        programs.says("litegripd", script)
     found = gather.configuration_file("can0")
     assert found is not None
     assert (found.content, found.error) == (None, None)
@@ -192,16 +169,15 @@ def test_a_configuration_that_cannot_be_checked_is_not_called_wrong(
 
 
 def test_a_configuration_that_this_user_may_not_read(
-    directory: Path, monkeypatch: pytest.MonkeyPatch
+    own: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("os.access", lambda path, mode: False)
-    path = str(directory / "can0.toml")
-    found = gather.configuration_file("can0")
-    assert found == Configuration(path, unchecked="this user may not read it")
+    closed = Configuration(own, unchecked="this user may not read it")
+    assert gather.configuration_file("can0") == closed
 
 
 def test_root_has_a_configuration_read_as_the_user_that_the_daemons_run_as(
-    directory: Path, programs: Path, monkeypatch: pytest.MonkeyPatch
+    own: str, programs: Programs, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Root may read every file."""
     asked: dict[str, object] = {}
@@ -214,12 +190,12 @@ def test_root_has_a_configuration_read_as_the_user_that_the_daemons_run_as(
     monkeypatch.setattr("subprocess.run", run)
     monkeypatch.setattr("os.getuid", lambda: 0)
     monkeypatch.setattr("os.getgrouplist", lambda name, gid: [gid, 20])
-    litegripd_says(programs, "exit 0")
+    programs.says("litegripd", "exit 0")
     entry = pwd.struct_passwd(("litegrip", "x", 991, 992, "", "/", ""))
     monkeypatch.setattr("pwd.getpwnam", {"litegrip": entry}.__getitem__)
     found = gather.configuration_file("can0")
     why = "can0.toml: cannot be read: Permission denied"
-    assert found == Configuration(str(directory / "can0.toml"), error=why, as_user="litegrip")
+    assert found == Configuration(own, error=why, as_user="litegrip")
     assert (asked["user"], asked["group"], asked["extra_groups"]) == (991, 992, [992, 20])
     for uid, users in ((0, {}), (1000, {"litegrip": entry})):  # not installed; not root
         asked.clear()
@@ -237,8 +213,8 @@ def test_whether_there_is_a_can_interface_is_asked(
     assert [gather.is_can(name) for name in ("can0", "eth0", "can9")] == [True, False, False]
 
 
-def test_a_link_that_there_is_not(net: Path, programs: Path) -> None:
-    ip_says(programs, "echo 'Device \"can9\" does not exist.' >&2; exit 1")
+def test_a_link_that_there_is_not(net: Path, programs: Programs) -> None:
+    programs.says("ip", "echo 'Device \"can9\" does not exist.' >&2; exit 1")
     assert gather.system("socketcan", "can9", net) == System(None, None, ("can0", "can1"))
 
 
@@ -252,10 +228,10 @@ def test_a_link_that_there_is_not(net: Path, programs: Path) -> None:
     ],
 )
 def test_without_iproute2_the_kernels_files_tell(
-    net: Path, programs: Path, script: str | None, problem: str
+    net: Path, programs: Programs, script: str | None, problem: str
 ) -> None:
     if script is not None:
-        ip_says(programs, script)
+        programs.says("ip", script)
     found = gather.system("socketcan", "can1", net)
     assert found.link == Link("can1", True, True, queue_frames=10, index=4)
     assert problem in str(found.ip_problem)
@@ -264,73 +240,84 @@ def test_without_iproute2_the_kernels_files_tell(
 
 
 def test_an_iproute2_that_hangs_is_not_waited_for(
-    net: Path, programs: Path, monkeypatch: pytest.MonkeyPatch
+    net: Path, programs: Programs, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(can_link, "IP_WITHIN_S", 0.05)
-    ip_says(programs, "read line < /dev/zero")
+    programs.says("ip", "read line < /dev/zero")
     assert "cannot be run" in str(gather.system("socketcan", "can1", net).ip_problem)
 
 
-def test_a_machine_without_can(tmp_path: Path, programs: Path) -> None:
+def test_a_machine_without_can(tmp_path: Path, programs: Programs) -> None:
     problem = "ip (iproute2) is not installed"
     assert gather.system("socketcan", "can0", tmp_path / "none") == System(None, problem)
 
 
-def test_the_simulator_has_no_adapter(programs: Path) -> None:
+def test_the_simulator_has_no_adapter(programs: Programs) -> None:
     assert gather.system("litegrip_sim", "sim0") == System()
 
 
-def test_the_file_of_an_adapter(tmp_path: Path) -> None:
-    controller, terminal = os.openpty()
-    try:
-        path = os.ttyname(terminal)
-        found = gather.system("slcan", f"{path}@115200").device
-        assert found is not None
-        assert (found.path, found.is_there, found.is_character_device) == (path, True, True)
-        assert found.is_accessible
-    finally:
-        os.close(controller)
-        os.close(terminal)
-    missing = tmp_path / "ttyACM7"
-    assert gather.system("slcan", str(missing)).device == Device(str(missing), False)
-    missing.touch()
-    found = gather.system("slcan", str(missing)).device
+def device(path: str, root: Path = Path("/")) -> Device:
+    """Return what is found of an adapter's file."""
+    found = gather.system("slcan", path, root=root).device
     assert found is not None
+    return found
+
+
+@pytest.fixture
+def port() -> Iterator[str]:
+    """Return the path of a terminal that is there."""
+    controller, terminal = os.openpty()
+    yield os.ttyname(terminal)
+    os.close(controller)
+    os.close(terminal)
+
+
+def test_the_file_of_an_adapter(tmp_path: Path, port: str) -> None:
+    found = device(f"{port}@115200")
+    assert (found.path, found.is_there, found.is_character_device) == (port, True, True)
+    assert found.is_accessible
+    missing = tmp_path / "ttyACM7"
+    assert device(str(missing)) == Device(str(missing), False)
+    missing.touch()
+    found = device(str(missing))
     assert (found.is_there, found.is_character_device) == (True, False)
     assert gather.system("pcan", "PCAN_USBBUS1").device is None
 
 
-def test_who_else_may_open_a_port_and_whether_a_rule_keeps_them_off(tmp_path: Path) -> None:
-    controller, terminal = os.openpty()
-    try:
-        path = os.ttyname(terminal)
+def test_who_else_may_open_a_port_and_whether_a_rule_keeps_them_off(
+    tmp_path: Path, port: str
+) -> None:
+    def found() -> tuple[tuple[str, ...], bool]:
+        told = device(port, tmp_path)
+        return told.probers, told.is_left_alone
 
-        def found() -> tuple[tuple[str, ...], bool]:
-            device = gather.system("slcan", path, root=tmp_path).device
-            assert device is not None
-            return device.probers, device.is_left_alone
+    assert found() == ((), False)
+    (tmp_path / "usr/sbin").mkdir(parents=True)
+    (tmp_path / "usr/sbin/ModemManager").touch()
+    assert found() == (("ModemManager",), False)
+    number = os.stat(port).st_rdev  # noqa: PTH116 - a path of the terminal
+    notes = tmp_path / "run/udev/data"
+    notes.mkdir(parents=True)
+    noted = notes / f"c{os.major(number)}:{os.minor(number)}"
+    noted.write_text("S:serial/by-id/x\nE:ID_MM_CANDIDATE=1\n", encoding="utf-8")
+    assert found() == (("ModemManager",), False)
+    noted.write_text("E:ID_MM_CANDIDATE=1\nE:ID_MM_DEVICE_IGNORE=1\n", encoding="utf-8")
+    assert found() == (("ModemManager",), True)
 
-        assert found() == ((), False)
-        (tmp_path / "usr/sbin").mkdir(parents=True)
-        (tmp_path / "usr/sbin/ModemManager").touch()
-        assert found() == (("ModemManager",), False)
-        number = os.stat(path).st_rdev  # noqa: PTH116 - a path of the terminal
-        notes = tmp_path / "run/udev/data"
-        notes.mkdir(parents=True)
-        noted = notes / f"c{os.major(number)}:{os.minor(number)}"
-        noted.write_text("S:serial/by-id/x\nE:ID_MM_CANDIDATE=1\n", encoding="utf-8")
-        assert found() == (("ModemManager",), False)
-        noted.write_text("E:ID_MM_CANDIDATE=1\nE:ID_MM_DEVICE_IGNORE=1\n", encoding="utf-8")
-        assert found() == (("ModemManager",), True)
-    finally:
-        os.close(controller)
-        os.close(terminal)
+
+def test_a_ports_lasting_name_and_the_other_ports_are_found(tmp_path: Path) -> None:
+    (tmp_path / "dev/serial/by-id").mkdir(parents=True)
+    for name, port in (("ttyACM0", "/dev/null"), ("ttyACM1", "/dev/zero")):
+        (tmp_path / "dev" / name).symlink_to(port)
+        (tmp_path / f"dev/serial/by-id/usb-{name}").symlink_to(f"../../{name}")
+    lasting = f"{tmp_path}/dev/serial/by-id/usb-ttyACM0"
+    found = device(str(tmp_path / "dev/ttyACM0"), tmp_path)
+    assert (found.lasting_path, found.other_ports) == (lasting, 1)
+    found = device(f"{lasting}@115200", tmp_path)
+    assert (found.lasting_path, found.other_ports) == (None, 1)
 
 
 def test_the_user_and_a_group() -> None:
-    import grp  # noqa: PLC0415 - beside its use
-    import pwd  # noqa: PLC0415
-
     entry = pwd.getpwuid(os.getuid())
     own = grp.getgrgid(os.getgid()).gr_name
     found = gather.user(own)
@@ -402,28 +389,12 @@ def test_a_folder_that_is_closed_to_this_user(
     assert [one.is_accessible for one in found] == [False, False]
 
 
-def test_a_ports_lasting_name_and_the_other_ports_are_found(tmp_path: Path) -> None:
-    (tmp_path / "dev/serial/by-id").mkdir(parents=True)
-    for name, port in (("ttyACM0", "/dev/null"), ("ttyACM1", "/dev/zero")):
-        (tmp_path / "dev" / name).symlink_to(port)
-        (tmp_path / f"dev/serial/by-id/usb-{name}").symlink_to(f"../../{name}")
-    own, lasting = str(tmp_path / "dev/ttyACM0"), f"{tmp_path}/dev/serial/by-id/usb-ttyACM0"
-    found = gather.system("slcan", own, root=tmp_path).device
-    assert found is not None
-    assert (found.lasting_path, found.other_ports) == (lasting, 1)
-    found = gather.system("slcan", f"{lasting}@115200", root=tmp_path).device
-    assert found is not None
-    assert (found.lasting_path, found.other_ports) == (None, 1)
-
-
 @pytest.mark.parametrize("name", ["can0.toml.txt", "CAN0.toml", "can0.conf", "can0.toml/"])
-def test_a_file_with_another_name_than_a_daemon_reads_is_found(
-    tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(gather, "DIRECTORY", tmp_path / "etc")
-    assert gather._misnamed("can0") is None
-    path = tmp_path / "etc" / name
-    path.parent.mkdir()
+def test_a_file_with_another_name_than_a_daemon_reads_is_found(directory: Path, name: str) -> None:
+    def found(channel: str) -> str | None:
+        return gather.gather(channel, None, channel_chosen=True).misnamed
+
+    assert found("can0") is None
+    path = directory / name
     path.mkdir() if name.endswith("/") else path.touch()
-    assert gather._misnamed("can0") == str(path)
-    assert gather._misnamed("can1") is None
+    assert (found("can0"), found("can1")) == (str(path), None)

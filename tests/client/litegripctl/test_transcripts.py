@@ -1,3 +1,4 @@
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,9 +17,10 @@ def stage(
     home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> Iterator[Stage]:
     monkeypatch.setenv("TZ", "UTC")
+    time.tzset()
     with a_bench(home) as site:
         monkeypatch.setenv("LITEGRIP_TRAJ_DIR", str(tmp_path / "mine"))
-        yield Stage(site, run_ctl(capsys), tmp_path)
+        yield Stage(site, run_ctl(capsys), tmp_path, monkeypatch)
 
 
 @pytest.mark.parametrize("scene", SCENES, ids=lambda scene: scene[0].replace(" ", "_"))

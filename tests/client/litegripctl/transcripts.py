@@ -47,8 +47,8 @@ def scenes_of(path: Path) -> Iterator[Scene]:
 class Stage:
     """A gripper's machine, on which a scene is played; its public methods are what may happen."""
 
-    def __init__(self, site: Bench, ctl: Ctl, folder: Path) -> None:
-        self._site, self._ctl, self._folder = site, ctl, folder
+    def __init__(self, site: Bench, ctl: Ctl, folder: Path, patch: pytest.MonkeyPatch) -> None:
+        self._site, self._ctl, self._folder, self._patch = site, ctl, folder, patch
         self._daemon = Heard()
         site.add(self._daemon)
         self._other = self._daemon.client(pid=77, uid=1000)
@@ -83,6 +83,7 @@ class Stage:
                 patch.setattr("sys.stdin", here)
                 patch.setattr(sys.stderr, "isatty", lambda: True)
             code, shown, told = self._ctl(*arguments)
+        assert all(stream.hung_up for stream in self._daemon.streams), "a connection is left open"
         assert self._answers in ([], [_NOBODY])
         self._answers = []
         lines = [*shown.splitlines(), *(f"! {line}" for line in told.splitlines())]
@@ -202,14 +203,12 @@ class Stage:
     def stumbles(self, rest: str) -> None:
         """The daemon refuses a step of the calibration by hand once, with a message and data."""
         step, reason, text = rest.split(" ", 2)
-        message, _, data = text.partition(' {"')
-        more = json.loads('{"' + data) if data else {}
 
         def refuse(request: Asked) -> Refuse | None:
             if request.params["step"] != step:
                 return None
             del self._daemon.instead["calibration.manual"]
-            return Refuse(reason, ERRORS[reason].code, sentence(message), **more)
+            return _refusal(reason, text)
 
         self._daemon.instead["calibration.manual"] = refuse
 
@@ -226,9 +225,25 @@ class Stage:
         self._daemon.instead["hello"] = {**own, **json.loads(text)}
 
     def refuses(self, rest: str) -> None:
-        """The daemon refuses a method for a reason, with a message."""
-        method, reason, message = rest.split(" ", 2)
-        self._daemon.instead[method] = Refuse(reason, ERRORS[reason].code, sentence(message))
+        """The daemon refuses a method for a reason, with a message and data."""
+        method, reason, text = rest.split(" ", 2)
+        self._daemon.instead[method] = _refusal(reason, text)
+
+    def noon(self, _rest: str) -> None:
+        """The daemon's clock shows 1000 s at noon in UTC."""
+        self.hello('{"monotonic_s": 1000.0}')
+        self._patch.setattr("litegrip_client.ctl.render.time", lambda: 43_200.0)
+
+    def variable(self, setting: str) -> None:
+        """A variable of the environment is set: NAME=VALUE."""
+        self._patch.setenv(*setting.split("=", 1))
+
+    def lacks(self, names: str) -> None:
+        """The state is an older daemon's, which does not have these members."""
+        state = self._daemon.wire_state
+        self._daemon.instead["state.get"] = {
+            name: value for name, value in state.items() if name not in names.split()
+        }
 
     def hangs_up(self, method: str) -> None:
         """The daemon ends as soon as it is asked this."""
@@ -248,9 +263,16 @@ class Stage:
 
     def trajectory(self, name: str) -> None:
         """A trajectory of 300 samples lies where those of this side are."""
+        self._mine(name, lgt(POINTS))
+
+    def cut(self, name: str) -> None:
+        """One that lacks its last byte does."""
+        self._mine(name, lgt(POINTS)[:-1])
+
+    def _mine(self, name: str, content: bytes) -> None:
         path = self._folder / "mine" / name
         path.parent.mkdir(exist_ok=True)
-        path.write_bytes(lgt(POINTS))
+        path.write_bytes(content)
 
     def holds(self, rest: str) -> None:
         """A file of the folder is found to have this content."""
@@ -282,10 +304,20 @@ _NUMBER = r"[-+]?[0-9.]+"
 
 
 def _has(actual: Any, wished: Any) -> bool:
-    """Return True if an object has at least the wished members."""
+    """Return True if an object has at least the wished members, and so have those of a list."""
     if isinstance(wished, dict) and isinstance(actual, dict):
         return all(name in actual and _has(actual[name], one) for name, one in wished.items())
+    if isinstance(wished, list) and isinstance(actual, list):
+        return len(actual) == len(wished) and all(map(_has, actual, wished))
     return bool(actual == wished)
+
+
+def _refusal(reason: str, text: str) -> Refuse:
+    """Return a refusal with a message and, behind that, its data."""
+    message, _, data = text.partition(' {"')
+    more = _marked(json.loads('{"' + data)) if data else {}
+    more.pop("terms", None)  # which a refusal tells of itself
+    return Refuse(reason, ERRORS[reason].code, sentence(message), **more)
 
 
 def _marked(value: Any) -> Any:

@@ -2,12 +2,13 @@
 
 import errno
 import importlib.util
-import json
 import os
 import re
 import shutil
 import subprocess
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -16,79 +17,51 @@ import tomli
 from litegrip_client.ctl import install
 from litegrip_client.ctl.commands import machine
 from litegrip_client.ctl.install import Wanted
-from litegrip_client.ctl.main import main
 from litegrip_client.values import atomic_file
 from litegrip_client.values.errors import CommandError, ConnectError
 from litegripd.app.main import EXIT_NO_PACKAGES, EXIT_USAGE
+from tests.client.units.system import CONFIGURATION, PROGRAMS, RULES, UNIT, UNITS, System
 
-PROGRAMS = "/opt/grippers/bin"
-UNITS = "usr/local/lib/systemd/system"
 OLD_RULES = "usr/local/lib/udev/rules.d/80-litegrip.rules"
 NETWORK = "usr/local/lib/systemd/network/80-litegrip.network"
 LINK = "usr/local/lib/systemd/network/80-litegrip.link"
-RULES = "usr/local/lib/udev/rules.d/85-litegrip.rules"
-CONFIGURATION = "etc/litegripd/litegripd.toml"
+DROP_IN = f"{UNIT}.d/serial.conf"
 SOURCES = Path(__file__).parents[3]
 
 
-def put(root: Path, *channels: str, serial: bool = False, fleet: bool = False) -> dict[str, str]:
-    done = install.install(root, Wanted(channels, serial, fleet), PROGRAMS)
-    return {str(Path(one.path).relative_to(root)): one.what for one in done}
-
-
-def enable(root: Path, name: str, by: str = "litegripd.target") -> Path:
-    link = root / f"etc/systemd/system/{by}.wants/{name}"
-    link.parent.mkdir(parents=True, exist_ok=True)
-    link.symlink_to(f"/{UNITS}/litegripd@.service")
-    return link
-
-
-def start(root: Path, name: str) -> None:
-    """Have systemd note that a unit runs."""
-    note = root / f"run/systemd/units/invocation:{name}"
-    note.parent.mkdir(parents=True, exist_ok=True)
-    note.symlink_to("0123456789abcdef0123456789abcdef")
-
-
-def test_the_unit_runs_the_programs_of_the_environment(tmp_path: Path) -> None:
-    done = put(tmp_path)
-    assert done == {
-        f"{UNITS}/litegripd@.service": "installed",
+def test_the_unit_runs_the_programs_of_the_environment(system: System) -> None:
+    assert system.put() == {
+        UNIT: "installed",
         f"{UNITS}/litegripd.target": "installed",
         f"{UNITS}/litegripd-web.service": "installed",
         "usr/local/lib/sysusers.d/litegripd.conf": "installed",
         "usr/local/lib/tmpfiles.d/litegripd.conf": "installed",
         CONFIGURATION: "installed",
     }
-    unit = (tmp_path / UNITS / "litegripd@.service").read_text()
+    unit = system.read(UNIT)
     assert f"ExecStart={PROGRAMS}/litegripd %i\n" in unit
     assert f"ExecReload={PROGRAMS}/litegripctl -c %i restart --hold\n" in unit
     assert "Documentation=file:///opt/grippers/share/man/man8/litegripd.8\n" in unit
-    page = (tmp_path / UNITS / "litegripd-web.service").read_text()
+    page = system.read(f"{UNITS}/litegripd-web.service")
     assert f"ExecStart={PROGRAMS}/litegripd-web --token-file" in page
     assert "/opt/litegripd/" not in unit + page
 
 
-def test_a_fleets_parts_are_installed_on_request_and_then_renewed(tmp_path: Path) -> None:
-    wanted = {
-        f"{UNITS}/litegripd-fleet@.service",
-        "usr/local/lib/sysusers.d/litegripd-fleet.conf",
-        "etc/litegripd/fleet.toml",
-    }
-    assert not wanted & put(tmp_path).keys()
-    done = put(tmp_path, fleet=True)
+def test_a_fleets_parts_are_installed_on_request_and_then_renewed(system: System) -> None:
+    unit = f"{UNITS}/litegripd-fleet@.service"
+    users = "usr/local/lib/sysusers.d/litegripd-fleet.conf"
+    wanted = {unit, users, "etc/litegripd/fleet.toml"}
+    assert not wanted & system.put().keys()
+    done = system.put("--fleet")
     assert {path for path in wanted if done[path] == "installed"} == wanted
-    unit = (tmp_path / UNITS / "litegripd-fleet@.service").read_text()
-    assert f"ExecStart={PROGRAMS}/litegripd-fleet %i\n" in unit
-    assert "/opt/litegripd/" not in unit
-    assert wanted <= put(tmp_path).keys()
-    users = (tmp_path / "usr/local/lib/sysusers.d/litegripd-fleet.conf").read_text()
+    assert f"ExecStart={PROGRAMS}/litegripd-fleet %i\n" in system.read(unit)
+    assert "/opt/litegripd/" not in system.read(unit)
+    assert wanted <= system.put().keys()
     for part in ("gateway", "portal", "router"):
-        assert f"u litegrip-{part} " in users
-        assert f"m litegrip-{part} litegrip-fleet" in users
-    removed = {str(Path(one.path).relative_to(tmp_path)) for one in install.uninstall(tmp_path)}
-    assert wanted <= removed  # the configuration is named, and kept
-    assert (tmp_path / "etc/litegripd/fleet.toml").exists()
+        assert f"u litegrip-{part} " in system.read(users)
+        assert f"m litegrip-{part} litegrip-fleet" in system.read(users)
+    assert wanted <= system.put("--uninstall").keys()  # the configuration is named, and kept
+    assert "etc/litegripd/fleet.toml" in system.files()
 
 
 def test_what_only_a_person_can_mend_is_not_tried_again() -> None:
@@ -115,29 +88,27 @@ TMPFILES = shutil.which("systemd-tmpfiles")
 
 
 @pytest.mark.skipif(TMPFILES is None or os.getuid() != 0, reason="it takes systemd, and root")
-def test_another_group_in_a_directory_of_all_keeps_what_is_its_own(tmp_path: Path) -> None:
-    put(tmp_path)
-    (tmp_path / "etc/passwd").write_text("root:x:0:0::/:/bin/sh\nlitegrip:x:971:972::/:/bin/sh\n")
-    (tmp_path / "etc/group").write_text("root:x:0:\nlitegrip:x:972:\nrobots:x:973:\n")
+def test_another_group_in_a_directory_of_all_keeps_what_is_its_own(system: System) -> None:
+    system.put()
+    system.write("etc/passwd", "root:x:0:0::/:/bin/sh\nlitegrip:x:971:972::/:/bin/sh\n")
+    system.write("etc/group", "root:x:0:\nlitegrip:x:972:\nrobots:x:973:\n")
     for name in ("run/litegripd", "var/lib/litegripd"):
-        of_robots = tmp_path / name / "can1.sock"
-        of_robots.parent.mkdir(parents=True)
-        of_robots.touch()
+        of_robots = system.write(f"{name}/can1.sock")
         for path in (of_robots, of_robots.parent):  # as systemd has left it for Group=robots
             os.chown(path, 971, 973)
-    command = [str(TMPFILES), "--create", f"--root={tmp_path}", "litegripd.conf"]
+    command = [str(TMPFILES), "--create", f"--root={system.root}", "litegripd.conf"]
     subprocess.run(command, check=True)
     for name, mode in (("run/litegripd", 0o755), ("var/lib/litegripd", 0o750)):
-        found = (tmp_path / name).stat()
+        found = (system.root / name).stat()
         assert (found.st_uid, found.st_gid, found.st_mode & 0o7777) == (971, 972, mode)
-        inside = (tmp_path / name / "can1.sock").stat()
+        inside = (system.root / name / "can1.sock").stat()
         assert (inside.st_uid, inside.st_gid) == (971, 973)
 
 
-def test_all_may_read_it_whatever_the_umask(tmp_path: Path) -> None:
+def test_all_may_read_it_whatever_the_umask(system: System) -> None:
     before = os.umask(0o077)
     try:
-        paths = [tmp_path / path for path in put(tmp_path)]
+        paths = [system.root / path for path in system.put()]
     finally:
         os.umask(before)
     assert {path.stat().st_mode & 0o777 for path in paths} == {0o644}
@@ -153,183 +124,163 @@ def test_what_is_installed_is_what_the_sources_have() -> None:
     ).read_text(encoding="utf-8")
 
 
-def test_a_second_time_changes_nothing(tmp_path: Path) -> None:
-    put(tmp_path, "can0", serial=True)
-    assert set(put(tmp_path, "can0", serial=True).values()) == {"unchanged"}
+def test_a_second_time_changes_nothing(system: System) -> None:
+    system.put("--can=can0", "--serial")
+    assert set(system.put("--can=can0", "--serial").values()) == {"unchanged"}
 
 
-def test_an_older_unit_is_replaced_but_no_configuration(tmp_path: Path) -> None:
-    put(tmp_path)
-    (tmp_path / UNITS / "litegripd@.service").write_text("of an older version")
-    (tmp_path / CONFIGURATION).write_text("# mine")
-    done = put(tmp_path)
-    assert done[f"{UNITS}/litegripd@.service"] == "replaced"
-    assert done[CONFIGURATION] == "kept"
-    assert (tmp_path / CONFIGURATION).read_text() == "# mine"
+def test_an_older_unit_is_replaced_but_no_configuration(system: System) -> None:
+    system.put()
+    system.write(UNIT, "of an older version")
+    system.write(CONFIGURATION, "# mine")
+    done = system.put()
+    assert (done[UNIT], done[CONFIGURATION]) == ("replaced", "kept")
+    assert system.read(CONFIGURATION) == "# mine"
 
 
-def test_udev_brings_exactly_the_named_interfaces_up(tmp_path: Path) -> None:
-    put(tmp_path, "can0", "arm_can1")
-    rule = (tmp_path / RULES).read_text()
+def test_udev_brings_exactly_the_named_interfaces_up(system: System) -> None:
+    system.put("--can=can0", "--can=arm_can1")
+    rule = system.read(RULES)
     assert ' ENV{.LITEGRIP_NAME}=="can0|arm_can1", ATTR{tx_queue_len}="10", RUN+=' in rule
     assert re.findall(r"can\d", re.sub(r"^#.*", "", rule, flags=re.M)) == ["can0", "can1"]
 
 
-def test_an_interface_is_known_by_its_last_name_and_not_by_the_kernels(tmp_path: Path) -> None:
+def test_an_interface_is_known_by_its_last_name_and_not_by_the_kernels(system: System) -> None:
     """At its next plug one that was renamed comes as can0 again."""
-    put(tmp_path, "left")
-    rule = tmp_path / RULES
-    assert rule.name > "80-net-setup-link.rules"  # which gives the name; udev sorts by file name
-    naming, line = [one for one in rule.read_text().splitlines() if one[:1] not in ("", "#")]
+    system.put("--can=left")
+    by_name = RULES.rpartition("/")[2]  # by which udev sorts
+    assert by_name > "80-net-setup-link.rules"  # which gives the name
+    naming, line = [one for one in system.read(RULES).splitlines() if one[:1] not in ("", "#")]
     assert naming.endswith(', ENV{.LITEGRIP_NAME}="$name"')
     assert ', ENV{.LITEGRIP_NAME}=="left",' in line
     assert "KERNEL" not in naming + line
     assert set(re.findall(r"ip link set (\S+)", line)) == {"$name"}
 
 
-def test_an_adapter_that_refuses_to_restart_by_itself_comes_up_all_the_same(tmp_path: Path) -> None:
-    put(tmp_path, "can0")
-    assert re.findall(
-        r'RUN\+="/sbin/ip link set \$name ([^"]*)"', (tmp_path / RULES).read_text()
-    ) == [
+def test_an_adapter_that_refuses_to_restart_by_itself_comes_up_all_the_same(
+    system: System,
+) -> None:
+    system.put("--can=can0")
+    assert re.findall(r'RUN\+="/sbin/ip link set \$name ([^"]*)"', system.read(RULES)) == [
         "type can bitrate 1000000",
         "type can restart-ms 100",
         "up",
     ]
 
 
-def test_interfaces_of_an_earlier_call_stay(tmp_path: Path) -> None:
-    put(tmp_path, "can0", "arm_can1")
-    put(tmp_path, "can7", "can0")
-    assert '_NAME}=="can0|arm_can1|can7"' in (tmp_path / RULES).read_text()
+def test_interfaces_of_an_earlier_call_stay(system: System) -> None:
+    system.put("--can=can0", "--can=arm_can1")
+    system.put("--can=can7", "--can=can0")
+    assert '_NAME}=="can0|arm_can1|can7"' in system.read(RULES)
 
 
-def test_an_upgrade_renews_what_earlier_calls_installed(tmp_path: Path) -> None:
-    put(tmp_path, "can0", "can1", serial=True)
-    drop_in = tmp_path / UNITS / "litegripd@.service.d/serial.conf"
-    rule = tmp_path / RULES
-    contents = [path.read_text() for path in (rule, drop_in)]
-    rule.write_text('# old\nACTION=="add", SUBSYSTEM=="net", KERNEL=="can0|can1", RUN+="old"\n')
-    drop_in.write_text("# old")
-    done = put(tmp_path)
-    assert (done[RULES], done[str(drop_in.relative_to(tmp_path))]) == ("replaced", "replaced")
-    assert [path.read_text() for path in (rule, drop_in)] == contents
+def test_an_upgrade_renews_what_earlier_calls_installed(system: System) -> None:
+    system.put("--can=can0", "--can=can1", "--serial")
+    contents = [system.read(path) for path in (RULES, DROP_IN)]
+    system.write(RULES, '# old\nACTION=="add", SUBSYSTEM=="net", KERNEL=="can0|can1", RUN+="old"\n')
+    system.write(DROP_IN, "# old")
+    done = system.put()
+    assert (done[RULES], done[DROP_IN]) == ("replaced", "replaced")
+    assert [system.read(path) for path in (RULES, DROP_IN)] == contents
 
 
-@pytest.mark.usefixtures("usable")
 def test_with_serial_ports_others_are_kept_off_them_by_a_rule_behind_theirs(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    system: System,
 ) -> None:
-    assert main(["install-units", "--root", str(tmp_path), "--serial", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert [command for command in told["next"] if command.startswith("udevadm")] == [
+    assert [command for command in system.next("--serial") if command.startswith("udevadm")] == [
         "udevadm control --reload",
         "udevadm trigger --subsystem-match=tty",
     ]
-    rule = tmp_path / install.SERIAL_RULES
-    assert rule.name > "90-brltty-device.rules"
-    lines = rule.read_text(encoding="utf-8").splitlines()
+    assert install.SERIAL_RULES.rpartition("/")[2] > "90-brltty-device.rules"
+    lines = system.read(install.SERIAL_RULES).splitlines()
     labels = {line.split('"')[1] for line in lines if line.startswith("LABEL")}
     jumps = {part.split('"')[1] for line in lines for part in line.split("GOTO=")[1:]}
     assert jumps == labels
     assert sum('GOTO="litegrip_serial"' in line for line in lines) >= 7
     assert 'ENV{ID_MM_DEVICE_IGNORE}="1", ENV{ID_MM_PORT_IGNORE}="1"' in lines
-    assert main(["install-units", "--root", str(tmp_path), "--serial", "--json"]) == 0
-    again = json.loads(capsys.readouterr().out)["next"]
-    assert not any("trigger" in command for command in again)
+    assert not any("trigger" in command for command in system.next("--serial"))
 
 
-def use_networkd(root: Path) -> None:
-    wants = root / "etc/systemd/system/multi-user.target.wants"
-    wants.mkdir(parents=True)
-    (wants / "systemd-networkd.service").symlink_to("/lib/systemd/system/systemd-networkd.service")
+def use_networkd(system: System) -> None:
+    system.write("etc/systemd/system/multi-user.target.wants/systemd-networkd.service")
 
 
-def write(root: Path, name: str, content: str) -> Path:
-    path = root / name
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(content)
-    return path
-
-
-def of_earlier_versions(root: Path) -> list[Path]:
+def of_earlier_versions(system: System) -> set[str]:
     """Install what they did: with systemd-networkd the last two, else the first."""
-    return [
-        write(root, OLD_RULES, '# old\nACTION=="add", SUBSYSTEM=="net", KERNEL=="can0", RUN+=""\n'),
-        write(root, NETWORK, "# old\n\n[Match]\nName=can1 can2\n\n[CAN]\nRestartSec=100ms\n"),
-        write(root, LINK, "# old\n\n[Match]\nOriginalName=can1 can2\n"),
-    ]
+    rule = '# old\nACTION=="add", SUBSYSTEM=="net", KERNEL=="can0", RUN+=""\n'
+    system.write(OLD_RULES, rule)
+    system.write(NETWORK, "# old\n\n[Match]\nName=can1 can2\n\n[CAN]\nRestartSec=100ms\n")
+    system.write(LINK, "# old\n\n[Match]\nOriginalName=can1 can2\n")
+    return {OLD_RULES, NETWORK, LINK}
 
 
-def test_an_upgrade_replaces_what_brought_interfaces_up_before(tmp_path: Path) -> None:
-    of_earlier_versions(tmp_path)
-    done = put(tmp_path)
+def test_an_upgrade_replaces_what_brought_interfaces_up_before(system: System) -> None:
+    paths = of_earlier_versions(system)
+    done = system.put()
     assert done[RULES] == "installed"
-    assert {done[path] for path in (OLD_RULES, NETWORK, LINK)} == {"removed"}
-    assert '_NAME}=="can0|can1|can2",' in (tmp_path / RULES).read_text()
-    assert set(put(tmp_path).values()) <= {"unchanged", "kept"}
+    assert {done[path] for path in paths} == {"removed"}
+    assert '_NAME}=="can0|can1|can2",' in system.read(RULES)
+    assert set(system.put().values()) <= {"unchanged", "kept"}
 
 
-def test_what_earlier_versions_installed_is_removed(tmp_path: Path) -> None:
-    paths = of_earlier_versions(tmp_path)
-    assert {one.what for one in install.uninstall(tmp_path)} == {"removed"}
-    assert not any(path.exists() for path in paths)
+def test_what_earlier_versions_installed_is_removed(system: System) -> None:
+    paths = of_earlier_versions(system)
+    assert system.put("--uninstall") == dict.fromkeys(paths, "removed")
+    assert not system.files()
 
 
-def test_systemd_networkd_has_no_say_in_it(tmp_path: Path) -> None:
+def test_systemd_networkd_has_no_say_in_it(system: System) -> None:
     """It leaves alone what it has no file for; with RestartSec= it fails on some drivers."""
-    use_networkd(tmp_path)
-    assert put(tmp_path, "can0")[RULES] == "installed"
-    assert not list(tmp_path.glob("**/*.network"))
+    use_networkd(system)
+    assert system.put("--can=can0")[RULES] == "installed"
+    assert not [path for path in system.files() if path.endswith(".network")]
 
 
-def test_removal_takes_all_but_configuration_and_data(tmp_path: Path) -> None:
-    put(tmp_path, "can0", serial=True)
-    kept = tmp_path / "var/lib/litegripd/can0_calibration.json"
-    kept.parent.mkdir(parents=True)
-    kept.write_text("{}")
-    install.uninstall(tmp_path)
-    left = {path.relative_to(tmp_path) for path in tmp_path.rglob("*") if path.is_file()}
-    assert left == {Path(CONFIGURATION), kept.relative_to(tmp_path)}
-    assert not (tmp_path / UNITS / "litegripd@.service.d").exists()
-    assert [one.what for one in install.uninstall(tmp_path)] == ["kept"]
+def test_removal_takes_all_but_configuration_and_data(system: System) -> None:
+    system.put("--can=can0", "--serial")
+    data = "var/lib/litegripd/can0_calibration.json"
+    system.write(data, "{}")
+    told = system.shows("--uninstall")
+    assert f"removed    {system.root}/{UNITS}/litegripd.target" in told
+    assert system.files() == {CONFIGURATION, data}
+    assert not (system.root / f"{UNIT}.d").exists()
+    assert system.put("--uninstall") == {CONFIGURATION: "kept"}
 
 
-def test_a_drop_in_of_the_administrator_stays(tmp_path: Path) -> None:
-    put(tmp_path, serial=True)
-    mine = tmp_path / UNITS / "litegripd@.service.d/mine.conf"
-    mine.write_text("[Service]\n")
-    install.uninstall(tmp_path)
+@pytest.mark.parametrize("word", ["--serial", "--fleet", "--can=can0"])
+def test_removal_is_of_everything(system: System, word: str) -> None:
+    assert system.refusal("--uninstall", word)[0] == "--uninstall removes everything"
+
+
+def test_a_drop_in_of_the_administrator_stays(system: System) -> None:
+    system.put("--serial")
+    mine = system.write(f"{UNIT}.d/mine.conf", "[Service]\n")
+    system.put("--uninstall")
     assert mine.exists()
 
 
-def test_nothing_is_removed_while_a_daemon_is_enabled(tmp_path: Path) -> None:
-    put(tmp_path)
-    link = enable(tmp_path, "litegripd@can0.service")
-    enable(tmp_path, "litegripd@can0.service", "sys-subsystem-net-devices-can0.device")
-    enable(tmp_path, "litegripd.target", "multi-user.target")
-    with pytest.raises(
-        CommandError, match=r"enabled or running: litegripd\.target, litegripd@can0"
-    ) as refused:
-        install.uninstall(tmp_path)
-    assert refused.value.hint == "first: systemctl disable --now litegripd.target litegripd@can0"
-    assert link.is_symlink()
-    assert (tmp_path / UNITS / "litegripd@.service").exists()
+@pytest.mark.parametrize("is_enabled", [True, False])
+def test_nothing_is_removed_while_a_daemon_is_enabled_or_runs(
+    system: System, *, is_enabled: bool
+) -> None:
+    system.put()
+    if is_enabled:
+        system.enable("litegripd@can0.service")
+        system.enable("litegripd@can0.service", "sys-subsystem-net-devices-can0.device")
+        system.enable("litegripd.target", "multi-user.target")
+    else:
+        system.start("litegripd@can0")
+    before = sorted(system.root.rglob("*"))
+    message, hint = system.refusal("--uninstall")
+    names = "litegripd.target litegripd@can0" if is_enabled else "litegripd@can0"
+    assert message == f"enabled or running: {names.replace(' ', ', ')}"
+    assert hint == f"first: systemctl disable --now {names}"
+    assert sorted(system.root.rglob("*")) == before
 
 
-def test_nothing_is_removed_while_a_daemon_runs_that_is_not_enabled(tmp_path: Path) -> None:
-    put(tmp_path)
-    start(tmp_path, "litegripd@can0.service")
-    with pytest.raises(CommandError, match=r"enabled or running: litegripd@can0\n") as refused:
-        install.uninstall(tmp_path)
-    assert refused.value.hint == "first: systemctl disable --now litegripd@can0"
-    assert (tmp_path / UNITS / "litegripd@.service").exists()
-
-
-def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
-    (tmp_path / "usr").write_text("a file in place of the directory")
-    with pytest.raises(CommandError, match=r"litegripd@\.service cannot be written"):
-        put(tmp_path)
+def test_a_place_that_cannot_be_written_is_named(system: System) -> None:
+    system.write("usr", "a file in place of the directory")
+    assert "litegripd@.service cannot be written" in system.refusal()[0]
 
 
 @pytest.mark.parametrize(
@@ -341,7 +292,7 @@ def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     ],
 )
 def test_what_helps_where_nothing_can_be_written_depends_on_why(
-    tmp_path: Path, number: int, hint: str, monkeypatch: pytest.MonkeyPatch
+    system: System, number: int, hint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Root is told to be root by no command, where /etc is part of an image."""
 
@@ -349,9 +300,9 @@ def test_what_helps_where_nothing_can_be_written_depends_on_why(
         raise OSError(number, os.strerror(number))
 
     monkeypatch.setattr(atomic_file, "write", refuse)
-    with pytest.raises(CommandError, match=os.strerror(number)) as caught:
-        put(tmp_path)
-    assert str(caught.value.data["hint"]).startswith(hint)
+    message, told = system.refusal()
+    assert os.strerror(number) in message
+    assert told.startswith(hint)
 
 
 @pytest.mark.parametrize(
@@ -361,37 +312,21 @@ def test_what_helps_where_nothing_can_be_written_depends_on_why(
         ("/tmp/venv/bin", "cannot see it"),
         ("/opt/my venv/bin", "characters"),
         ("/opt/100%/bin", "characters"),
+        ("/nowhere/bin", "there is no program litegripd"),
     ],
 )
 def test_an_environment_that_the_unit_cannot_use_is_refused(
     monkeypatch: pytest.MonkeyPatch, directory: str, complaint: str
 ) -> None:
     monkeypatch.setattr("sysconfig.get_path", lambda _name: directory)
-    monkeypatch.setattr(Path, "is_file", lambda _path: True)
+    monkeypatch.setattr(Path, "is_file", lambda path: "nowhere" not in str(path))
     with pytest.raises(CommandError, match=complaint):
         install.program_directory()
 
 
-def test_an_environment_without_the_daemon_is_refused(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    monkeypatch.setattr("sysconfig.get_path", lambda _name: str(tmp_path))
-    with pytest.raises(CommandError, match="there is no program litegripd"):
-        install.program_directory()
-
-
-@pytest.fixture
-def usable(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(install, "program_directory", lambda: PROGRAMS)
-
-
-@pytest.mark.usefixtures("usable")
-def test_the_command_tells_what_it_did_and_what_comes_next(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["install-units", "--root", str(tmp_path), "--can", "can1"]) == 0
-    out = capsys.readouterr().out
-    assert f"installed  {tmp_path}/{UNITS}/litegripd@.service" in out
+def test_the_command_tells_what_it_did_and_what_comes_next(system: System) -> None:
+    out = system.shows("--can", "can1")
+    assert f"installed  {system.root}/{UNIT}" in out
     for command in (
         "systemd-sysusers",
         "systemctl daemon-reload",
@@ -402,92 +337,85 @@ def test_the_command_tells_what_it_did_and_what_comes_next(
         assert f"\n  {command}" in out
 
 
-@pytest.mark.usefixtures("usable")
-def test_the_command_says_to_read_anew_what_was_removed(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    use_networkd(tmp_path)
-    of_earlier_versions(tmp_path)
-    assert main(["install-units", "--root", str(tmp_path), "--json"]) == 0
-    upgrading = json.loads(capsys.readouterr().out)["next"]
+def test_the_command_says_to_read_anew_what_was_removed(system: System) -> None:
+    use_networkd(system)
+    of_earlier_versions(system)
+    upgrading = system.next()
     assert upgrading[1:4] == [
         "systemctl daemon-reload",
         "networkctl reload",
         "udevadm control --reload",
     ]
     assert not any("trigger" in command for command in upgrading)
-    of_earlier_versions(tmp_path)
-    assert main(["install-units", "--root", str(tmp_path), "--uninstall", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["next"] == upgrading[1:4]
-    assert main(["install-units", "--root", str(tmp_path), "--uninstall", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["next"] == []
+    of_earlier_versions(system)
+    assert system.next("--uninstall") == upgrading[1:4]
+    assert system.next("--uninstall") == []
 
 
-@pytest.mark.usefixtures("usable")
-def test_the_command_names_a_copy_of_what_is_no_longer_installed(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+USER = "usermod --append --groups litegrip USER   # who may use the grippers"
+
+
+@pytest.mark.parametrize(
+    ("running", "enabled", "words", "ends"),
+    [
+        ("litegripd@can0", "", "", ["systemctl reload litegripd@can0"]),
+        # What has a new drop-in counts from a restart on.
+        ("litegripd@can0", "", "--serial", ["systemctl restart litegripd@can0"]),
+        # What is enabled and has ended is started and not reloaded.
+        (
+            "litegripd@can1",
+            "litegripd@can0",
+            "",
+            ["systemctl reload litegripd@can1", "systemctl start litegripd@can0"],
+        ),
+        # Page and fleet cannot reload.
+        (
+            "litegripd@can0 litegripd-web litegripd-fleet@portal",
+            "",
+            "",
+            [
+                "systemctl reload litegripd@can0",
+                "systemctl restart litegripd-fleet@portal litegripd-web",
+            ],
+        ),
+        # A second interface leaves the first daemon alone.
+        (
+            "litegripd@can0",
+            "litegripd@can0",
+            "--can=can1",
+            [
+                "systemctl reload litegripd@can0",
+                USER,
+                "systemctl enable litegripd.target litegripd@can1",
+                "systemctl start litegripd@can1",
+            ],
+        ),
+    ],
+)
+def test_what_runs_follows_an_upgrade(
+    system: System, running: str, enabled: str, words: str, ends: list[str]
 ) -> None:
-    own = write(tmp_path, "etc/udev/rules.d/80-litegrip.rules", "# mine")
-    assert main(["install-units", "--root", str(tmp_path), "--can", "can0"]) == 0
-    assert f"note: {own} is a copy of a file of earlier versions" in capsys.readouterr().out
+    system.put("--can=can0")
+    system.start(*running.split())
+    for name in enabled.split():
+        system.enable(f"{name}.service")
+    answer = system.run(*words.split())
+    replaced = [row["path"] for row in answer["files"] if row["what"] == "replaced"]
+    assert replaced == ([f"{system.root}/{RULES}"] if "--can" in words else [])
+    assert answer["next"][-len(ends) :] == ends
 
 
-@pytest.mark.usefixtures("usable")
-def test_after_an_upgrade_the_command_says_to_restart(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    put(tmp_path)
-    start(tmp_path, "litegripd@can0.service")
-    assert main(["install-units", "--root", str(tmp_path), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["next"][-1] == "systemctl reload litegripd@can0"
-    (tmp_path / UNITS / "litegripd@.service").write_text("old")
-    assert main(["install-units", "--root", str(tmp_path), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["next"][-1] == "systemctl restart litegripd@can0"
+def test_a_unit_that_was_replaced_counts_from_a_restart_on(system: System) -> None:
+    system.put()
+    system.start("litegripd@can0")
+    system.write(UNIT, "old")
+    assert system.next()[-1] == "systemctl restart litegripd@can0"
 
 
-@pytest.mark.usefixtures("usable")
-def test_what_is_enabled_and_has_ended_is_started_and_not_reloaded(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    put(tmp_path)
-    enable(tmp_path, "litegripd@can0.service")
-    start(tmp_path, "litegripd@can1.service")
-    assert main(["install-units", "--root", str(tmp_path), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["next"][-2:] == [
-        "systemctl reload litegripd@can1",
-        "systemctl start litegripd@can0",
-    ]
-
-
-@pytest.mark.usefixtures("usable")
-def test_page_and_fleet_which_cannot_reload_are_restarted(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    put(tmp_path)
-    for name in ("litegripd@can0", "litegripd-web", "litegripd-fleet@portal"):
-        start(tmp_path, f"{name}.service")
-    assert main(["install-units", "--root", str(tmp_path), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["next"][-2:] == [
-        "systemctl reload litegripd@can0",
-        "systemctl restart litegripd-fleet@portal litegripd-web",
-    ]
-
-
-class Answering:
-    """A daemon that says what its motor is."""
-
-    def __init__(self, motor: str) -> None:
-        self._motor = motor
-
-    def __enter__(self) -> "Answering":
-        return self
-
-    def __exit__(self, *_raised: object) -> None:
-        return None
-
-    def call(self, method: str) -> dict[str, str]:
-        assert method == "state.get"
-        return {"motor": self._motor}
+def test_the_command_names_a_copy_of_what_is_no_longer_installed(system: System) -> None:
+    own = system.write("etc/udev/rules.d/80-litegrip.rules", "# mine")
+    told = system.shows("--can", "can0")
+    assert f"note: {own} is a copy of a file of earlier versions" in told
 
 
 MOTORS = {"can0": "silent", "can1": "enabled", "can2": "unknown"}
@@ -496,10 +424,11 @@ MOTORS = {"can0": "silent", "can1": "enabled", "can2": "unknown"}
 def test_a_daemon_whose_power_is_off_is_restarted_where_the_reload_is_refused(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    def answering(channel: str, *, timeout_s: float) -> Answering:
+    def answering(channel: str, *, timeout_s: float) -> AbstractContextManager[Any]:
         if channel not in MOTORS:
             raise ConnectError("nobody listens")
-        return Answering(MOTORS[channel])
+        answers = {"state.get": {"motor": MOTORS[channel]}}
+        return nullcontext(SimpleNamespace(call=answers.__getitem__))
 
     monkeypatch.setattr(machine, "connect", answering)
     names = [f"litegripd@can{number}" for number in range(4)]
@@ -545,34 +474,28 @@ WEB = f"{PROGRAMS}/python -m pip install 'websockets>=14.0'"
 ZENOH = f"{PROGRAMS}/python -m pip install 'eclipse-zenoh>=1.5'"
 
 
-@pytest.mark.usefixtures("usable")
 def test_a_page_without_its_package_is_told_and_one_in_use_gets_it_first(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    system: System, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert main(["install-units", "--root", str(tmp_path), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["notes"] == []
+    assert system.run()["notes"] == []
     without(monkeypatch, "websockets", "zenoh")
-    assert main(["install-units", "--root", str(tmp_path), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
+    told = system.run()
     (note,) = told["notes"]
     assert note.startswith("litegripd-web cannot run without websockets")
     assert note.endswith(WEB)
     assert WEB not in told["next"]
-    start(tmp_path, "litegripd-web.service")
-    assert main(["install-units", "--root", str(tmp_path), "--fleet", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
+    system.start("litegripd-web")
+    told = system.run("--fleet")
     assert told["next"][:2] == [WEB, ZENOH]
     assert told["next"][-1] != WEB
     assert not any("websockets" in note for note in told["notes"])
 
 
-@pytest.mark.usefixtures("usable")
 def test_a_unit_whose_distribution_is_missing_is_told_with_that_alone(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    system: System, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     without(monkeypatch, "litegrip_web", "websockets", "litegrip_fleet", "zenoh")
-    assert main(["install-units", "--root", str(tmp_path), "--fleet", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
+    told = system.run("--fleet")
     said = "\n".join((*told["notes"], *told["next"]))
     assert "litegripd-web cannot run without litegrip-web" in said
     assert "-m pip install 'litegrip-web" in said
@@ -592,79 +515,29 @@ def test_the_page_installs_the_packages_of_all_its_units() -> None:
     assert asked == {f"'.[{','.join(needed)}]'"}
 
 
-@pytest.mark.usefixtures("usable")
-def test_what_a_fleet_needs_next_is_said(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["install-units", "--root", str(tmp_path), "--fleet", "--json"]) == 0
-    (note,) = json.loads(capsys.readouterr().out)["notes"]
+def test_what_a_fleet_needs_next_is_said(system: System) -> None:
+    (note,) = system.run("--fleet")["notes"]
     assert "/etc/litegripd/fleet.toml" in note
     assert "systemctl enable --now litegripd-fleet@gateway" in note
 
 
-@pytest.mark.usefixtures("usable")
-def test_drop_ins_with_other_users_are_told_of(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    drop_ins = tmp_path / "etc/systemd/system/litegripd@can1.service.d"
-    drop_ins.mkdir(parents=True)
-    (drop_ins / "override.conf").write_text("[Service]\nGroup=robots\nUser = ann\n")
-    (drop_ins / "good.conf").write_text("[Service]\nUser=litegrip\nGroup=robots\n")
-    assert main(["install-units", "--root", str(tmp_path), "--json"]) == 0
-    (note,) = json.loads(capsys.readouterr().out)["notes"]
-    assert note.startswith(f"{drop_ins}/override.conf sets User=ann; /run/litegripd")
+def test_drop_ins_with_other_users_are_told_of(system: System) -> None:
+    drop_ins = "etc/systemd/system/litegripd@can1.service.d"
+    other = system.write(f"{drop_ins}/override.conf", "[Service]\nGroup=robots\nUser = ann\n")
+    system.write(f"{drop_ins}/good.conf", "[Service]\nUser=litegrip\nGroup=robots\n")
+    (note,) = system.run()["notes"]
+    assert note.startswith(f"{other} sets User=ann; /run/litegripd")
 
 
-@pytest.mark.usefixtures("usable")
-def test_a_second_interface_leaves_the_first_daemon_alone(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    put(tmp_path, "can0")
-    enable(tmp_path, "litegripd@can0.service")
-    start(tmp_path, "litegripd@can0.service")
-    assert main(["install-units", "--root", str(tmp_path), "--can", "can1", "--json"]) == 0
-    result = json.loads(capsys.readouterr().out)
-    assert {"path": f"{tmp_path}/{RULES}", "what": "replaced"} in result["files"]
-    assert result["next"][-4:] == [
-        "systemctl reload litegripd@can0",
-        "usermod --append --groups litegrip USER   # who may use the grippers",
-        "systemctl enable litegripd.target litegripd@can1",
-        "systemctl start litegripd@can1",
-    ]
-
-
-@pytest.mark.usefixtures("usable")
-def test_a_new_drop_in_counts_from_a_restart_on(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    put(tmp_path)
-    start(tmp_path, "litegripd@can0.service")
-    assert main(["install-units", "--root", str(tmp_path), "--serial", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["next"][-1] == "systemctl restart litegripd@can0"
-
-
-@pytest.mark.usefixtures("usable")
-def test_the_command_names_a_unit_that_hides_the_installed_one(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    own = tmp_path / "etc/systemd/system/litegripd@.service"
-    own.parent.mkdir(parents=True)
-    own.write_text("[Service]\n")
-    assert main(["install-units", "--root", str(tmp_path)]) == 0
-    assert f"note: {own} is used instead" in capsys.readouterr().out
-
-
-def test_the_command_removes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    put(tmp_path)
-    assert main(["install-units", "--root", str(tmp_path), "--uninstall"]) == 0
-    assert f"removed    {tmp_path}/{UNITS}/litegripd.target" in capsys.readouterr().out
-    assert main(["install-units", "--uninstall", "--serial"]) == 2
+def test_the_command_names_a_unit_that_hides_the_installed_one(system: System) -> None:
+    own = system.write("etc/systemd/system/litegripd@.service", "[Service]\n")
+    assert f"note: {own} is used instead" in system.shows()
 
 
 @pytest.mark.parametrize("name", ['can0", RUN+="/bin/sh', "can0 can1", "a" * 16, "", "-x"])
-def test_only_names_of_interfaces_get_into_a_rule(tmp_path: Path, name: str) -> None:
-    assert main(["install-units", "--root", str(tmp_path), f"--can={name}"]) == 2
-    assert not (tmp_path / "usr").exists()
+def test_only_names_of_interfaces_get_into_a_rule(system: System, name: str) -> None:
+    assert system.ends(f"--can={name}")[0] == 2
+    assert not system.root.exists()
 
 
 ANALYZE = shutil.which("systemd-analyze")

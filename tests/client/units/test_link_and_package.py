@@ -1,20 +1,14 @@
 """install-units beside versions with a link to one of them, and beside the Debian package."""
 
-import json
 from pathlib import Path
 
 import pytest
 
 from litegrip_client.ctl import install
-from litegrip_client.ctl.install import Wanted
-from litegrip_client.ctl.main import main
 from litegrip_client.ctl.run import installing
 from litegrip_client.values.errors import CommandError
 from litegrip_client.values.version import is_of_debian
-
-RULES = "usr/local/lib/udev/rules.d/85-litegrip.rules"
-SERIAL = "usr/local/lib/systemd/system/litegripd@.service.d/serial.conf"
-CONFIGURATION = "etc/litegripd/litegripd.toml"
+from tests.client.units.system import CONFIGURATION, RULES, UNIT, System
 
 
 @pytest.fixture
@@ -53,57 +47,36 @@ def test_the_program_of_a_version_that_the_link_does_not_lead_to_installs_nothin
 
 
 @pytest.fixture
-def packaged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A system on which the package is installed."""
-    monkeypatch.setattr(install, "program_directory", lambda: "/opt/litegripd/bin")
+def packaged(system: System) -> System:
+    """Return a system on which the package is installed."""
     for path in (install.PACKAGED, CONFIGURATION):
-        (tmp_path / path).parent.mkdir(parents=True)
-        (tmp_path / path).touch()
-    return tmp_path
+        system.write(path)
+    return system
 
 
-def files(root: Path) -> set[str]:
-    return {str(path.relative_to(root)) for path in root.rglob("*") if path.is_file()}
+def test_beside_the_package_only_the_interfaces_are_installed(packaged: System) -> None:
+    told = packaged.shows("--can", "can1", "--serial")
+    own = {RULES, f"{UNIT}.d/serial.conf", install.SERIAL_RULES}
+    assert packaged.files() == {install.PACKAGED, CONFIGURATION, *own}
+    assert "note: the units are those of the Debian package" in told
 
 
-def test_beside_the_package_only_the_interfaces_are_installed(
-    packaged: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["install-units", "--root", str(packaged), "--can", "can1", "--serial"]) == 0
-    assert files(packaged) == {
-        install.PACKAGED,
-        CONFIGURATION,
-        RULES,
-        SERIAL,
-        install.SERIAL_RULES,
-    }
-    assert "note: the units are those of the Debian package" in capsys.readouterr().out
-
-
-def test_copies_of_the_units_that_would_shadow_the_packages_are_removed(
-    tmp_path: Path, packaged: Path
-) -> None:
-    unit = packaged / install.PACKAGED
+def test_copies_of_the_units_that_would_shadow_the_packages_are_removed(packaged: System) -> None:
+    unit = packaged.root / install.PACKAGED
     unit.unlink()
-    install.install(packaged, Wanted(("can0",)), "/opt/litegripd/bin")
-    assert len(files(packaged)) == 7
+    packaged.put("--can=can0")
+    assert len(packaged.files()) == 7
     unit.touch()
-    done = {one.path: one.what for one in install.install(packaged, Wanted(), "")}
-    assert sorted(done.values()) == ["kept", *["removed"] * 5, "unchanged"]
-    assert files(packaged) == {install.PACKAGED, CONFIGURATION, RULES}
+    assert sorted(packaged.put().values()) == ["kept", *["removed"] * 5, "unchanged"]
+    assert packaged.files() == {install.PACKAGED, CONFIGURATION, RULES}
 
 
-def test_what_is_beside_the_package_is_removed_while_a_unit_is_enabled(
-    packaged: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    install.install(packaged, Wanted(("can0",), serial=True), "/opt/litegripd/bin")
-    link = packaged / "etc/systemd/system/litegripd.target.wants/litegripd@can0.service"
-    link.parent.mkdir(parents=True)
-    link.symlink_to(f"/{install.PACKAGED}")
-    assert main(["install-units", "--root", str(packaged), "--uninstall", "--json"]) == 0
-    removed = [one["what"] for one in json.loads(capsys.readouterr().out)["files"]]
-    assert sorted(removed) == ["kept", "removed", "removed", "removed"]
-    assert files(packaged) == {install.PACKAGED, CONFIGURATION}
+def test_what_is_beside_the_package_is_removed_while_a_unit_is_enabled(packaged: System) -> None:
+    packaged.put("--can=can0", "--serial")
+    link = packaged.enable("litegripd@can0.service")
+    removed = sorted(packaged.put("--uninstall").values())
+    assert removed == ["kept", "removed", "removed", "removed"]
+    assert packaged.files() == {install.PACKAGED, CONFIGURATION}
     assert link.is_symlink()
 
 
