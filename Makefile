@@ -80,6 +80,7 @@ nightly: $(STAMP) test-through-portal
 	LITEGRIPD_FLEET_MESSAGES=100000 LITEGRIPD_FUZZ_SEED=$(SEED) $(BIN)/python -m pytest -s tests/process/fleet/test_hostile.py
 	LITEGRIPD_PROPERTIES=nightly $(BIN)/python -m pytest --timeout=7200 --numprocesses auto --dist worksteal \
 		--hypothesis-seed=$(SEED) $(PROPERTIES) tests/control/test_many_grasps.py \
+		$$(grep -l every_setting tests/control/test_*.py) tests/control/test_comm_loss.py \
 		tests/app/test_repeated_lines.py
 
 format: $(STAMP)

@@ -1,20 +1,27 @@
 """A gripper that holds an object by force, what may happen to it, and what clients see."""
 
 from collections.abc import Callable
+from itertools import product
 from typing import Any
 
 import pytest
 
 from bench.jaws.hand import Hand
 from litegripd.sim.plant import MOUNTS
+from tests.properties import NIGHTLY, chosen
 from tests.world import Client, World
 
 RATES_HZ = (100, 200, 1000)
 every_mount = pytest.mark.parametrize("mount", MOUNTS)
 every_setting = pytest.mark.parametrize(
-    ("rate_hz", "mount"), [(100, "reverse"), (200, "normal"), (200, "reverse"), (1000, "normal")]
+    ("rate_hz", "mount"),
+    list(product(RATES_HZ, MOUNTS))
+    if chosen() == NIGHTLY
+    else [(100, "reverse"), (200, "normal"), (200, "reverse"), (1000, "normal")],
 )
-"""Each rate, and at the usual one both mounts: a mount turns signs, whatever the rate."""
+"""Each rate, and at the usual one both mounts: a mount turns signs, whatever the rate. At night each
+rate has both.
+"""
 WIDTH_MM = 50.0
 BACK_SHARE = 0.8
 BACK_S = 0.5

@@ -216,6 +216,7 @@ def test_a_client_that_dies_in_a_grasp_leaves_what_it_asked_for(on_lost: str) ->
     ("params", "reason"),
     [
         ({"force_n": 41}, "invalid_params"),
+        ({"force_n": 40.1}, "invalid_params"),
         ({"force_n": 0.1}, "invalid_params"),
         ({"width_mm": 40}, "invalid_params"),
         ({"tolerance_mm": 4}, "invalid_params"),

@@ -147,7 +147,7 @@ def test_the_rate_of_the_call_counts_where_the_squeeze_begins() -> None:
     assert reached_s == pytest.approx(5.0, rel=0.05)
 
 
-@pytest.mark.parametrize("params", [{"force_n": 0.4}, {"force_n": 41}, {}])
+@pytest.mark.parametrize("params", [{"force_n": 0.4}, {"force_n": 40.1}, {"force_n": 41}, {}])
 def test_a_force_that_no_jaw_may_have_is_refused(params: dict[str, float]) -> None:
     world, client = with_object()
     assert client.refusal("motion.set_force", **params) == "invalid_params"
