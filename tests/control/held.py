@@ -19,8 +19,8 @@ every_setting = pytest.mark.parametrize(
     if chosen() == NIGHTLY
     else [(100, "reverse"), (200, "normal"), (200, "reverse"), (1000, "normal")],
 )
-"""Each rate, and at the usual one both mounts: a mount turns signs, whatever the rate. At night each
-rate has both.
+"""Each rate, and at the usual one both mounts: a mount turns signs, whatever the rate. At night
+each rate has both.
 """
 WIDTH_MM = 50.0
 BACK_SHARE = 0.8
