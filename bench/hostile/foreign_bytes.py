@@ -31,6 +31,7 @@ from litegrip_client.values.text import text_of
 from litegrip_client.values.trajectory_format import parse_grips
 from litegrip_fleet.wire.messages import Ask, BadMessageError, Push, Reply, packed, unpacked
 from litegrip_web.bridge import Gripper
+from litegrip_web.proof import proof
 from litegrip_web.server import Settings, listening
 from litegripd.app.build import page_bytes
 from litegripd.app.config import ConfigError, load
@@ -235,7 +236,11 @@ async def _page(total: int) -> list[Figures]:
             http.figures.lost += not (await ask(whole, whole=True)).startswith(b"HTTP/1.1 200")
         origin: Any = f"http://127.0.0.1:{port}"
         async with connect(f"ws://127.0.0.1:{port}/ws/can0", origin=origin) as browser:
-            await browser.send(json.dumps({"token": "secret"}))
+            nonce = "n" * 43
+            await browser.send(json.dumps({"nonce": nonce}))
+            own = json.loads(await browser.recv())["nonce"]
+            known = proof("secret", "page", f"127.0.0.1:{port}", nonce, own)
+            await browser.send(json.dumps({"proof": known}))
             await browser.recv()
             request = '{"jsonrpc":"2.0","id":7,"method":"state.get","params":{}}'
             for number, piece in enumerate(messages.pieces(request.encode())):

@@ -17,12 +17,12 @@ if TYPE_CHECKING:  # importing typing and dataclasses is slow
     from litegrip_client.core import session as core_session
     from litegrip_client.core.actions import ProgressCallback
     from litegrip_client.values.calibration import CalibrationData, GripperConfig
-    from litegrip_client.values.job_table import JobTable
     from litegrip_client.values.motion_config import MotionConfig
     from litegrip_client.values.results import (
         EnableResult,
         GraspResult,
         GripperState,
+        JobTable,
         MoveResult,
         PlayResult,
         SetZeroResult,

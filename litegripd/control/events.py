@@ -7,7 +7,7 @@ about motions, stops and power.
 import math
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import TypeAlias
 
 from litegripd.control.authority import Grant, Loss, LossCause, process_of
@@ -411,16 +411,40 @@ def not_saved(error: str) -> Event:
     return Event("calibration", text, {"error": error})
 
 
+_FIGURES: Mapping[str, str] = {
+    "message": "{}",
+    "tries": "tries: {}",
+    "cleared": "{} cleared",
+    "width_mm": "{:.1f} mm wide",
+    "force_n": "{:.1f} N",
+    "held_s": "held for {:.1f} s",
+    "target_rad": "target {:.3f} rad",
+    "position_rad": "at {:.3f} rad",
+    "travel_rad": "{:.3f} rad of travel",
+    "shift_rad": "shifted by {:.3f} rad",
+    "largest_lag_mm": "at most {:.1f} mm behind",
+    "set_points": "set-points: {}",
+    "samples": "samples: {}",
+    "missed": "missed: {}",
+    "loops": "loops: {}",
+    "grips": "grips: {}",
+    "frames": "frames: {}",
+    "rejected": "rejected: {}",
+    "send_failed": "not sent: {}",
+    "torque_trips": "torque trips: {}",
+}
+"""How a figure of a result reads, in this order; others are for programs, as flags and limits."""
+
+
 def _worded(result: Result) -> str:
-    """Return a result's figures in one line, without those that have no value or many."""
-    shown = []
-    for field in fields(result):
-        value = getattr(result, field.name)
-        if isinstance(value, float):
-            shown.append(f"{field.name} {value:.4g}")
-        elif value is not None and not isinstance(value, Mapping):
-            shown.append(f"{field.name} {value}")
-    return ", ".join(shown)
+    """Return how a job ended, and its figures that have a value, as a person reads it."""
+    outcome, ok = getattr(result, "outcome", None), getattr(result, "ok", True)
+    shown: list[str] = [outcome.replace("_", " ")] if outcome else [] if ok else ["NOT ok"]
+    for name, form in _FIGURES.items():
+        value = getattr(result, name, None)
+        if value is not None and value != (1 if name == "tries" else 0):
+            shown.append(value if form == "{}" else form.format(value))
+    return joined(", ", shown) if shown else "ok"
 
 
 def _finite(torque_nm: float) -> float | None:

@@ -316,10 +316,13 @@ def begin_again(running: DaemonProcess) -> None:
         disable(client)
 
 
+STAY = ("gateway", "litegripd-web, plots")
+
+
 def _others(client: Client) -> list[dict[str, Any]]:
-    """Return the daemon's other clients, but for a gateway's own connection."""
+    """Return the daemon's other clients, but for those that stay: a gateway, and a page's plots."""
     clients: list[dict[str, Any]] = client.result("clients.list")["clients"]
-    return [one for one in clients if not one["is_me"] and one["program"] != "gateway"]
+    return [one for one in clients if not one["is_me"] and one["program"] not in STAY]
 
 
 def disable(client: Client) -> None:

@@ -1,57 +1,72 @@
-"""The example for two grippers, with a daemon for each."""
+"""The page on two grippers, typed: daemons and page in terminals of their own, the rest in one."""
 
-import os
+import contextlib
+import re
+import shlex
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
-from tests.process.by_portal import Met
-from tests.process.daemon_process import SIMULATED, WORK_MM, DaemonProcess, configured, ran
+import pytest
 
-EXAMPLE = Path(__file__).parents[2] / "examples" / "two_grippers.py"
-WITH_OBJECT = SIMULATED.replace("[bus]\n", "[bus]\nobject_mm = 40.0\n")
+from litegrip_client import ConnectError
+from litegrip_client.threads.blocking import connect
+from tests.process.daemon_process import DEADLINE_S, wait_a_moment
+from tests.process.test_typed import ROOT, Shell
 
-
-def run(places: Path, channels: list[str]) -> "subprocess.CompletedProcess[str]":
-    environment = {**os.environ, "XDG_RUNTIME_DIR": str(places)}
-    environment.pop("LITEGRIPD_SOCKET", None)
-    return ran(
-        sys.executable, str(EXAMPLE), "--left", channels[0], "--right", channels[1], env=environment
-    )
+PAGE = ROOT / "docs" / "two-grippers.md"
+ACTIVATE = ". .venv/bin/activate"
+SERVICES = ("litegripd ", "litegripd-web ")
 
 
-def disabled(running: DaemonProcess) -> None:
-    with running.connect() as client:
-        client.until(lambda state: bool(state["motor"] == "disabled" and state["calibrated"]))
+def typed() -> tuple[list[str], list[str]]:
+    """Return the lines that start what serves, and those of the terminal after them."""
+    blocks = re.findall(r"^```(python|)\n(.*?)^```", PAGE.read_text("utf-8"), re.M | re.S)
+    services, lines = [], []
+    for language, block in blocks:
+        if language:
+            lines.append(f"python -c {shlex.quote(block)}")
+            continue
+        for line in block.splitlines():
+            (services if line.startswith(SERVICES) else lines).append(line)
+    return services, [line for line in lines if line != ACTIVATE]
 
 
-def test_one_holds_while_the_other_works(met: Met, tmp_path: Path) -> None:
-    """A daemon that is kept off the processor may lose its motor: then a user tries again."""
-    places = tmp_path / "places"
-    (places / "litegripd").mkdir(parents=True)
-    channels = [f"{side}-{os.getpid()}" for side in ("left", "right")]
-    for channel in channels:
-        socket_path = tmp_path / channel / "rpc.sock"
-        (places / "litegripd" / f"{channel}.sock").symlink_to(socket_path)
-    with (
-        configured(tmp_path / channels[0], channels[0], WITH_OBJECT) as holds,
-        configured(tmp_path / channels[1], channels[1]) as works,
-        met(holds, works) as lab,
-    ):
-        if lab is not None:
-            places, channels = lab.runtime_directory(), ["lab.left", "lab.right"]
-        for _ in range(4):
-            disabled(holds)
-            disabled(works)
-            done = run(places, channels)
-            if "the motor" not in done.stderr:
-                break
-        assert (done.returncode, done.stderr) == (0, "")
-        assert done.stdout.splitlines() == [
-            f"open: {WORK_MM:g} mm {WORK_MM:g} mm",
-            "left: object_held",
-            "right: reached",
-            "left still holds: True",
-        ]
-        disabled(holds)
-        disabled(works)
+@contextlib.contextmanager
+def serving(line: str) -> Iterator["subprocess.Popen[bytes]"]:
+    program, *arguments = line.split()
+    command = [str(Path(sys.executable).parent / program), *arguments]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE)
+    try:
+        yield process
+    finally:
+        process.terminate()
+        process.communicate(timeout=DEADLINE_S)
+
+
+@pytest.mark.alone
+def test_each_line_succeeds_and_both_grippers_move(tmp_path: Path) -> None:
+    services, lines = typed()
+    channels = ("left", "right")
+    assert services == [*(f"litegripd {name} --simulate" for name in channels), services[2]]
+    with contextlib.ExitStack() as stack:
+        for channel, line in zip(channels, services, strict=False):
+            process = stack.enter_context(serving(line))
+            while True:
+                with contextlib.suppress(ConnectError), connect(channel) as connection:
+                    assert connection.call("hello")["pid"] == process.pid
+                    break
+                assert process.poll() is None
+                wait_a_moment(process)
+        page = stack.enter_context(serving(services[2] + " --port 0"))
+        assert page.stdout is not None
+        assert b"#" in page.stdout.readline()
+        shell = stack.enter_context(contextlib.closing(Shell(tmp_path)))
+        shell.type(f". {sys.prefix}/bin/activate")
+        for line in lines:
+            shown = shell.type(line)
+            if "two_grippers.py" in line:
+                assert "left still holds: True" in shown
+            elif line.startswith("python -c"):
+                assert "object_held reached" in shown

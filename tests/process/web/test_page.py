@@ -557,7 +557,7 @@ def test_a_dump_is_shown_and_anything_else_is_not(
     field.set_input_files(dumped["path"])
     section = shown.locator("#dump")
     expect(section.get_by_role("heading")).to_contain_text(f"{dumped['ticks']} ticks")
-    expect(section.locator(".events")).to_contain_text("object_held")
+    expect(section.locator(".events")).to_contain_text("object held")
     expect(section.locator("canvas")).to_have_count(2)
     content = Path(dumped["path"]).read_bytes()
     for name, wrong in {"notes": b"hello", "cut": content[: len(content) // 2]}.items():
