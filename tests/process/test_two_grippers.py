@@ -23,7 +23,8 @@ SERVICES = ("litegripd ", "litegripd-web ")
 def typed() -> tuple[list[str], list[str]]:
     """Return the lines that start what serves, and those of the terminal after them."""
     blocks = re.findall(r"^```(python|)\n(.*?)^```", PAGE.read_text("utf-8"), re.M | re.S)
-    services, lines = [], []
+    services: list[str] = []
+    lines: list[str] = []
     for language, block in blocks:
         if language:
             lines.append(f"python -c {shlex.quote(block)}")
