@@ -130,6 +130,8 @@ class Daemon(World):
 class VirtualStream:
     """Stands in for the client's `LineStream`, whose methods these are."""
 
+    peer_pid = 0
+
     def __init__(self, site: "Site", daemon: Daemon) -> None:
         peer = Peer(os.getpid(), os.getuid(), os.getgid(), "script")
         self._site = site

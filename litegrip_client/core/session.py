@@ -67,6 +67,9 @@ ACTION_TIMEOUT_S = 30.0
 """For enabling and disabling: retries and register reads included, the daemon is done by then."""
 
 
+_GONE_WITHIN_S = 2.0
+"""So soon the daemon has noticed a connection's end, and disabled the motor if it has to."""
+
 _SESSIONS: WeakSet[DaemonSession] = WeakSet()
 """All of this process."""
 
@@ -251,33 +254,41 @@ class DaemonSession:
 
         So the cell of a notebook that connects and enables may be run again. What the older one
         enabled is this session's then. It hands over only between motions, and only what it keeps
-        since its own `enable`: a block of `lease` is meant.
+        since its own `enable`: a block of `lease` is meant. One that nobody can reach any more is
+        closed first, which does to the motor what its `disable_on_disconnect` says.
         """
         try:
             await self.acquire(on_lost=on_lost)
         except LeaseError as error:
-            older = self._older(error.data.get("owner"))
-            if older is None or (await self.ask("state.get")).get("job") is not None:
+            owner = error.data.get("owner")
+            if not isinstance(owner, dict) or owner.get("pid") != os.getpid():
+                raise
+            import gc  # noqa: PLC0415 - seldom needed
+
+            gc.collect()
+            others = (one for one in _SESSIONS if one is not self and one.leases_of(self.wire))
+            older = next(others, None)
+            if older is None:  # the daemon notices in a moment that it is gone
+                await self.acquire(on_lost=on_lost, wait_s=_GONE_WITHIN_S)
+                return
+            if older.is_in_block or (await self.ask("state.get")).get("job") is not None:
                 raise
             why = "a newer object of the same program enables the motor"
             params = {"why": why, "purpose": _program(), "on_lost": on_lost}
             await self._get("lease.take", params, 0.0)
             older.enabled_here = older.keeps_lease = False
 
-    def _older(self, owner: object) -> DaemonSession | None:
-        """Return the other session of this process that keeps the lease which `owner` has."""
-        if not isinstance(owner, dict) or owner.get("pid") != os.getpid():
-            return None
-        daemon_pid = self.wire.connection.daemon_pid
-        others = (one for one in _SESSIONS if one is not self and one.only_keeps(daemon_pid))
-        return next(others, None)
+    @property
+    def is_in_block(self) -> bool:
+        """True inside a block of `lease`."""
+        return self._leases > 0
 
-    def only_keeps(self, daemon_pid: int) -> bool:
-        """Return True if this session has that daemon's lease by `enable` alone."""
-        if self._wire is None or not self.is_open or not self.keeps_lease or self._leases:
+    def leases_of(self, wire: Wire) -> bool:
+        """Return True if this session has the lease of the daemon at the end of `wire`."""
+        if self._wire is None or not self.is_open or not self.leased:
             return False
         connection = self._wire.connection
-        return connection.is_own and connection.daemon_pid == daemon_pid
+        return connection.is_own and connection.daemon_pid == wire.connection.daemon_pid
 
     async def _get(self, method: str, params: dict[str, Any], wait_s: float) -> dict[str, Any]:
         wire = self.wire
