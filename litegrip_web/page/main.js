@@ -33,6 +33,11 @@ function start() {
     for (const button of stops) button.disabled = true;
     return;
   }
+  if (!isSecureContext) {
+    notice("Browsers have no cryptography for this address: open the page at 127.0.0.1 or localhost, or with TLS.");
+    for (const button of stops) button.disabled = true;
+    return;
+  }
   document.body.classList.toggle("several", channels.length > 1);
   const secret = new Secret(token);
   const panels = channels.map((channel) => new Panel(channel, secret, $("grippers")));

@@ -580,6 +580,16 @@ def test_a_wrong_secret_is_said(window: BrowserContext, looking: Page, client: C
     expect(other.get_by_role("button", name="STOP Esc")).to_be_disabled()
 
 
+def test_a_name_that_browsers_do_not_take_for_secure_is_said(
+    window: BrowserContext, place: Path
+) -> None:
+    with page("--socket", str(place), "--name", "robot.lab") as running:
+        tab = window.new_page()
+        tab.goto(running.told.replace("127.0.0.1", "robot.lab"))
+        expect(tab.locator("#notice")).to_contain_text("open the page at 127.0.0.1 or localhost")
+        expect(tab.get_by_role("button", name="STOP Esc")).to_be_disabled()
+
+
 STORED = """
 async () => JSON.stringify([
   {...sessionStorage}, {...localStorage}, document.cookie, history.state, location.href,
