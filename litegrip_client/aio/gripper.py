@@ -494,7 +494,7 @@ class LiteGrip(Gripper):
     if not TYPE_CHECKING:  # else a type checker would find every name here
 
         def __getattr__(self, name: str) -> NoReturn:
-            from litegrip_client.values.misnamed import no_attribute  # noqa: PLC0415 - an error
+            from litegrip_client.values.voices import no_attribute  # noqa: PLC0415 - an error
 
             raise no_attribute(self, name)
 

@@ -10,7 +10,7 @@ from litegrip_client.core.actions import GripperActions, state_of
 from litegrip_client.core.session import ACTION_TIMEOUT_S, DaemonSession, Lease
 from litegrip_client.core.stop import stop, stop_params
 from litegrip_client.values.errors import BusyError, HardwareError, NotPermittedError, StoppedError
-from litegrip_client.values.results import GripperState, JobTable
+from litegrip_client.values.results import GripperState
 from litegrip_client.values.warn import leave, warn
 
 TYPE_CHECKING = False
@@ -20,6 +20,7 @@ if TYPE_CHECKING:  # see the package: what is seldom needed takes its time to im
     from litegrip_client.core.session import Wire
     from litegrip_client.values.calibration import GripperConfig
     from litegrip_client.values.motion_config import MotionConfig
+    from litegrip_client.values.table import JobTable
 
 
 class Gripper(GripperActions):
@@ -217,6 +218,8 @@ class Gripper(GripperActions):
 
         It is a list of dictionaries, which prints as a table.
         """
+        from litegrip_client.values.table import JobTable  # noqa: PLC0415 - see above
+
         return JobTable((await self._session.wire.call("job.list"))["jobs"])
 
     async def mount(self) -> str | None:

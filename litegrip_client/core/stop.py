@@ -52,12 +52,13 @@ def stop_at(path: str, level: str, why: str | None, timeout_s: float) -> dict[st
     Raises `OSError` when nobody listens for stops there, `ConnectError` when the answer does not
     come in time: the stop may be in force then all the same.
     """
+    request = request_line(1, "stop", stop_params(level, why))
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connected:
         connected.settimeout(timeout_s)
         connected.connect(stop_path(path))
         received = b""
         try:
-            connected.sendall(stop_line(level, why))
+            connected.sendall(request)
             while not received.endswith(b"\n") and len(received) < _MAX_ANSWER_BYTES:
                 piece = connected.recv(_MAX_ANSWER_BYTES)
                 if not piece:
@@ -66,16 +67,10 @@ def stop_at(path: str, level: str, why: str | None, timeout_s: float) -> dict[st
         except OSError as error:
             text = f"the stop was sent, but its answer did not come: {error}"
             raise ConnectError(text, reason="connection_lost") from error
-    return read_stop_answer(received)
+    return _result(received)
 
 
-def stop_line(level: str, why: str | None) -> bytes:
-    """Return what the socket for stops takes."""
-    return request_line(1, "stop", stop_params(level, why))
-
-
-def read_stop_answer(received: bytes) -> dict[str, Any]:
-    """Return the result in an answer to `stop_line`; raises `LiteGripError` if it has none."""
+def _result(received: bytes) -> dict[str, Any]:
     try:
         answer = json.loads(received)
         error = answer.get("error")

@@ -7,7 +7,7 @@ must not know single commands' options.
 from __future__ import annotations
 
 from argparse import Namespace
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from time import localtime, strftime, time
 
 from litegrip_client.core.discovery import is_socket_given, running_channels
@@ -48,16 +48,6 @@ def lease(data: Data) -> str:
         return f"free{queue}"
     what = f" for {holder['purpose']}" if holder.get("purpose") else ""
     return plain(f"{owner(holder)}, uid {holder.get('uid')}, has it{what}{queue}")
-
-
-def aligned(table: Sequence[tuple[str, ...]]) -> str:
-    """Return rows of cells as a table."""
-    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
-    lines = (
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))
-        for row in table
-    )
-    return "\n".join(line.rstrip() for line in lines)
 
 
 def date(unix_s: object) -> str:

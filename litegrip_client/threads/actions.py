@@ -22,11 +22,11 @@ if TYPE_CHECKING:  # importing typing and dataclasses is slow
         EnableResult,
         GraspResult,
         GripperState,
-        JobTable,
         MoveResult,
         PlayResult,
         SetZeroResult,
     )
+    from litegrip_client.values.table import JobTable
     from litegrip_client.values.trajectory import Trajectory
 
 

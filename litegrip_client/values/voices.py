@@ -1,7 +1,8 @@
 """What the daemon's messages name, in the words of their reader: one table, three voices.
 
 On the wire a message names methods and their parameters. A script's author can type Python calls,
-and a person at a shell commands and options. Nothing is decided by this module.
+and a person at a shell commands and options; a second table has the members of `LiteGrip` that
+scripts look for by other names. Nothing is decided by this module.
 """
 
 from __future__ import annotations
@@ -175,3 +176,33 @@ _NONE = (None, None)
 def _argument(method: str | None, parameter: str | None) -> tuple[str, str] | tuple[None, None]:
     names = {**_OF_ALL, **ARGUMENTS.get(method or "", {})}
     return names.get(parameter or "", _NONE)
+
+
+MEANT: Mapping[str, str] = {
+    "move": "goto(opening_mm=...)",
+    "move_to": "goto(opening_mm=...)",
+    "set_position": "goto(opening_mm=...)",
+    "state": "get_state()",
+    "status": "get_state()",
+    "position": "get_state().position_rad, or get_state().opening_mm",
+    "width": "get_state().opening_mm, or width_mm of what grasp() returns",
+    "opening": "get_state().opening_mm",
+    "force": "get_state().force_n, or set_force(newtons)",
+    "torque": "get_state().torque_nm",
+    "temperature": "get_state().coil_temperature_c",
+    "grip": "grasp(force_n=...)",
+    "release": "open(), or zero_gravity() for slack jaws",
+    "grasped": "get_state().is_grasped",
+    "enabled": "get_state().enabled",
+}
+"""By a name that users look for in `LiteGrip`: what does that there."""
+
+
+def no_attribute(owner: object, name: str) -> AttributeError:
+    """Return the error for a member that is not there; it names the one that was meant."""
+    kind = type(owner)
+    text = f"{kind.__name__!r} object has no attribute {name!r}"
+    meant = MEANT.get(name)
+    if meant is not None and not hasattr(kind, name):
+        text += f"; use {meant}"
+    return AttributeError(text, name=name, obj=owner)

@@ -11,7 +11,6 @@ from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.ctl.figures import Data, figure, owner, plain
 from litegrip_client.ctl.parser import LateParser, count, not_negative, positive, target
 from litegrip_client.ctl.render import (
-    aligned,
     clock_of,
     finish,
     jaws_now,
@@ -23,6 +22,7 @@ from litegrip_client.ctl.render import (
 from litegrip_client.ctl.run import ENDING, Commands, Run
 from litegrip_client.values.checks import given_numbers
 from litegrip_client.values.errors import CommandError, HardwareError, from_error_object
+from litegrip_client.values.table import aligned
 from litegrip_client.values.voices import in_shell
 
 

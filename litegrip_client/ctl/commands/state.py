@@ -28,6 +28,7 @@ from litegrip_client.ctl.run import (
 )
 from litegrip_client.ctl.state_view import state_line, state_text, stopped
 from litegrip_client.values.errors import CommandError
+from litegrip_client.values.table import aligned
 
 STOP_WITHIN_S = 2.5
 """A portal reports after 2 s that a stop is not confirmed, and says what to do then."""
@@ -49,7 +50,7 @@ def clients(run: Run) -> int:
         )
         for row in data["clients"]
     ]
-    return run.done(data, render.aligned(table))
+    return run.done(data, aligned(table))
 
 
 _TAKE = """\

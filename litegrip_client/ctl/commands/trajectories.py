@@ -12,10 +12,11 @@ from litegrip_client.core.trajectories import Recording, fetch, fetch_grips, lis
 from litegrip_client.ctl.figures import Data, figure, plain
 from litegrip_client.ctl.files import put_file, refuse_existing
 from litegrip_client.ctl.parser import LateParser, count, positive
-from litegrip_client.ctl.render import aligned, bar, date, finish, jaws_now, opening_of, verdict
+from litegrip_client.ctl.render import bar, date, finish, jaws_now, opening_of, verdict
 from litegrip_client.ctl.run import INTERRUPTED, Command, Commands, Run, say
 from litegrip_client.threads.blocking import BlockingWire, complete, pause
 from litegrip_client.values.errors import CancelledError, CommandError
+from litegrip_client.values.table import aligned
 from litegrip_client.values.trajectory import (
     Trajectory,
     directory,

@@ -20,7 +20,7 @@ from litegrip_client import (
     StoppedError,
     aio,
 )
-from litegrip_client.values.misnamed import MEANT
+from litegrip_client.values.voices import MEANT
 from litegripd.model.sentence import method_name, with_terms
 from tests.client.rig import (
     GUARDS,
