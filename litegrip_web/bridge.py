@@ -12,16 +12,15 @@ import contextlib
 import json
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 
-from litegrip_client.core.discovery import reach
 from litegrip_client.core.stop import is_taken_as_meant
 from litegrip_client.values.errors import ConnectError, LiteGripError
 from litegrip_web.allowed import ACT, READ
+from litegrip_web.gripper import Gripper
 from litegrip_web.history import History
 from litegrip_web.outbox import Outbox
 from litegrip_web.proof import NONCE, is_proof, new_nonce, proof
@@ -47,14 +46,6 @@ _NO_DAEMON = -32099
 _STATE = b'{"jsonrpc":"2.0","method":"state.sample",'
 """How the daemon begins a notification; a state that began otherwise would only not be passed
 over."""
-
-
-@dataclass(frozen=True, slots=True)
-class Gripper:
-    """A gripper that the page shows: its channel, and the daemon's socket where that was given."""
-
-    channel: str
-    socket: str | None = None
 
 
 class RefusedError(Exception):
@@ -111,8 +102,8 @@ class Bridge:
         self._operate = operate
         self._allowed = READ | ACT if operate else READ
         self._browsers = 0
-        self._stops = Stops(gripper.channel, gripper.socket)
-        self.history = History(gripper.channel, gripper.socket)
+        self._stops = Stops(gripper)
+        self.history = History(gripper)
 
     async def serve(self, browser: ServerConnection) -> None:
         """Serve a browser that is known until it or the daemon goes."""
@@ -171,14 +162,10 @@ class Bridge:
 
     async def _keep_daemon(self, outbox: Outbox, link: _Link) -> None:
         """Connect to the daemon, again whenever it has gone, and pass its lines on."""
-
-        async def attempt(path: str) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
-            return await asyncio.open_unix_connection(path, limit=_LONGEST_ANSWER_BYTES)
-
         told, gripper = "", self._gripper
         while True:
             try:
-                daemon, writer = await reach(gripper.channel, gripper.socket, attempt)
+                daemon, writer = await gripper.connect(_LONGEST_ANSWER_BYTES)
             except ConnectError as error:
                 why = error.message
             else:
@@ -224,7 +211,7 @@ class Bridge:
                     else:
                         link.send(request)
                 except RefusedError as refused:
-                    await outbox.put(json.dumps(refused.error))
+                    outbox.put_now(json.dumps(refused.error))
         finally:
             # A stop that was asked for is given, also by a page that is closed at once.
             await asyncio.shield(asyncio.gather(*stops, return_exceptions=True))

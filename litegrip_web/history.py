@@ -7,19 +7,13 @@ import json
 from collections import deque
 from typing import Any
 
-from litegrip_client.core.discovery import reach
+from litegrip_client.line.exchange import request_line
 from litegrip_client.values.errors import ConnectError
+from litegrip_web.gripper import Gripper
 
 SECONDS = 60.0
 HZ = 10.0
-FIELDS = (
-    "monotonic_s",
-    "opening_mm",
-    "command_rad",
-    "force_n",
-    "force_set_n",
-    "stale",
-)
+FIELDS = ("monotonic_s", "opening_mm", "command_rad", "force_n", "force_set_n", "stale")
 _BATCH = 5
 RECONNECT_EVERY_S = 1.0
 _LONGEST_LINE_BYTES = 1024 * 1024
@@ -28,9 +22,8 @@ _LONGEST_LINE_BYTES = 1024 * 1024
 class History:
     """Keeps the rows of `FIELDS` of the last minute while the daemon runs; begins anew with it."""
 
-    def __init__(self, channel: str, socket: str | None) -> None:
-        self._channel = channel
-        self._socket = socket
+    def __init__(self, gripper: Gripper) -> None:
+        self._gripper = gripper
         self._rows: deque[list[Any]] = deque(maxlen=int(SECONDS * HZ))
 
     def as_params(self) -> dict[str, Any]:
@@ -48,20 +41,11 @@ class History:
 
     async def _follow(self) -> None:
         """Take samples as long as the daemon gives them; raises `OSError` or `ValueError` then."""
-
-        async def attempt(path: str) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
-            return await asyncio.open_unix_connection(path, limit=_LONGEST_LINE_BYTES)
-
-        reader, writer = await reach(self._channel, self._socket, attempt)
+        reader, writer = await self._gripper.connect(_LONGEST_LINE_BYTES)
         try:
-            for number, (method, params) in enumerate(
-                (
-                    ("hello", {"client": "litegripd-web, plots"}),
-                    ("state.subscribe", {"hz": HZ, "fields": FIELDS, "batch": _BATCH}),
-                )
-            ):
-                request = {"jsonrpc": "2.0", "id": number, "method": method, "params": params}
-                writer.write(json.dumps(request).encode() + b"\n")
+            writer.write(request_line(1, "hello", {"client": "litegripd-web, plots"}))
+            wanted = {"hz": HZ, "fields": FIELDS, "batch": _BATCH}
+            writer.write(request_line(2, "state.subscribe", wanted))
             while line := await reader.readline():
                 message = json.loads(line)
                 if message.get("method") == "state.batch":

@@ -16,7 +16,7 @@ from pathlib import Path
 from litegrip_client.core.discovery import check_channel
 from litegrip_client.values.errors import CommandError
 from litegrip_client.values.repeats import RepeatsHandler, poll_handlers
-from litegrip_web.bridge import Gripper
+from litegrip_web.gripper import Gripper
 from litegrip_web.options import EXIT_ADDRESS, EXIT_OK, EXIT_USAGE, make_parser
 from litegrip_web.server import Settings, is_loopback, listening
 

@@ -22,7 +22,8 @@ from websockets.asyncio.server import ServerConnection, serve
 from websockets.datastructures import Headers, MultipleValuesError
 from websockets.http11 import Request, Response
 
-from litegrip_web.bridge import MAX_MESSAGE_BYTES, Bridge, Gripper
+from litegrip_web.bridge import MAX_MESSAGE_BYTES, Bridge
+from litegrip_web.gripper import Gripper
 
 if TYPE_CHECKING:  # its place depends on Python's version
     from importlib.abc import Traversable

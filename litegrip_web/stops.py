@@ -8,23 +8,22 @@ meanwhile are answered by the same. No gripper waits for another one's daemon.
 from __future__ import annotations
 
 import asyncio
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from litegrip_client.core.discovery import reach
-from litegrip_client.core.sockets import stop_path
-from litegrip_client.core.stop import read_stop_answer, stop_line
-from litegrip_client.values.errors import ConnectError, LiteGripError
-
-STOP_WITHIN_S = 1.0
-_MAX_ANSWER_BYTES = 65_536
+from litegrip_client.core.sockets import STOP_LEVELS
+from litegrip_client.core.stop import STOP_WITHIN_S, stop_at
+from litegrip_web.gripper import Gripper
 
 
 class Stops:
-    """Stops the gripper of a channel, or of the daemon whose socket is named."""
+    """Stops a gripper."""
 
-    def __init__(self, channel: str, socket: str | None) -> None:
-        self._channel = channel
-        self._socket = socket
+    def __init__(self, gripper: Gripper) -> None:
+        self._gripper = gripper
+        # Its own, and enough for all that is on its way: no stop waits for a thread.
+        self._threads = ThreadPoolExecutor(len(STOP_LEVELS), "stop")
         self._under_way: dict[str, asyncio.Task[dict[str, Any]]] = {}
         self._next: dict[str, asyncio.Task[dict[str, Any]]] = {}
 
@@ -62,24 +61,8 @@ class Stops:
         return await self._give(level, why)
 
     async def _give(self, level: str, why: str | None) -> dict[str, Any]:
-        try:
-            return await asyncio.wait_for(
-                reach(self._channel, self._socket, lambda path: _stop_at(path, level, why)),
-                STOP_WITHIN_S,
-            )
-        except asyncio.TimeoutError:
-            text = "the stop was sent, but its answer did not come"
-            raise ConnectError(text, reason="connection_lost") from None
+        def attempt(path: str) -> asyncio.Future[dict[str, Any]]:
+            loop = asyncio.get_running_loop()
+            return loop.run_in_executor(self._threads, stop_at, path, level, why, STOP_WITHIN_S)
 
-
-async def _stop_at(path: str, level: str, why: str | None) -> dict[str, Any]:
-    """Stop the gripper whose daemon listens at `path`; raises `OSError` where nobody does."""
-    reader, writer = await asyncio.open_unix_connection(stop_path(path), limit=_MAX_ANSWER_BYTES)
-    try:
-        writer.write(stop_line(level, why))
-        answer = await reader.readline()
-    except ValueError as error:
-        raise LiteGripError(f"the daemon's answer to the stop has no end: {error}") from error
-    finally:
-        writer.close()
-    return read_stop_answer(answer)
+        return await reach(self._gripper.channel, self._gripper.socket, attempt)

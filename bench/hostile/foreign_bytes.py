@@ -30,7 +30,7 @@ from litegrip_client.values.errors import TrajectoryFormatError
 from litegrip_client.values.text import text_of
 from litegrip_client.values.trajectory_format import parse_grips
 from litegrip_fleet.wire.messages import Ask, BadMessageError, Push, Reply, packed, unpacked
-from litegrip_web.bridge import Gripper
+from litegrip_web.gripper import Gripper
 from litegrip_web.proof import proof
 from litegrip_web.server import Settings, listening
 from litegripd.app.build import page_bytes

@@ -213,8 +213,13 @@ export class Control {
   async #mayKeep() {
     const name = this.#panel.node("name").value;
     if (name === this.#mayReplace) return true;
-    const { trajectories } = await this.#panel.wire.call("trajectory.list");
-    if (!trajectories.some((kept) => kept.name === name)) return true;
+    try {
+      const { trajectories } = await this.#panel.wire.call("trajectory.list");
+      if (!trajectories.some((kept) => kept.name === name)) return true;
+    } catch (error) {
+      this.#panel.complain(this.#wrong("list the trajectories", error));
+      return false;
+    }
     const text = `There is a motion with the name “${name}” already. Replace it?`;
     if (!(await ask(text, "Replace it"))) return false;
     this.#mayReplace = name;

@@ -47,7 +47,8 @@ export class Panel {
     this.world = new World(this);
     this.jaws = new Jaws(this.#nodes.jaws, this.world);
     this.control = new Control(this);
-    this.#nodes.stop.onclick = () => new Stop([this], [this.#nodes.outcome]).press();
+    const stop = new Stop([this], [this.#nodes.outcome]);
+    this.#nodes.stop.onclick = () => stop.press();
     const { wire } = this;
     wire.addEventListener("up", ({ detail }) => this.#begin(detail));
     wire.addEventListener("down", ({ detail }) => this.#end(detail.message));
@@ -160,7 +161,7 @@ export class Panel {
     if (this.state === null || !this.wire.isUp) return;
     const age = this.wire.age(this.state.monotonic_s);
     const isLate = age === null || age > LATE_S;
-    this.plots.advance(Date.now() / 1000, isLate);
+    if (isLate) this.plots.advance(Date.now() / 1000);
     if (!isLate && !this.#isLate) return;
     this.#isLate = isLate;
     this.article.classList.toggle("late", isLate);

@@ -110,9 +110,9 @@ export class Plots {
     this.#drawSoon(moment.time);
   }
 
-  /* Let the time go on, also while nothing comes (`isLate`). */
-  advance(now, isLate) {
-    if (isLate) this.#drawSoon(now);
+  /* Let the time go on while nothing comes. */
+  advance(now) {
+    this.#drawSoon(now);
   }
 
   /* Where nothing was measured, no line is drawn. */

@@ -7,7 +7,9 @@ from typing import Any
 
 import pytest
 
+from litegrip_client.core.sockets import STOP_LEVELS
 from litegrip_client.values.errors import LiteGripError
+from litegrip_web.gripper import Gripper
 from litegrip_web.stops import Stops
 
 
@@ -46,7 +48,7 @@ class StopSocket:
 def test_many_askers_are_answered_by_the_next_stop(tmp_path: Path) -> None:
     async def play() -> None:
         async with StopSocket(tmp_path) as daemon:
-            stops = Stops("can0", str(daemon.path))
+            stops = Stops(Gripper("can0", str(daemon.path)))
             first = asyncio.ensure_future(stops.stop("hold", "one"))
             await daemon.until(1)
             others = [asyncio.ensure_future(stops.stop("hold", "many")) for _ in range(50)]
@@ -64,7 +66,7 @@ def test_many_askers_are_answered_by_the_next_stop(tmp_path: Path) -> None:
 def test_another_level_waits_for_none(tmp_path: Path) -> None:
     async def play() -> None:
         async with StopSocket(tmp_path) as daemon:
-            stops = Stops("can0", str(daemon.path))
+            stops = Stops(Gripper("can0", str(daemon.path)))
             hold = asyncio.ensure_future(stops.stop("hold", None))
             await daemon.until(1)
             disable = asyncio.ensure_future(stops.stop("disable", None))
@@ -79,7 +81,7 @@ def test_another_level_waits_for_none(tmp_path: Path) -> None:
 def test_an_asker_that_goes_has_stopped_all_the_same(tmp_path: Path) -> None:
     async def play() -> None:
         async with StopSocket(tmp_path) as daemon:
-            stops = Stops("can0", str(daemon.path))
+            stops = Stops(Gripper("can0", str(daemon.path)))
             asker = asyncio.ensure_future(stops.stop("hold", None))
             await asyncio.sleep(0)
             asker.cancel()
@@ -92,6 +94,30 @@ def test_an_asker_that_goes_has_stopped_all_the_same(tmp_path: Path) -> None:
 def test_a_daemon_that_is_not_there_is_said(tmp_path: Path) -> None:
     async def play() -> None:
         with pytest.raises(LiteGripError, match="no daemon"):
-            await Stops("can0", str(tmp_path / "rpc.sock")).stop("hold", None)
+            await Stops(Gripper("can0", str(tmp_path / "rpc.sock"))).stop("hold", None)
+
+    asyncio.run(play())
+
+
+def test_a_gripper_does_not_wait_for_another_ones_daemon(tmp_path: Path) -> None:
+    folders = [tmp_path / name for name in ("hung", "healthy")]
+    for folder in folders:
+        folder.mkdir()
+
+    async def play() -> None:
+        async with StopSocket(folders[0]) as hung, StopSocket(folders[1]) as healthy:
+            first, second = (Stops(Gripper("can0", str(one.path))) for one in (hung, healthy))
+            waiting = [
+                asyncio.ensure_future(first.stop(level, None))
+                for level in STOP_LEVELS
+                for _ in range(50)
+            ]
+            await hung.until(len(STOP_LEVELS))
+            healthy.answers.release()
+            assert (await second.stop("hold", None))["generation"] == 1
+            assert not any(one.done() for one in waiting)
+            for _ in range(2 * len(STOP_LEVELS)):
+                hung.answers.release()
+            await asyncio.gather(*waiting)
 
     asyncio.run(play())
