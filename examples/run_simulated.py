@@ -90,9 +90,9 @@ def serves(process: subprocess.Popen[str], channel: str) -> bool:
 
 
 def own_directory(variable: str, otherwise: Path) -> Path:
-    """Return a directory of this user, from the environment or `otherwise`; nobody else may enter.
+    """Return a directory of this user, from the environment or `otherwise`.
 
-    Raises `OSError` if it cannot be made, or is another user's.
+    One that is made is for this user alone. Raises `OSError` if it is another user's.
     """
     directory = Path(os.environ.get(variable) or otherwise)
     directory.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -127,14 +127,14 @@ def prepare(channel: str, more: str) -> str:
     return "\n  ".join(filter(None, lines))
 
 
-def already_runs(channel: str, pid: int, note: Path) -> None:
+def already_runs(channel: str, pid: int, note: Path, more: str) -> None:
     """Say what this user's daemon of `channel` is, and where its page is."""
     page = note.read_text("utf-8") if note.exists() else ""
     print(f"Your simulated gripper runs already: channel {channel}, process {pid}.")
     print(
         f"Its page, for your browser:\n\n  {page}\n" if page else "It was started without a page."
     )
-    print(f"In another terminal:\n\n  {prepare(channel, '')}\n  litegripctl state")
+    print(f"In another terminal:\n\n  {prepare(channel, more)}\n  litegripctl state")
 
 
 def main() -> int:
@@ -154,7 +154,7 @@ def main() -> int:
         note = folder / f"{channel}_page.address"
         if (pid := daemon_of(channel)) is not None:
             if Path(f"/proc/{pid}").stat().st_uid == os.getuid():
-                already_runs(channel, pid, note)
+                already_runs(channel, pid, note, more)
                 return 0
             print(f"Channel {channel} is another user's: its daemon is process {pid}.")
             continue
