@@ -110,7 +110,7 @@ def draw_watch(daemon: SimulatedDaemon) -> None:
             if count == 0:
                 worker.start()
             if count == WATCHED_STATES:
-                console.print(picture(scene, "can0"))
+                console.print(picture(scene, "can0", str))
                 break
         worker.join()
     console.save_svg(str(IMAGES / "watch.svg"), title="litegripctl watch")

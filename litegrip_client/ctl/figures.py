@@ -4,10 +4,18 @@ from __future__ import annotations
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see core/sockets
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
     from typing import Any, TypeAlias
 
+PROGRAM = "litegripctl"
+
 Data: TypeAlias = "Mapping[str, Any]"
+
+Here: TypeAlias = "Callable[[str], str]"
+"""Puts into a text of ours how litegripctl is called for this gripper: `-c left`, say.
+
+Only what this program says itself goes through it: in what others say, nothing is replaced.
+"""
 
 
 def figure(value: object, form: str, unit: str) -> str:

@@ -23,13 +23,13 @@ from rich.table import Table
 from rich.text import Text
 
 from litegrip_client.ctl import render
-from litegrip_client.ctl.figures import figure, plain
+from litegrip_client.ctl.figures import Here, figure, plain
 from litegrip_client.ctl.state_view import state_rows
 from litegrip_client.line.connection import Connection
 from litegrip_client.line.feeds import Event, EventFeed
 from litegrip_client.values.errors import ConnectError
 from litegrip_client.values.terms import told_all
-from litegrip_client.values.voices import in_shell
+from litegrip_client.values.voices import in_shell_of
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
@@ -116,8 +116,8 @@ _STYLES = {"ok": "bold green", "degraded": "bold yellow", "down": "bold red"}
 _ALARMING = {"SCALE", "stop", "age"}
 
 
-def picture(scene: Scene, name: str, for_gripper: Callable[[str], str] = str) -> RenderableType:
-    """Show a scene of the gripper `name`; `for_gripper` names it in what can be typed."""
+def picture(scene: Scene, name: str, here: Here) -> RenderableType:
+    """Show a scene of the gripper `name`."""
     verdict = str((scene.health or {}).get("verdict", "--"))
     how, style = plain(verdict), _STYLES.get(verdict, "")
     if scene.trouble is not None:
@@ -125,7 +125,7 @@ def picture(scene: Scene, name: str, for_gripper: Callable[[str], str] = str) ->
     head = Text.assemble((name, "bold"), "  ", (how, style))
     parts: list[RenderableType] = [head, Text()]
     if scene.state is not None:
-        parts += [_bar(scene.state), _figures(scene.state, for_gripper)]
+        parts += [_bar(scene.state), _figures(scene.state, here)]
         parts += [Text(), Text("the last minute", "cyan"), _traces(scene)]
     lease = "--" if scene.lease is None else render.lease(scene.lease)
     others = "--" if scene.others is None else f"{scene.others} besides this one"
@@ -134,13 +134,13 @@ def picture(scene: Scene, name: str, for_gripper: Callable[[str], str] = str) ->
     company.add_row(Text("clients", "cyan"), Text(others))
     parts += [Text(), company]
     if scene.health is not None:
+        voice = in_shell_of(here)
         parts += [
-            Text(f"- {plain(for_gripper(reason))}", "yellow")
-            for reason in told_all(scene.health, "reasons", in_shell)
+            Text(f"- {plain(reason)}", "yellow")
+            for reason in told_all(scene.health, "reasons", voice)
         ]
         parts += [
-            Text(f"note: {plain(for_gripper(note))}", "dim")
-            for note in told_all(scene.health, "notes", in_shell)
+            Text(f"note: {plain(note)}", "dim") for note in told_all(scene.health, "notes", voice)
         ]
     return Group(*parts, Text(), *_events(scene), Text(), Text("q ends it", "dim"))
 
@@ -160,13 +160,13 @@ def _bar(state: dict[str, Any]) -> RenderableType:
     return grid
 
 
-def _figures(state: dict[str, Any], for_gripper: Callable[[str], str]) -> RenderableType:
+def _figures(state: dict[str, Any], here: Here) -> RenderableType:
     grid = Table.grid(padding=(0, 2))
     is_old = bool(state.get("stale"))
-    for label, text in state_rows(state):
+    for label, text in state_rows(state, here):
         alarming = label in _ALARMING and (label != "age" or is_old)
         style = "bold red" if alarming else "dim" if is_old else ""
-        grid.add_row(Text(label, "cyan"), Text(plain(for_gripper(text)), style))
+        grid.add_row(Text(label, "cyan"), Text(plain(text), style))
     return grid
 
 
@@ -218,11 +218,8 @@ _SHORTEST_S = 0.05
 _TERMINATED = 128 + signal.SIGTERM
 
 
-def show(scenes: Iterable[Scene], name: str, for_gripper: Callable[[str], str]) -> None:
-    """Show scenes of the gripper `name` until there are no more of them, or q is pressed.
-
-    See `Output` for `for_gripper`.
-    """
+def show(scenes: Iterable[Scene], name: str, here: Here) -> None:
+    """Show scenes of the gripper `name` until there are no more of them, or q is pressed."""
     shown_s = 0.0
     keyboard = _Keyboard()
     with (
@@ -235,7 +232,7 @@ def show(scenes: Iterable[Scene], name: str, for_gripper: Callable[[str], str]) 
             now_s = time.monotonic()
             if now_s - shown_s >= _SHORTEST_S:
                 with interruptions.writing():
-                    live.update(picture(scene, name, for_gripper), refresh=True)
+                    live.update(picture(scene, name, here), refresh=True)
                 shown_s = now_s
 
 

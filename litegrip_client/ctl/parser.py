@@ -14,11 +14,14 @@ import shlex
 from argparse import ArgumentTypeError
 from collections.abc import Callable, Iterable, Sequence
 from difflib import get_close_matches
+from functools import partial
 from textwrap import fill
 
 from litegrip_client.core.discovery import check_channel
 from litegrip_client.core.sockets import CHANNEL_VARIABLE, DEFAULT_CHANNEL
+from litegrip_client.ctl.figures import PROGRAM
 from litegrip_client.values.errors import CommandError
+from litegrip_client.values.voices import in_shell_of
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
@@ -36,7 +39,6 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
             """Return what adds its arguments; None where it takes none."""
 
 
-PROGRAM = "litegripctl"
 EXIT_CODES: tuple[tuple[int, str], ...] = (
     (0, 'ok; the verdict "ok" of health'),
     (
@@ -169,7 +171,8 @@ def parse(given: list[str], rows: Sequence[Row]) -> argparse.Namespace:
     """Read the command line of a command of `rows`; raises `UsageError` when it is wrong.
 
     `channel_chosen` is true if a channel was asked for, by option or by environment. `only_reads`
-    is true if the command changes nothing. `call` is how the same gripper is called again.
+    is true if the command changes nothing. `here` puts into texts of ours how the same gripper is
+    called again, and `voice` tells the daemon's so.
     """
     parser = whole_parser(rows)
     words = list(given)
@@ -189,7 +192,8 @@ def parse(given: list[str], rows: Sequence[Row]) -> argparse.Namespace:
     chosen = getattr(options, "channel", None) or os.environ.get(CHANNEL_VARIABLE)
     options.channel_chosen = chosen is not None
     options.only_reads = any(row.reads for row in rows if row.name == options.command)
-    options.call = _call(options)
+    options.here = partial(for_gripper, _call(options), rows)
+    options.voice = in_shell_of(options.here)
     options.socket = getattr(options, "socket", None)
     options.json = getattr(options, "json", False)
     if options.command == "grasp" and (options.width is None) != (options.tolerance is None):
@@ -215,7 +219,7 @@ def _call(options: argparse.Namespace) -> str:
 
 
 def for_gripper(call: str, rows: Sequence[Row], text: str) -> str:
-    """Return `text`; the commands in it that are for a gripper begin with `call`."""
+    """Return a text of ours; the commands in it that are for a gripper begin with `call`."""
     if call == PROGRAM:
         return text
     names = "|".join(row.name for row in rows if not row.is_local)

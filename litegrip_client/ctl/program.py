@@ -2,11 +2,10 @@
 
 import sys
 from argparse import Namespace
-from functools import partial
 
 from litegrip_client.ctl.commands import COMMANDS, find, needs_daemon
 from litegrip_client.ctl.commands.state import stop_first
-from litegrip_client.ctl.parser import UsageError, for_gripper, parse
+from litegrip_client.ctl.parser import UsageError, parse
 from litegrip_client.ctl.render import hint_for, names_remedy
 from litegrip_client.ctl.run import (
     INTERRUPTED,
@@ -25,7 +24,7 @@ def run(given: list[str]) -> int:
         options = parse(given, COMMANDS)
     except UsageError as wrong:
         return _refuse(wrong, Output(as_json="--json" in given))
-    output = Output(as_json=options.json, for_gripper=partial(for_gripper, options.call, COMMANDS))
+    output = Output(as_json=options.json)
     return _run(options, output)
 
 

@@ -18,11 +18,14 @@ from litegrip_client.core.sockets import (
     paths,
     stop_path,
 )
+from litegrip_client.ctl.figures import PROGRAM
 from litegrip_client.ctl.state_view import state_text, stopped
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see core/sockets
     from typing import Any
+
+    from litegrip_client.ctl.figures import Here
 
 PROTOCOL = 1
 _STOP_WITHIN_S = 1.0
@@ -55,15 +58,14 @@ def answer(given: list[str]) -> str | None:
     if not _is_plain(chosen or DEFAULT_CHANNEL):
         return None
     places = paths(chosen or DEFAULT_CHANNEL, None, os.environ)
+
+    def here(text: str) -> str:
+        return text if channel is None else text.replace(PROGRAM, f"{PROGRAM} -c {channel}")
+
     try:
-        text = _stop(places, level) if command == "stop" else _state(places, chosen)
+        return _stop(places, level, here) if command == "stop" else _state(places, chosen, here)
     except _NOT_AS_USUAL:
         return None
-    if channel is None or text is None:
-        return text
-    if command == "state" and "litegripctl" in text:
-        return None
-    return text.replace("litegripctl", f"litegripctl -c {channel}")
 
 
 def _read(given: list[str]) -> tuple[str, str, str | None] | None:
@@ -97,7 +99,7 @@ def _is_plain(channel: str) -> bool:
     )
 
 
-def _stop(places: list[str], level: str) -> str | None:
+def _stop(places: list[str], level: str, here: Here) -> str | None:
     request = '{"jsonrpc":"2.0","id":1,"method":"stop","params":{"level":"%s"}}\n' % level  # noqa: UP031
     for path in places:
         try:
@@ -106,11 +108,11 @@ def _stop(places: list[str], level: str) -> str | None:
             continue
         if latched["level"] not in STOP_LEVELS:  # a stronger one may have been latched before
             return None
-        return stopped(latched)
+        return stopped(latched, here)
     return None
 
 
-def _state(places: list[str], chosen: str | None) -> str | None:
+def _state(places: list[str], chosen: str | None, here: Here) -> str | None:
     requests = (
         '{"jsonrpc":"2.0","id":1,"method":"hello","params":{"client":"litegripctl"}}\n'
         '{"jsonrpc":"2.0","id":2,"method":"state.get"}\n'
@@ -122,7 +124,7 @@ def _state(places: list[str], chosen: str | None) -> str | None:
             continue
         if hello["protocol"] != PROTOCOL or chosen not in (None, hello["channel"]):
             return None
-        return state_text(state)
+        return state_text(state, here)
     return None
 
 

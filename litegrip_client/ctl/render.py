@@ -91,6 +91,10 @@ _OTHERWISE = {"not_calibrated": CHOOSE_MOUNT, "unreachable": "see: litegripctl d
 """Used if the error has no hint of its own; only that hint can offer a template."""
 
 
+_OF_CLIENT = ("no_daemon", "older_daemon")
+"""Reasons whose hints are this side's own words."""
+
+
 def hint_for(error: LiteGripError, options: Namespace) -> str:
     """Return what to do about an error of the command with these `options`."""
     if error.reason == "no_daemon" and not options.channel_chosen and options.socket is None:
@@ -101,9 +105,11 @@ def hint_for(error: LiteGripError, options: Namespace) -> str:
             return f"there are: {', '.join(running)}; name one: litegripctl -c {running[0]} ..."
     if options.command == "clear" and error.reason == "lease_held":
         return "ask one of them to clear it"  # the message names who may
-    own = _HINTS.get(error.reason or "") or error.hint or _OTHERWISE.get(error.reason or "")
-    if own:
-        return own
+    reason, here = error.reason or "", options.here
+    if reason not in _HINTS and error.hint:
+        return str(here(error.hint)) if reason in _OF_CLIENT else error.hint
+    if own := _HINTS.get(reason) or _OTHERWISE.get(reason):
+        return str(here(own))
     if error.reason == "internal_error":
         from litegrip_client.ctl.doctor.gather import is_remote_name  # noqa: PLC0415 - seldom needed
 
@@ -176,7 +182,7 @@ def _report_cancelled(motion: Motion, run: Run) -> None:
     hint = ""
     if motion.cancel_error is not None:
         text = f"interrupted, but the motion could NOT be cancelled: {motion.cancel_error.message}"
-        hint = "it may continue; stop it with: litegripctl stop"
+        hint = run.here("it may continue; stop it with: litegripctl stop")
     elif motion.cancelled is None:
         text = f"interrupted: no motion was running, {jaws_now(run)}"
     elif motion.cancelled["state"] in ENDING:

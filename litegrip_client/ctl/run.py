@@ -20,24 +20,21 @@ from litegrip_client.line.connection import Connection
 from litegrip_client.threads.blocking import connect
 from litegrip_client.values.errors import CommandError, LiteGripError
 from litegrip_client.values.version import is_of_debian
-from litegrip_client.values.voices import in_shell
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, TypeAlias
 
+    from litegrip_client.ctl.figures import Here
     from litegrip_client.ctl.parser import Fill
+    from litegrip_client.values.terms import Voice
 
 
 class Output:
-    """Standard output and standard error, for a person or (`as_json`) for a program.
+    """Standard output and standard error, for a person or (`as_json`) for a program."""
 
-    What a person reads goes through `for_gripper`, since no text knows which gripper it is about.
-    """
-
-    def __init__(self, *, as_json: bool, for_gripper: Callable[[str], str] = str) -> None:
+    def __init__(self, *, as_json: bool) -> None:
         self.as_json = as_json
-        self.for_gripper = for_gripper
         self.live = sys.stdout.isatty() and not as_json
         """True if a line can be written over."""
         self._open_line = False
@@ -45,7 +42,7 @@ class Output:
     def result(self, data: Mapping[str, Any], text: str) -> None:
         """Print a result: as it came, or as `text`."""
         self.end_line()
-        shown = json.dumps(data, ensure_ascii=False) if self.as_json else self.for_gripper(text)
+        shown = json.dumps(data, ensure_ascii=False) if self.as_json else text
         write(f"{shown}\n")
 
     def line(self, text: str) -> None:
@@ -77,11 +74,11 @@ class Output:
         else:
             self.note(error.message)
             if hint and not is_said and hint not in error.message:
-                print(f"  {one_line(self.for_gripper(hint))}", file=sys.stderr)
+                print(f"  {one_line(hint)}", file=sys.stderr)
 
     def note(self, text: str) -> None:
         """Print something that is not a result, on standard error."""
-        print(f"litegripctl: {one_line(self.for_gripper(text))}", file=sys.stderr)
+        print(f"litegripctl: {one_line(text)}", file=sys.stderr)
 
 
 def one_line(text: str) -> str:
@@ -131,7 +128,7 @@ def connected(options: Namespace) -> Connection:
             say(f"{running[0]}, the only daemon here:")
             options.channel, options.channel_chosen = running[0], True
     connection = connect(options.channel, options.socket)
-    connection.voice = in_shell
+    connection.voice = options.voice
     try:
         hello = connection.greet("litegripctl")
         is_checked = options.channel_chosen and options.socket is None
@@ -162,6 +159,18 @@ class Run:
         self._connection = connection
         self.options = options
         self.output = output
+
+    @property
+    def here(self) -> Here:
+        """Puts into a text of ours how the same gripper is called again."""
+        here: Here = self.options.here
+        return here
+
+    @property
+    def voice(self) -> Voice:
+        """Tells what the daemon says in commands for the same gripper."""
+        voice: Voice = self.options.voice
+        return voice
 
     @property
     def connection(self) -> Connection:

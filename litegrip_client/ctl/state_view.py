@@ -5,7 +5,7 @@ Takes the wire's objects as they are, so that an older or newer daemon is still 
 
 from __future__ import annotations
 
-from litegrip_client.ctl.figures import Data, figure, owner, plain
+from litegrip_client.ctl.figures import Data, Here, figure, owner, plain
 
 _DOUBTS = {
     "superseded": "WRONG: all millimetres are those of earlier versions, which took the travel for"
@@ -21,9 +21,9 @@ _MEASURED = {"opening", "position", "command", "velocity", "torque", "temperatur
 _LABEL_WIDTH = 12
 
 
-def state_text(data: Data) -> str:
+def state_text(data: Data, here: Here) -> str:
     """Return a state in aligned lines."""
-    lines = [f"{label:<{_LABEL_WIDTH}} {plain(text)}" for label, text in state_rows(data)]
+    lines = [f"{label:<{_LABEL_WIDTH}} {plain(text)}" for label, text in state_rows(data, here)]
     if is_unheard(data):
         lines.insert(0, "the motor has not answered yet: nothing is known of it")
     elif data.get("stale"):
@@ -31,7 +31,7 @@ def state_text(data: Data) -> str:
     return "\n".join(lines)
 
 
-def state_rows(data: Data) -> list[tuple[str, str]]:
+def state_rows(data: Data, here: Here) -> list[tuple[str, str]]:
     """Return a state as labels and texts; the texts may hold anything.
 
     What is measured is left out while the motor has never answered.
@@ -42,7 +42,7 @@ def state_rows(data: Data) -> list[tuple[str, str]]:
     driver = figure(data.get("driver_temperature_c"), ".0f", "°C")
     coil = figure(data.get("coil_temperature_c"), ".0f", "°C")
     rows = [
-        *([("SCALE", _DOUBTS.get(str(doubt), str(doubt)))] if doubt else ()),
+        *([("SCALE", here(_DOUBTS[doubt]) if doubt in _DOUBTS else str(doubt))] if doubt else ()),
         ("mode", f"{data.get('mode')} (motor {data.get('motor')}, bus {data.get('bus')})"),
         ("opening", f"{figure(data.get('opening_mm'), '.2f', 'mm')}, {share} open"),
         ("position", figure(data.get("position_rad"), "+.4f", "rad")),
@@ -67,7 +67,7 @@ def state_rows(data: Data) -> list[tuple[str, str]]:
         job, by = data["job"], owner(data["job"].get("owner") or {})
         rows.append(("job", f"{job.get('job')} {job.get('kind')}, {job.get('phase')}, by {by}"))
     if data.get("stop"):
-        rows.append(("stop", _stop(data["stop"])))
+        rows.append(("stop", _stop(data["stop"], here)))
     rows += [
         _further(name, value)
         for name, value in data.items()
@@ -161,14 +161,15 @@ def _squeezing(data: Data) -> str:
     return f"with {figure(data['force_set_n'], '.1f', 'N')}{felt}, {held}{unnoticed}"
 
 
-def _stop(stop: Data) -> str:
+def _stop(stop: Data, here: Here) -> str:
     by = stop.get("by")
     who = owner(by) if isinstance(by, dict) else by
     why = f": {stop['why']}" if stop.get("why") else ""
-    return f"{stop.get('level')}, by {who}{why} (clear it with: litegripctl clear)"
+    clear = here("clear it with: litegripctl clear")
+    return f"{stop.get('level')}, by {who}{why} ({clear})"
 
 
-def state_line(data: Data) -> str:
+def state_line(data: Data, here: Here) -> str:
     """Return a state in one line."""
     parts = [
         f"{data.get('mode')!s:<9}",
@@ -186,15 +187,15 @@ def state_line(data: Data) -> str:
     if data.get("pressing_n") is not None:
         parts.append(f"pressing {figure(data['pressing_n'], '.1f', 'N')}")
     if data.get("scale_doubt"):
-        parts.append(f"SCALE {data['scale_doubt']}, see: litegripctl state")
+        parts.append(f"SCALE {data['scale_doubt']}, {here('see: litegripctl state')}")
     if data.get("stale") or is_unheard(data):
         parts.append(age(data))
     return plain("  ".join(parts))
 
 
-def stopped(data: Data) -> str:
+def stopped(data: Data, here: Here) -> str:
     """Return the text for a latched stop, and what it cannot reach."""
-    text = f"stopped: {data['level']}, until: litegripctl clear"
+    text = f"stopped: {data['level']}, {here('until: litegripctl clear')}"
     if (data.get("state") or {}).get("motor") in ("silent", "unknown"):
         text += "; the motor does not answer, so nothing reaches it: to be sure, cut its power"
     return plain(text)

@@ -7,7 +7,11 @@ scripts look for by other names. Nothing is decided by this module.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from litegrip_client.values.terms import Voice
 
 CALLS: Mapping[str, tuple[str, str]] = {
     "health": ("gripper.health()", "litegripctl health"),
@@ -168,6 +172,16 @@ def in_shell(method: str | None, parameter: str | None, asked: str | None) -> st
         return _argument(asked, parameter)[1]
     call = CALLS.get(method, _NONE)[1]
     return f"{call} {_argument(method, parameter)[1] or ''}".rstrip() if call else None
+
+
+def in_shell_of(here: Callable[[str], str]) -> Voice:
+    """Return `in_shell` for one gripper: `here` puts into a command how that is called."""
+
+    def voice(method: str | None, parameter: str | None, asked: str | None) -> str | None:
+        name = in_shell(method, parameter, asked)
+        return None if name is None else here(name)
+
+    return voice
 
 
 _NONE = (None, None)

@@ -114,7 +114,7 @@ def test_what_is_normal_is_not_red() -> None:
     scene = whole_scene()
     assert scene.state is not None
     scene.state["stop"] = None
-    console.print(picture(scene, "can0"))
+    console.print(picture(scene, "can0", str))
     assert isinstance(console.file, io.StringIO)
     assert "\x1b[1;31m" not in console.file.getvalue()
 
@@ -228,8 +228,8 @@ def test_json_on_a_terminal_is_lines(on_a_terminal: Ctl) -> None:
 
 def test_a_line_tells_the_phase_of_teleoperation() -> None:
     job = {"job": 3, "kind": "teleop", "phase": "stale", "owner": OWNER}
-    assert "job 3 teleop stale" in state_line({**STATE, "job": job})
-    assert state_line({**STATE, "job": {**job, "phase": None}}).endswith("job 3 teleop")
+    assert "job 3 teleop stale" in state_line({**STATE, "job": job}, str)
+    assert state_line({**STATE, "job": {**job, "phase": None}}, str).endswith("job 3 teleop")
 
 
 def test_only_fields_of_a_state_have_a_line_of_their_own() -> None:

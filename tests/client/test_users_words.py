@@ -107,21 +107,42 @@ COMMANDS = (
 )
 
 
-@pytest.mark.parametrize("words", [WORST, "{0} {} %s force_n", "clear it with stop.clear first"])
-def test_by_litegripctl(site: Bench, heard: Heard, litegripctl: Ctl, words: str) -> None:
+COMMAND = "litegripctl clear, litegripctl open"
+"""Of a person who tells others what to type."""
+
+
+@pytest.mark.parametrize("channel", ["", "-c can0 "])
+@pytest.mark.parametrize(
+    "words", [WORST, COMMAND, "{0} {} %s force_n", "clear it with stop.clear first"]
+)
+def test_by_litegripctl(
+    site: Bench, heard: Heard, litegripctl: Ctl, words: str, channel: str
+) -> None:
     scene = Scene(words, heard)
     site.now_s = heard.now_s
     for command in (*COMMANDS, f"job {scene.job}", f"job {scene.running}"):
-        _, out, err = litegripctl(*command.split())
+        _, out, err = litegripctl(*channel.split(), *command.split())
         assert words in out + err, command
+
+
+@pytest.mark.parametrize(("command", "own"), [("state", "clear"), ("open", "lease")])
+def test_only_the_program_s_own_commands_name_the_gripper(
+    site: Bench, heard: Heard, litegripctl: Ctl, command: str, own: str
+) -> None:
+    Scene(COMMAND, heard)
+    site.now_s = heard.now_s
+    _, out, err = litegripctl("-c", "can0", command)
+    said = (out + err).replace(COMMAND, "")
+    assert f"litegripctl -c can0 {own}" in said
+    assert said.count("litegripctl -c can0 ") == said.count("litegripctl ") >= 1
 
 
 def test_the_doctor_and_the_health_tell_a_reason_as_it_is(heard: Heard, litegripctl: Ctl) -> None:
     reasons = [sentence("{why}: {motor.clear_fault}", why=WORST), WORST]
     heard.instead["health"] = with_terms({"verdict": "down", "reasons": reasons, "notes": [WORST]})
-    for command in ("health", "doctor"):
+    for command, call in (("health", "litegripctl"), ("doctor", "litegripctl -c can0")):
         out = litegripctl(command)[1]
-        assert f"{WORST}: litegripctl clear-fault" in out
+        assert f"{WORST}: {call} clear-fault" in out
         assert out.count(WORST) >= 2
 
 

@@ -22,7 +22,7 @@ def told(held: Held) -> list[dict[str, Any]]:
 
 
 def rows(held: Held) -> dict[str, str]:
-    return dict(state_rows(asdict(held.state)))
+    return dict(state_rows(asdict(held.state), str))
 
 
 def unplug(held: Held) -> None:

@@ -78,5 +78,5 @@ def test_a_word_of_the_state_that_it_does_not_know_stands_there(tmp_path: Path) 
         later = {**state, name: WORD, "limited": [WORD]}
         read = GripperState.from_wire(later)
         assert (getattr(read, name), read.limited) == (WORD, (WORD,))
-        assert WORD in state_text(later) + state_line(later)
+        assert WORD in state_text(later, str) + state_line(later, str)
         assert isinstance(read.is_error, bool)

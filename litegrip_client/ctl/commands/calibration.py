@@ -35,7 +35,6 @@ from litegrip_client.values.errors import CancelledError, CommandError, LiteGrip
 from litegrip_client.values.fields import SPAN_INSET_MM
 from litegrip_client.values.terms import told
 from litegrip_client.values.text import json_of
-from litegrip_client.values.voices import in_shell
 
 _AS_BEFORE = "the calibration is as it was"
 _SAVE = "use it and store it (y), use it without storing it (n), or cancel (c)?"
@@ -57,7 +56,7 @@ def manual(run: Run) -> int:
     if not may_ask():
         return run.refuse(
             "a calibration by hand needs a terminal to ask at",
-            "without hands: litegripctl zero --yes",
+            run.here("without hands: litegripctl zero --yes"),
         )
     _step(run, "begin")
     try:
@@ -69,13 +68,13 @@ def manual(run: Run) -> int:
         error = _cancel(run)
         if error is not None:
             text = f"{how}, but the daemon did not confirm that {_AS_BEFORE}: {error.message}"
-            hint = "see: litegripctl calibration"
+            hint = run.here("see: litegripctl calibration")
         run.output.error(CancelledError(text, reason=how), hint)
         return INTERRUPTED if interrupted else NOT_OK
     except BaseException:
         _cancel(run)  # if that fails, too, the end of the connection does it
         raise
-    return run.done(data, _measured_text("manual", data), ok=data["ok"])
+    return run.done(data, _measured_text(run, "manual", data), ok=data["ok"])
 
 
 def _lead(run: Run) -> Data:
@@ -193,7 +192,7 @@ def zero(run: Run) -> int:
         if not may_ask():
             return run.refuse(
                 "zero moves the jaws to both stops, and there is no terminal to confirm it at",
-                "if that is safe: litegripctl zero --yes",
+                run.here("if that is safe: litegripctl zero --yes"),
             )
         try:
             if not confirm("the jaws will move to both stops; continue?"):
@@ -206,30 +205,28 @@ def zero(run: Run) -> int:
     params: dict[str, object] = {"save": not options.no_save, **given_numbers(stroke_mm=stroke_mm)}
     if options.mount is not None:
         params["mount"] = options.mount
-    return finish(run, "calibration.zero", params, lambda data: _measured_text("zero", data))
+    return finish(run, "calibration.zero", params, lambda data: _measured_text(run, "zero", data))
 
 
-def _measured_text(name: str, data: Data) -> str:
+def _measured_text(run: Run, name: str, data: Data) -> str:
     """Return what was measured between the stops, and where it is stored."""
     text = f"{name}: {verdict(data)}"
     if data.get("message"):
-        text += f": {plain(told(data, 'message', in_shell))}"
+        text += f": {plain(told(data, 'message', run.voice))}"
     if data.get("closed_rad") is not None and data.get("open_rad") is not None:
         text += f"\n{_travel_text(data)}"
     if data.get("ok") and data.get("rad_to_mm") is not None:
-        text += f"\n{_stroke_text(data)}"
+        text += f"\n{_stroke_text(run, data)}"
     if data.get("path") is not None:
         return f"{text}\nstored in {plain(data['path'])}"
-    return f"{text}\n{_UNSTORED}" if data.get("ok") else text
+    return f"{text}\n{run.here(_UNSTORED)}" if data.get("ok") else text
 
 
-def _stroke_text(data: Data) -> str:
+def _stroke_text(run: Run, data: Data) -> str:
     """Return which stroke the scale was made of, and how to correct it."""
     stroke_mm = abs(data["closed_rad"] - data["open_rad"]) * data["rad_to_mm"] - SPAN_INSET_MM
-    return (
-        f"taken: the jaws open {figure(stroke_mm, '.5g', 'mm')}; if a caliper says otherwise:"
-        " litegripctl calibration rescale --stroke-mm MM"
-    )
+    remedy = run.here("if a caliper says otherwise: litegripctl calibration rescale --stroke-mm MM")
+    return f"taken: the jaws open {figure(stroke_mm, '.5g', 'mm')}; {remedy}"
 
 
 def _travel_text(data: Data) -> str:
@@ -316,8 +313,8 @@ def show(run: Run) -> int:
     """Show the calibration in use, in aligned lines."""
     data = run.connection.call("calibration.get")
     if not data.get("calibrated"):
-        why = f": {plain(told(data, 'problem', in_shell))}\n" if data.get("problem") else "; "
-        return run.done(data, f"not calibrated{why}{CHOOSE_MOUNT}")
+        why = f": {plain(told(data, 'problem', run.voice))}\n" if data.get("problem") else "; "
+        return run.done(data, f"not calibrated{why}{run.here(CHOOSE_MOUNT)}")
     work_mm = data.get("work_stroke_mm")
     work = "none: open goes to the stop" if work_mm is None else figure(work_mm, ".2f", "mm")
     rows = [
@@ -331,12 +328,12 @@ def show(run: Run) -> int:
         ("file", data.get("file") or "none"),
     ]
     lines = [f"{label:<11} {plain(text)}" for label, text in rows]
-    return run.done(data, "\n".join(_doubt(data) + lines))
+    return run.done(data, "\n".join(_doubt(run, data) + lines))
 
 
-def _doubt(data: Data) -> list[str]:
+def _doubt(run: Run, data: Data) -> list[str]:
     """Return a line for each reason why the calibration is probably wrong."""
-    return [f"WARNING: {plain(warning)}" for warning in warnings_in(data, in_shell)]
+    return [f"WARNING: {plain(warning)}" for warning in warnings_in(data, run.voice)]
 
 
 def templates(run: Run) -> int:
@@ -366,10 +363,10 @@ def load(run: Run) -> int:
         raise
     if data["loaded"] and run.options.keep:
         data = {**data, "saved": _store(run)}
-    return run.done(data, _loaded_text(data, source=source), ok=data["loaded"])
+    return run.done(data, _loaded_text(run, data, source=source), ok=data["loaded"])
 
 
-def _loaded_text(data: Data, *, source: str | None) -> str:
+def _loaded_text(run: Run, data: Data, *, source: str | None) -> str:
     """Return what was loaded, what was not and why, and where it is stored.
 
     Without a `source` the daemon has found it itself, and will do so again. A template is no
@@ -377,7 +374,7 @@ def _loaded_text(data: Data, *, source: str | None) -> str:
     """
     lines = [f"skipped: {plain(reason)}" for reason in data.get("skipped") or ()]
     if not data.get("loaded"):
-        lines += ["NOT loaded: no calibration was found", CHOOSE_MOUNT]
+        lines += ["NOT loaded: no calibration was found", run.here(CHOOSE_MOUNT)]
     else:
         lines.append(f"loaded: mount {plain(data.get('mount'))}, travel {_travel(data)}")
         saved = data.get("saved")
@@ -386,10 +383,10 @@ def _loaded_text(data: Data, *, source: str | None) -> str:
         elif source is None:
             lines.append(f"found in {plain(data.get('file'))}")
         else:
-            lines.append(_IN_USE if source in _TEMPLATES else _UNSTORED)
-        lines += _doubt(data)
+            lines.append(_IN_USE if source in _TEMPLATES else run.here(_UNSTORED))
+        lines += _doubt(run, data)
         if source in _TEMPLATES:
-            lines.append(_MEASURE)
+            lines.append(run.here(_MEASURE))
     return "\n".join(lines)
 
 
@@ -429,7 +426,7 @@ def rescale(run: Run) -> int:
             ("travel", "travel_mm", "mm"),
         )
     )
-    lines = [", ".join(changes), _stroke_text(data), _stored_text(saved)]
+    lines = [", ".join(changes), _stroke_text(run, data), _stored_text(saved)]
     former = before.get("file")
     if former not in (None, saved.get("path")):
         lines.append(
@@ -437,7 +434,7 @@ def rescale(run: Run) -> int:
             " LITEGRIP_CALIB names that file, correct its rad_to_mm as well"
         )
     data = {**data, "before": before, "saved": saved}
-    return run.done(data, "\n".join(lines + _doubt(data)))
+    return run.done(data, "\n".join(lines + _doubt(run, data)))
 
 
 def save(run: Run) -> int:

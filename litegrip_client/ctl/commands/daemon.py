@@ -12,7 +12,6 @@ from litegrip_client.ctl.parser import NUMBER, LateParser
 from litegrip_client.ctl.run import Commands, Run, connected, installing
 from litegrip_client.values.errors import CommandError, LiteGripError, ParameterError
 from litegrip_client.values.terms import told_all
-from litegrip_client.values.voices import in_shell
 
 _SETTING = re.compile(rf"([a-z][a-z0-9_]*)=({NUMBER}(?:e[+-]?[0-9]+)?)", re.IGNORECASE)
 
@@ -64,7 +63,7 @@ def config(run: Run) -> int:
         raise ParameterError(
             f"there is no field {field!r}",
             reason="invalid_params",
-            data={"hint": "all fields: litegripctl config"},
+            data={"hint": run.here("all fields: litegripctl config")},
         )
     only = _only(data, (field,))
     return run.done(only, plain(only["config"][field]))
@@ -111,8 +110,8 @@ def health(run: Run) -> int:
     words = ("verdict", "reasons", "notes", "terms")
     figures = {name: value for name, value in data.items() if name not in words}
     lines = [f"verdict: {plain(data.get('verdict'))}"]
-    lines += [f"- {plain(reason)}" for reason in told_all(data, "reasons", in_shell)]
-    lines += [f"note: {plain(note)}" for note in told_all(data, "notes", in_shell)]
+    lines += [f"- {plain(reason)}" for reason in told_all(data, "reasons", run.voice)]
+    lines += [f"note: {plain(note)}" for note in told_all(data, "notes", run.voice)]
     lines += ["", _tree_text(figures)] if figures else []
     run.output.result(data, "\n".join(lines))
     return {"ok": 0, "degraded": 1}.get(data["verdict"], 2)

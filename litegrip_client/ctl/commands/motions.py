@@ -23,7 +23,6 @@ from litegrip_client.ctl.run import ENDING, Commands, Run
 from litegrip_client.values.checks import given_numbers
 from litegrip_client.values.errors import CommandError, HardwareError, from_error_object
 from litegrip_client.values.table import aligned
-from litegrip_client.values.voices import in_shell
 
 
 def enable_options(parser: LateParser) -> None:
@@ -209,7 +208,7 @@ def grasp(run: Run) -> int:
     _note_force(run, options.force)
     if options.no_wait:
         return start(run, "motion.grasp", params)
-    return finish(run, "motion.grasp", params, _grasp_text)
+    return finish(run, "motion.grasp", params, lambda data: _grasp_text(run, data))
 
 
 CONTINUOUS_N = 20.0
@@ -221,11 +220,11 @@ def _note_force(run: Run, force_n: float | None) -> None:
     if force_n is not None and force_n > CONTINUOUS_N:
         run.output.note(
             f"the vendor recommends {CONTINUOUS_N:g} N for continuous work; how long the coil bears"
-            f" {force_n:g} N: litegripctl health (heat, time to limit)"
+            f" {force_n:g} N: {run.here('litegripctl health')} (heat, time to limit)"
         )
 
 
-def _grasp_text(data: Data) -> str:
+def _grasp_text(run: Run, data: Data) -> str:
     """Return what is held, how wide it is, and how to let go of it."""
     width = data.get("width_mm")
     text = f"grasp: {verdict(data)}, "
@@ -234,7 +233,7 @@ def _grasp_text(data: Data) -> str:
         text += f", held for {figure(data['held_s'], '.1f', 's')}"
     if data.get("ok") or data.get("state", {}).get("force_set_n") is not None:
         text += f", holding {figure(data.get('force_n'), '.1f', 'N')}"
-        text += "; let go with: litegripctl release"
+        text += run.here("; let go with: litegripctl release")
     return text
 
 
@@ -259,7 +258,7 @@ def release(run: Run) -> int:
         raise HardwareError(
             "the opening is not known: the motor has not reported its position",
             reason="motor_silent",
-            data={"hint": "see: litegripctl health"},
+            data={"hint": run.here("see: litegripctl health")},
         )
     target_mm = min(opening_mm + run.options.by, calibration["travel_mm"])
     return finish(
@@ -282,14 +281,14 @@ def force(run: Run) -> int:
     text = f"force: squeezing with {figure(data.get('force_n'), '.1f', 'N')}"
     if data.get("state", {}).get("is_grasped") is False:
         text += ", no object is held"
-    text += f", at {opening_of(data)}; let go with: litegripctl release"
+    text += f", at {opening_of(data)}{run.here('; let go with: litegripctl release')}"
     return run.done(data, text)
 
 
 def slack(run: Run) -> int:
     """Let the jaws move freely."""
     data = run.connection.command("motion.zero_gravity", {})
-    return run.done(data, "jaws move freely; hold again with: litegripctl hold")
+    return run.done(data, run.here("jaws move freely; hold again with: litegripctl hold"))
 
 
 def hold(run: Run) -> int:
@@ -354,7 +353,7 @@ def job(run: Run) -> int:
         ("owner", plain(owner(data["owner"])) + (", detached" if data["detached"] else "")),
     ]
     if data["error"]:
-        error = from_error_object(data["error"], voice=in_shell)
+        error = from_error_object(data["error"], voice=run.voice)
         rows.append(("why", plain(error.message)))
     rows += [
         (name, plain(f"{value:.4g}" if isinstance(value, float) else value))

@@ -138,7 +138,7 @@ def stop_first(options: Namespace, output: Output) -> bool:
     for path in socket_paths(options.channel, options.socket):
         with suppress(*_NOT_LISTENING):
             data = stop_at(path, options.level, options.why, STOP_WITHIN_S)
-            output.result(data, stopped(data))
+            output.result(data, stopped(data, options.here))
             return True
     return False
 
@@ -157,7 +157,7 @@ def stop_options(parser: LateParser) -> None:
 def stop(run: Run) -> int:
     """Latch a stop by the socket of all requests."""
     data = run.connection.call("stop", stop_params(run.options.level, run.options.why))
-    return run.done(data, stopped(data))
+    return run.done(data, stopped(data, run.here))
 
 
 def clear(run: Run) -> int:
@@ -173,7 +173,7 @@ def clear(run: Run) -> int:
 def state(run: Run) -> int:
     """Show the state."""
     data = run.connection.call("state.get")
-    return run.done(data, state_text(data))
+    return run.done(data, state_text(data, run.here))
 
 
 _WATCH = """\
@@ -215,11 +215,11 @@ def watch(run: Run) -> int:
 
     name = str(run.connection.call("hello")["channel"])
     try:
-        live.show(counted(), name, run.output.for_gripper)
+        live.show(counted(), name, run.here)
     finally:
         for scene in last:
             if scene.state is not None:  # the view itself leaves nothing in the terminal
-                run.output.result(scene.state, state_line(scene.state))
+                run.output.result(scene.state, state_line(scene.state, run.here))
     return OK
 
 
@@ -227,7 +227,7 @@ def _lines(run: Run) -> int:
     """Show a line for each state, on a terminal, too."""
     with run.connection.subscribe_state(run.options.hz) as samples:
         for sample in islice(samples, run.options.count):
-            run.output.result(sample.state, state_line(sample.state))
+            run.output.result(sample.state, state_line(sample.state, run.here))
     return OK
 
 

@@ -198,7 +198,7 @@ def _leave(run: Run, data: Data) -> int:
     if data.get("link_unreached"):
         whom = "a follower" if data.get("mode") == "master" else "its leader"
         opening = f", but {whom} is not reached: {plain(data['link_unreached'])}"
-    text = f"{data['mode']}: it runs{opening}; end it with: litegripctl teleop stop"
+    text = f"{data['mode']}: it runs{opening}; {run.here('end it with: litegripctl teleop stop')}"
     return run.done(data, text)
 
 

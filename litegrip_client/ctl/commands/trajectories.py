@@ -9,7 +9,7 @@ from dataclasses import asdict
 
 from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.core.trajectories import Recording, fetch, fetch_grips, listed, named, send
-from litegrip_client.ctl.figures import Data, figure, plain
+from litegrip_client.ctl.figures import Data, Here, figure, plain
 from litegrip_client.ctl.files import put_file, refuse_existing
 from litegrip_client.ctl.parser import LateParser, count, positive
 from litegrip_client.ctl.render import bar, date, finish, jaws_now, opening_of, verdict
@@ -102,7 +102,8 @@ def trajectories(run: Run) -> int:
     action = run.options.action or "list"
     if run.options.local and action != "list":
         return run.refuse(
-            f"--local does not go with {action}", f"see: litegripctl trajectories {action} --help"
+            f"--local does not go with {action}",
+            run.here(f"see: litegripctl trajectories {action} --help"),
         )
     return _ACTIONS[action](run)
 
@@ -207,7 +208,7 @@ def keep(run: Run) -> int:
         text = "a recording is under way: it is kept by the program that records"
         raise CommandError(text, reason="trajectory_busy", data={"hint": "wait for its end"})
     data = run.connection.call("trajectory.record_stop", {"name": name}, ACTION_TIMEOUT_S)
-    return run.done(data, recorded_text(data))
+    return run.done(data, recorded_text(data, run.here))
 
 
 def kept_and_usage(run: Run) -> tuple[Sequence[Data], Data | None]:
@@ -241,7 +242,7 @@ def refuse_unkeepable(run: Run, name: str, *, overwrite: bool) -> None:
             f"there is no room for another trajectory of uid {usage['uid']}: {usage['named']} of"
             f" {usage['most_named']} are there; nothing was recorded"
         )
-        hint = "make room: litegripctl trajectories delete NAME"
+        hint = run.here("make room: litegripctl trajectories delete NAME")
         raise CommandError(text, reason="trajectories_full", data={"hint": hint, "usage": usage})
 
 
@@ -371,20 +372,20 @@ def record(run: Run) -> int:
         if error.reason not in ("not_saved", "trajectories_full"):
             raise
         hint = f"the recording stays until the next one begins; once there is room: {_KEEP}"
-        data = {**error.data, "hint": hint}
+        data = {**error.data, "hint": run.here(hint)}
         raise CommandError(error.message, reason=error.reason, data=data) from error
     run.output.erase_line()
-    return run.done(data, recorded_text(data))
+    return run.done(data, recorded_text(data, run.here))
 
 
-def recorded_text(data: Data) -> str:
+def recorded_text(data: Data, here: Here) -> str:
     """Return what was recorded, and its name."""
     missed = f", {data['missed']} missed" if data.get("missed") else ""
     length = figure(data.get("duration_s"), ".2f", "s")
     name = plain(data.get("name"))
     grips = f", {grips_counted(data['grips'])}" if data.get("grips") else ""
     text = f"record: {data.get('samples')} samples in {length}{missed}{grips}, kept as {name}"
-    return f"{text}; replay it with: litegripctl play {name}"
+    return f"{text}; {here('replay it with: litegripctl play')} {name}"
 
 
 _PLAY = """\

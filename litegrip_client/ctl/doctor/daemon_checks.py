@@ -11,7 +11,6 @@ from typing import Any
 from litegrip_client.ctl.doctor.facts import SIMULATED, Facts
 from litegrip_client.ctl.findings import Finding, error, ok, warning
 from litegrip_client.values.terms import told_all
-from litegrip_client.values.voices import in_shell
 
 STANDSTILL_US = 100_000
 """From so late a tick on some motors report "communication lost", others later."""
@@ -218,7 +217,7 @@ def health(facts: Facts) -> Finding | None:
     verdict = facts.daemon.health.get("verdict")
     if verdict == "ok":
         return ok("the daemon's verdict on itself is ok")
-    reasons = "; ".join(told_all(facts.daemon.health, "reasons", in_shell))
+    reasons = "; ".join(told_all(facts.daemon.health, "reasons", facts.voice))
     found = warning if verdict == "degraded" else error
     return found(f"{verdict}: {reasons}", f"{facts.ctl} health")
 

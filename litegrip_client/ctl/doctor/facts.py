@@ -10,10 +10,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from litegrip_client.ctl.figures import PROGRAM
 from litegrip_client.ctl.findings import Named
 from litegrip_client.socketcan.link import Link
 from litegrip_client.socketcan.managers import Setting
 from litegrip_client.values.atomic_file import Shortage
+from litegrip_client.values.terms import Voice
+from litegrip_client.values.voices import in_shell_of
 
 SIMULATED = ("litegrip_sim", "virtual")
 """Interfaces of python-can without an adapter."""
@@ -178,6 +181,11 @@ class Facts:
         """The systemd unit of the channel's daemon; None where the channel or units are unknown."""
         is_known = self.is_channel_known and self.is_unit_installed and not self.is_remote
         return f"litegripd@{self.channel}" if is_known else None
+
+    @property
+    def voice(self) -> Voice:
+        """Tells what the daemon says in commands for this gripper."""
+        return in_shell_of(lambda command: command.replace(PROGRAM, self.ctl))
 
     @property
     def is_enabled(self) -> bool:

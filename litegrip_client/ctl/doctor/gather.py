@@ -447,7 +447,7 @@ def scan(facts: Facts) -> Scan:
         return Scan(problem="no daemon answers, which would ask")
     try:
         with connect(facts.channel, facts.daemon.path, ANSWER_WITHIN_S) as connection:
-            connection.voice = in_shell
+            connection.voice = facts.voice
             connection.greet("litegripctl doctor")
             told = connection.call("motor.scan")
     except LiteGripError as error:

@@ -13,7 +13,6 @@ from litegrip_client.ctl.findings import Finding, error, ok, warning
 from litegrip_client.values.fields import SPAN_INSET_MM, STROKE_MM
 from litegrip_client.values.results import USABLE_BUS
 from litegrip_client.values.terms import told
-from litegrip_client.values.voices import in_shell
 
 MIT_MODE = 1
 CAN_BR_1_MBIT_S = 4
@@ -401,7 +400,7 @@ def calibration_channel(facts: Facts) -> Finding | None:
     source = {} if facts.daemon is None else _calibration(facts.daemon)
     channel, foreign = source.get("channel"), source.get("foreign")
     if foreign:
-        text = told(source, "foreign", in_shell)
+        text = told(source, "foreign", facts.voice)
         return warning(text, f"{facts.ctl} enable && {facts.ctl} zero", _LOOK_AT_MOUNT)
     if facts.daemon is None or channel is None:
         return None

@@ -200,7 +200,9 @@ def test_the_list_shows_that_a_grip_is_kept(daemon: Heard, ctl: Ctl, folder: Pat
 
 
 def test_what_was_recorded_and_played_tells_of_grips() -> None:
-    assert ", 1 grip, kept as pick" in recorded_text({"name": "pick", "samples": 3, "grips": 1})
+    assert ", 1 grip, kept as pick" in recorded_text(
+        {"name": "pick", "samples": 3, "grips": 1}, str
+    )
     data = {**PLAYED, "grips": 2, "width_mm": 44.0, "width_difference_mm": -4.0}
     assert played_text(data).endswith(
         "; 2 grips, the last one 44.0 mm wide, at most -4.0 mm to taught"

@@ -282,7 +282,7 @@ def test_texts_from_elsewhere_do_not_steer_the_terminal() -> None:
 def test_what_the_daemon_says_is_told_in_commands(machine: Machine) -> None:
     reasons = [sentence("it jumped; then {motor.clear_fault}")]
     machine.says["health"] = with_terms({**HEALTH, "verdict": "down", "reasons": reasons})
-    told = "ERROR    health        down: it jumped; then litegripctl clear-fault\n"
+    told = "ERROR    health        down: it jumped; then litegripctl -c can0 clear-fault\n"
     assert told in machine.doctor()[1]
 
 
