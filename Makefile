@@ -29,6 +29,8 @@ $(RUNS): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit("Python 3.10 or newer is needed, this is " + sys.version.split()[0] if sys.version_info < (3, 10) else 0)'
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[watch,web]'
+	$(BIN)/python -m docs.manual $(VENV)/share/man/man1 litegripctl.1 litegrip-sim.1
+	$(BIN)/python -m docs.manual $(VENV)/share/man/man8 litegripd.8 litegripd-web.8 litegripd-fleet.8
 	@touch $@
 
 $(STAMP): pyproject.toml $(RUNS)

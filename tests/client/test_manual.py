@@ -48,3 +48,10 @@ def test_the_pages_are_made_where_nothing_is_installed(tmp_path: Path) -> None:
     made = {page.name: page.read_text(encoding="utf-8") for page in (tmp_path / "man").iterdir()}
     assert made.keys() == PAGES.keys()
     assert made["litegripd-fleet.8"] == PAGES["litegripd-fleet.8"]()
+
+
+def test_make_puts_every_page_where_man_looks_for_it() -> None:
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    made = re.findall(r"docs\.manual \$\(VENV\)/share/man/man(\d) (.+)", makefile)
+    assert sorted(name for _, names in made for name in names.split()) == sorted(PAGES)
+    assert all(name.endswith(f".{number}") for number, names in made for name in names.split())
