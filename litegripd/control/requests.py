@@ -106,9 +106,8 @@ class MotionRequests:
         controller = self._controller
         running = controller.jobs.running
         if running is not None and running.owner.client == owner.client:
-            controller.end(
-                Refusal("cancelled", sentence("ended by {motor.disable} of the same client"))
-            )
+            text = f"{owner.program} (pid {owner.pid}), whose it was, disabled the motor"
+            controller.end(Refusal("cancelled", text))
         refusal = busy_refusal(controller.jobs.running)
         if refusal is not None:
             return refusal

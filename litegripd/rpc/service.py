@@ -132,7 +132,9 @@ class Requests:
         kind = _kind_of(method)
         running = self._controller.jobs.running
         if if_busy == "replace" and running is not None and _is_own(running, call.owner):
-            reason = Refusal("replaced", f"{method.name} of the same client replaced it")
+            who = f"{call.owner.program} (pid {call.owner.pid})"
+            text = f"{who} began another motion in its place: {kind or method.name}"
+            reason = Refusal("replaced", text)
             return self._carried_out(method, call._replace(turn=Turn(replaces=reason)))
         if if_busy == "queue" and kind is not None:
 

@@ -242,6 +242,10 @@ def test_a_motion_is_replaced_by_who_shows_the_token_that_it_runs_under() -> Non
     second = other.send("motion.close", if_busy="replace", lease=token)
     world.run_until(lambda: other.has_answer(second))
     assert reason_of(holder.answered(first)) == "replaced"
+    who = other.result("events.subscribe", kinds=["job_started"])["events"][-1]["data"]
+    who_text = f"program{who['pid']} (pid {who['pid']})"
+    said = holder.answers[first]["error"]["message"]
+    assert said == f"{who_text} began another motion in its place: close"
     assert other.answers[second]["result"]["outcome"] == "pressed_home"
 
 
