@@ -333,6 +333,10 @@ class Exchange:
         """The process id of the other end, 0 if unknown."""
         raise NotImplementedError
 
+    def check_open(self) -> None:
+        """Raise `ConnectError` when nothing more can come here."""
+        raise NotImplementedError
+
     def _post(self, line: bytes) -> None:
         """Send a line for which nobody waits; not at all when the connection is gone."""
         raise NotImplementedError
