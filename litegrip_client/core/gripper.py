@@ -132,6 +132,17 @@ class Gripper(GripperActions):
 
     # Stop
 
+    async def cancel(self) -> bool:
+        """Cancel this object's own motion: the jaws hold; true if one was cancelled.
+
+        Who waits for the motion, or sends a stream of targets, gets `CancelledError`. What this
+        object has begun in the background (a replay, a recording, teleoperation) ends as well.
+        Any thread or task may call it, and a signal handler while its thread waits for the motion:
+        there it returns at once, true, and the motion ends a moment later. Nothing is latched, and
+        what other objects and programs move goes on.
+        """
+        return await self._session.cancel_own()
+
     async def stop(self) -> None:
         """Take the torque off the jaws at once; they are slack until the next motion.
 

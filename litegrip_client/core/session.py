@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
-from collections.abc import Callable, Coroutine, Mapping
+from collections.abc import Callable, Coroutine, Iterable, Mapping
 from weakref import WeakSet
 
 from litegrip_client.core.discovery import chosen_channel
@@ -79,7 +79,7 @@ class DaemonSession:
 
     `enabled_here` is true from this session's enabling on until its disabling; only then does its
     end do anything to the motor. `keeps_lease` is true if it wants the lease until its end,
-    `leased` that it has it, as far as it knows.
+    `leased` that it has it, as far as it knows. `cancels` counts the calls of `cancel_own`.
     """
 
     def __init__(
@@ -103,6 +103,7 @@ class DaemonSession:
         self._grant: int | None = None
         self._wire: Wire | None = None
         self._connect_first: Callable[[], Awaitable[object]] | None = None
+        self.cancels = 0
         _SESSIONS.add(self)
 
     async def _connect(self) -> Wire:
@@ -123,6 +124,17 @@ class DaemonSession:
         """Make a call that must never act after a stop that this program did not know of."""
         wire = self.wire
         return await wire.run(wire.connection.prepare_guarded(method, params), timeout_s)
+
+    async def cancel_own(self) -> bool:
+        """Cancel what moves for this session's connection; return True if anything did."""
+        self.cancels += 1
+        wire = self.wire
+        listed = (await wire.call("job.list"))["jobs"]
+        ended = [
+            await wire.call("job.cancel", {"job": number})
+            for number in own_jobs(wire.connection, listed)
+        ]
+        return any(job["state"] == "cancelled" for job in ended)
 
     async def run_blocking(self, function: Callable[..., _Result], *arguments: Any) -> _Result:
         """Run a function that works with files, and so may block; return its result."""
@@ -372,6 +384,22 @@ class Lease:
     async def renew(self) -> None:
         """Restart `ttl_s`, as every call does. Raises `LeaseError` when the lease is lost."""
         await self._session.wire.call("lease.renew")
+
+
+def own_jobs(connection: Exchange, listed: Iterable[Mapping[str, Any]]) -> list[int]:
+    """Return the numbers of a connection's jobs that have not ended, of those that are listed."""
+    return [
+        int(job["job"])
+        for job in listed
+        if job["state"] in ("running", "queued") and _is_own(connection, job["owner"])
+    ]
+
+
+def _is_own(connection: Exchange, owner: Mapping[str, Any]) -> bool:
+    """Return True if a job is of this connection, or, where unknown, of this process."""
+    if connection.client is not None and "client" in owner:
+        return bool(owner["client"] == connection.client)
+    return bool(owner["pid"] == os.getpid())
 
 
 async def _disable(wire: Wire) -> None:

@@ -101,7 +101,8 @@ class SetpointStream:
 
     The first target, and one after a pause, waits for the daemon's answer; the others are sent
     without. What the daemon refuses of those is raised by one of the next calls, but for one that
-    came too late: the jaws hold until the next one.
+    came too late: the jaws hold until the next one. After `cancel` of the gripper the next call
+    raises `CancelledError`, and the one after that begins anew.
     """
 
     def __init__(self, core: core_motion.SetpointStream) -> None:
@@ -913,6 +914,17 @@ class BlockingGripper(GripperActions):
         the daemon's configuration.
         """
         complete(self._core.take_lease(why, jaws=jaws))
+
+    def cancel(self) -> bool:
+        """Cancel this object's own motion: the jaws hold; true if one was cancelled.
+
+        Who waits for the motion, or sends a stream of targets, gets `CancelledError`. What this
+        object has begun in the background (a replay, a recording, teleoperation) ends as well.
+        Any thread or task may call it, and a signal handler while its thread waits for the motion:
+        there it returns at once, true, and the motion ends a moment later. Nothing is latched, and
+        what other objects and programs move goes on.
+        """
+        return complete(self._core.cancel())
 
     def stop(self) -> None:
         """Take the torque off the jaws at once; they are slack until the next motion.

@@ -17,6 +17,7 @@ if TYPE_CHECKING:  # importing dataclasses is slow
     from typing import Any, NoReturn, overload
 
     from litegrip_client.line.feeds import EventSubscription, Subscription
+    from litegrip_client.line.latest import Latest
     from litegrip_client.values.calibration import GripperConfig
     from litegrip_client.values.motion_config import MotionConfig
     from litegrip_client.values.results import GripperState
@@ -139,3 +140,15 @@ class LiteGrip(SdkGripper):
         it as `with gripper.events() as events:`.
         """
         return self._session.connection.subscribe_events(kinds)
+
+    def latest(self, hz: float = 50.0) -> Latest:
+        """Keep the newest state at hand, `hz` times a second (0.1 to 200), until closed.
+
+        Its `state` never waits, nor asks the daemon: for a loop of its own rate. Use it as
+        `with gripper.latest() as latest:`.
+        """
+        from litegrip_client.line.latest import Latest, NewestFeed  # noqa: PLC0415 - see above
+
+        feed = NewestFeed(hz)
+        self._session.connection.begin(feed)
+        return Latest(self._session.connection, feed)
