@@ -1,0 +1,256 @@
+"""Robots: the gripper that follows actions, alone or as the hand of any arm."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import draccus
+from lerobot.cameras import make_cameras_from_configs
+from lerobot.robots import Robot, RobotConfig, make_robot_from_config
+from litegrip_client import SetpointStream, TeleopNotReady
+
+from lerobot_robot_litegrip.config import (
+    FollowerSettings,
+    LiteGripFollowerConfig,
+    LiteGripWithArmConfig,
+)
+from lerobot_robot_litegrip.mapping import AGE, OBSERVED, POS, STAMP, TORQUE
+from lerobot_robot_litegrip.mapping import PERCENT, observation_of, target_of
+from lerobot_robot_litegrip.watched import WatchedGripper
+
+_ALIGNED = 0.1
+"""Jaws within this share of the travel of their target follow as fast as they may."""
+_FOLLOWS_WITHIN_S = 15.0
+_LOOK_EACH = 20
+"""States between two looks at how teleoperation goes."""
+
+
+class Follower(WatchedGripper):
+    """A gripper that follows: the targets of a program, or the leader that its daemon hears."""
+
+    def __init__(self, settings: FollowerSettings) -> None:
+        super().__init__(settings)
+        self._follows = settings
+        speed_mm_s, align_mm_s = settings.speed_mm_s, settings.align_speed_mm_s
+        self._fast: SetpointStream = self._gripper.stream(settings.valid_s, speed_mm_s=speed_mm_s)
+        self._slow: SetpointStream = self._gripper.stream(settings.valid_s, speed_mm_s=align_mm_s)
+        self._is_aligned = False
+
+    def start(self) -> None:
+        """Enable, and in mode "daemon" wait until the jaws are where the leader's are.
+
+        A daemon that follows already goes on: then nothing is enabled here, nor disabled at the
+        end. Raises `TeleopNotReady` with how far it has come to its leader.
+        """
+        if self._follows.mode == "daemon":
+            if not self.teleoperates("slave"):
+                self.enable()
+                self._gripper.teleop_start(
+                    "slave",
+                    host=self._follows.leader_host,
+                    port=self._follows.teleop_port,
+                    reflect=self._follows.reflect,
+                )
+            self._wait_until_it_follows()
+        else:
+            self.enable()
+        self.begin()
+
+    def _wait_until_it_follows(self) -> None:
+        state = self.latest.state
+        ends_s = state.monotonic_s + _FOLLOWS_WITHIN_S
+        status = self._gripper.teleop_status()
+        while not (status["active"] and status["ready"]):
+            if state.monotonic_s > ends_s or not status["active"]:
+                raise TeleopNotReady(
+                    f"{self.name} does not follow: {status['phase']}, {status['link_state']}"
+                    + (f", {status['link_error']}" if status["link_error"] else ""),
+                    reason="teleop_not_ready",
+                )
+            for _ in range(_LOOK_EACH):
+                state = self.latest.wait_newer()
+            status = self._gripper.teleop_status()
+
+    def observe(self) -> dict[str, float]:
+        """Return the newest figures. Raises `StaleFiguresError` and `ConnectError`."""
+        state, _, age_s = self.fresh()
+        observed = observation_of(state, self.travel, self.zero_s) | {AGE: age_s}
+        if not self._follows.stamps:
+            del observed[AGE], observed[STAMP]
+        return observed
+
+    def follow(self, action: dict[str, Any]) -> dict[str, float]:
+        """Send an action on, clipped, and return it so; in mode "daemon" only look at it.
+
+        The jaws come from afar at `align_speed_mm_s`, also after a pause: a policy that hung, or
+        a data set that begins elsewhere, throws them nowhere. Raises `ParameterError` for an
+        action that is none, and what motions raise.
+        """
+        openness, torque_nm = target_of(action, self._follows.torque_nm)
+        if self._follows.mode == "daemon":
+            self.refuse_end_of_teleoperation()
+        else:
+            state = self.refuse_stop()
+            if state.job is None:
+                self._is_aligned = False
+            if state.openness is not None and abs(openness - state.openness) <= _ALIGNED:
+                self._is_aligned = True
+            stream = self._fast if self._is_aligned else self._slow
+            stream.set_target(openness=openness, torque_nm=torque_nm)
+        sent = {POS: PERCENT * openness, TORQUE: torque_nm}
+        return {name: sent[name] for name in self.action_features}
+
+    @property
+    def action_features(self) -> dict[str, type]:
+        """What an action has. LeRobot 0.6 cannot replay one of a single figure."""
+        return dict.fromkeys((POS, TORQUE) if self._follows.torque_action else (POS,), float)
+
+    @property
+    def observation_features(self) -> dict[str, type]:
+        """What an observation has, but for images."""
+        stamps = (AGE, STAMP) if self._follows.stamps else ()
+        return dict.fromkeys((*OBSERVED, *stamps), float)
+
+
+class LiteGripFollower(Robot):
+    """`--robot.type=litegrip_follower`."""
+
+    config_class = LiteGripFollowerConfig
+    name = "litegrip_follower"
+
+    def __init__(self, config: LiteGripFollowerConfig | LiteGripWithArmConfig) -> None:
+        super().__init__(config)
+        self.config = config
+        self.follower = Follower(config)
+        self.cameras = make_cameras_from_configs(config.cameras)
+
+    @property
+    def observation_features(self) -> dict[str, Any]:
+        """The figures, and the images."""
+        images = {name: (one.height, one.width, 3) for name, one in self.config.cameras.items()}
+        return {**self.follower.observation_features, **images}
+
+    @property
+    def action_features(self) -> dict[str, type]:
+        """Where to go, and how hard to press on what is in the way."""
+        return self.follower.action_features
+
+    @property
+    def is_connected(self) -> bool:
+        """True if the gripper and all cameras can be asked."""
+        return self.follower.is_connected and all(
+            self.cameras[name].is_connected for name in self.config.cameras
+        )
+
+    @property
+    def is_calibrated(self) -> bool:
+        """True if the daemon knows the travel."""
+        return self.follower.is_calibrated
+
+    def connect(self, calibrate: bool = True) -> None:
+        """Connect and enable. With `calibrate` ask to calibrate a gripper that is not.
+
+        Without, such a gripper stays disabled: for `lerobot-calibrate`. Raises what
+        `Follower.start` raises; nothing is left connected then.
+        """
+        try:
+            self.follower.connect()
+            if calibrate and not self.is_calibrated:
+                self.calibrate()
+            for name in self.config.cameras:
+                self.cameras[name].connect()
+            if calibrate or self.is_calibrated:
+                self.configure()
+        except BaseException:
+            self.disconnect()
+            raise
+
+    def configure(self) -> None:
+        """Enable the motor, and have the daemon follow in mode "daemon"."""
+        self.follower.start()
+
+    def calibrate(self) -> None:
+        """Ask, then probe both stops; the daemon saves what it finds."""
+        self.follower.calibrate()
+
+    def get_observation(self) -> dict[str, Any]:
+        """Return figures that are fresh, and the cameras' newest images."""
+        images = {name: self.cameras[name].async_read() for name in self.config.cameras}
+        return {**self.follower.observe(), **images}
+
+    def send_action(self, action: dict[str, Any]) -> dict[str, Any]:
+        """Send an action to the jaws; return what was sent."""
+        return dict(self.follower.follow(action))
+
+    def disconnect(self) -> None:
+        """Disconnect the gripper, then the cameras."""
+        try:
+            self.follower.disconnect()
+        finally:
+            for name in self.config.cameras:
+                if self.cameras[name].is_connected:
+                    self.cameras[name].disconnect()
+
+
+class LiteGripWithArm(LiteGripFollower):
+    """`--robot.type=litegrip_with_arm`: what the arm says of a gripper of its own is left out."""
+
+    config_class = LiteGripWithArmConfig
+    name = "litegrip_with_arm"
+
+    def __init__(self, config: LiteGripWithArmConfig) -> None:
+        super().__init__(config)
+        self.arm: Robot = make_robot_from_config(draccus.decode(RobotConfig, config.arm))
+        self.cameras = {**getattr(self.arm, "cameras", {}), **self.cameras}
+
+    @property
+    def observation_features(self) -> dict[str, Any]:
+        """The arm's and the gripper's."""
+        return {**without_gripper(self.arm.observation_features), **super().observation_features}
+
+    @property
+    def action_features(self) -> dict[str, type]:
+        """The arm's and the gripper's."""
+        return {**without_gripper(self.arm.action_features), **super().action_features}
+
+    @property
+    def is_connected(self) -> bool:
+        """True if both are."""
+        return self.arm.is_connected and super().is_connected
+
+    @property
+    def is_calibrated(self) -> bool:
+        """True if both are."""
+        return self.arm.is_calibrated and super().is_calibrated
+
+    def connect(self, calibrate: bool = True) -> None:
+        """Connect both; neither stays connected when one cannot be."""
+        self.arm.connect(calibrate)
+        super().connect(calibrate)
+
+    def calibrate(self) -> None:
+        """Calibrate the arm in its way, then ask for the gripper."""
+        self.arm.calibrate()
+        super().calibrate()
+
+    def get_observation(self) -> dict[str, Any]:
+        """Return the arm's observation and the gripper's."""
+        return {**without_gripper(self.arm.get_observation()), **super().get_observation()}
+
+    def send_action(self, action: dict[str, Any]) -> dict[str, Any]:
+        """Send the gripper its part, then the arm: a gripper that is stopped moves no arm."""
+        sent = super().send_action(action)
+        return {**without_gripper(self.arm.send_action(without_gripper(action))), **sent}
+
+    def disconnect(self) -> None:
+        """Disconnect both."""
+        try:
+            super().disconnect()
+        finally:
+            if self.arm.is_connected:
+                self.arm.disconnect()
+
+
+def without_gripper(values: dict[str, Any]) -> dict[str, Any]:
+    """Return an arm's values without those of the gripper that it has by itself."""
+    return {name: value for name, value in values.items() if not name.startswith("gripper.")}
