@@ -7,16 +7,24 @@ from typing import Any
 import draccus
 from lerobot.cameras import make_cameras_from_configs
 from lerobot.robots import Robot, RobotConfig, make_robot_from_config
-from litegrip_client import SetpointStream, TeleopNotReady
 
 from lerobot_robot_litegrip.config import (
     FollowerSettings,
     LiteGripFollowerConfig,
     LiteGripWithArmConfig,
 )
-from lerobot_robot_litegrip.mapping import AGE, OBSERVED, POS, STAMP, TORQUE
-from lerobot_robot_litegrip.mapping import PERCENT, observation_of, target_of
+from lerobot_robot_litegrip.mapping import (
+    AGE,
+    OBSERVED,
+    PERCENT,
+    POS,
+    STAMP,
+    TORQUE,
+    observation_of,
+    target_of,
+)
 from lerobot_robot_litegrip.watched import WatchedGripper
+from litegrip_client import SetpointStream, TeleopNotReady
 
 _ALIGNED = 0.1
 """Jaws within this share of the travel of their target follow as fast as they may."""

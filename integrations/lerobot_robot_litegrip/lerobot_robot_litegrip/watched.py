@@ -5,6 +5,8 @@ from __future__ import annotations
 import logging
 from typing import NamedTuple
 
+from lerobot_robot_litegrip.config import GripperSettings
+from lerobot_robot_litegrip.mapping import Travel, clipped
 from litegrip_client import (
     CommandError,
     GripperState,
@@ -16,9 +18,6 @@ from litegrip_client import (
     TeleopNotActiveError,
 )
 from litegrip_client.values.errors import NotInitializedError
-
-from lerobot_robot_litegrip.config import GripperSettings
-from lerobot_robot_litegrip.mapping import Travel, clipped
 
 _log = logging.getLogger(__name__)
 

@@ -1,0 +1,77 @@
+"""What a data set and two daemons' logs say of each other. Positions are shares of the travel."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left
+from collections.abc import Sequence
+from statistics import median
+from typing import NamedTuple
+
+
+class Track(NamedTuple):
+    """Where jaws were, at times that rise."""
+
+    times_s: Sequence[float]
+    openness: Sequence[float]
+
+    def at(self, time_s: float) -> float:
+        """Return where they were, between two samples; raises `ValueError` outside the log."""
+        index = bisect_left(self.times_s, time_s)
+        if index < len(self.times_s) and self.times_s[index] == time_s:
+            return self.openness[index]
+        if not 0 < index < len(self.times_s):
+            raise ValueError(f"{time_s:.3f} s is not in the log")
+        before_s, after_s = self.times_s[index - 1], self.times_s[index]
+        share = (time_s - before_s) / (after_s - before_s)
+        return self.openness[index - 1] * (1.0 - share) + self.openness[index] * share
+
+    def range(self, from_s: float, to_s: float) -> tuple[float, float]:
+        """Return between which openings they were in that time."""
+        inside = self.openness[bisect_left(self.times_s, from_s) : bisect_left(self.times_s, to_s)]
+        inside = [*inside, self.at(from_s), self.at(to_s)]
+        return min(inside), max(inside)
+
+    def fastest_s(self, from_s: float, to_s: float, over_s: float = 0.05) -> float:
+        """Return the largest change a second."""
+        starts = _grid(from_s, to_s - over_s)
+        return max(abs(self.at(one + over_s) - self.at(one)) for one in starts) / over_s
+
+
+def _grid(from_s: float, to_s: float, step_s: float = 0.01) -> list[float]:
+    return [from_s + step_s * index for index in range(int((to_s - from_s) / step_s))]
+
+
+def rms(differences: Sequence[float]) -> float:
+    """Return the root of the mean square."""
+    return math.sqrt(sum(one * one for one in differences) / len(differences))
+
+
+def delay_s(
+    wanted: Sequence[tuple[float, float]], track: Track, most_s: float = 0.3
+) -> tuple[float, float]:
+    """Return by how much a track is late behind what was wanted when, and how far it is off then."""
+    tried = [index * 0.002 for index in range(int(most_s / 0.002))]
+    off = {late: rms([track.at(t + late) - value for t, value in wanted]) for late in tried}
+    best = min(off, key=lambda late: off[late])
+    return best, off[best]
+
+
+def lags_s(
+    leader: Track, follower: Track, from_s: float, to_s: float, sweep_s: float, above: float = 0.0
+) -> list[float]:
+    """Return by how much the follower is late in each whole sweep of a hand, the smallest first.
+
+    `above`: only where the leader is opened further.
+    """
+    lags, begin_s = [], from_s
+    while begin_s + sweep_s <= to_s:
+        wanted = [(t, leader.at(t)) for t in _grid(begin_s, begin_s + sweep_s)]
+        lags.append(delay_s([one for one in wanted if one[1] > above], follower)[0])
+        begin_s += sweep_s
+    return sorted(lags)
+
+
+def middle(values: Sequence[float]) -> float:
+    """Return the median."""
+    return median(values)

@@ -1,0 +1,24 @@
+"""Print a data set as JSON, as LeRobot itself reads it: python read_dataset.py REPO_ID ROOT.
+
+Runs in the environment of `make lerobot`; it needs nothing else of this project.
+"""
+
+import json
+import sys
+
+from lerobot.datasets import LeRobotDataset
+
+dataset = LeRobotDataset(sys.argv[1], root=sys.argv[2])
+images = [name for name in dataset.features if name.startswith("observation.images.")]
+frames = [
+    {
+        "episode": int(row["episode_index"]),
+        "timestamp": float(row["timestamp"]),
+        "observation": [float(value) for value in row["observation.state"]],
+        "action": [float(value) for value in row["action"]],
+        "images": {name: [*row[name].shape, float(row[name].mean())] for name in images},
+    }
+    for row in (dataset[index] for index in range(dataset.num_frames))
+]
+names = {name: dataset.features[name]["names"] for name in ("observation.state", "action")}
+json.dump({"names": names, "fps": dataset.fps, "frames": frames}, sys.stdout)

@@ -1,0 +1,469 @@
+"""LeRobot's own commands on simulated grippers: what they record, replay and are refused.
+
+python -m tests.integrations.lerobot.trial ENVIRONMENT [SCENE ...]
+
+ENVIRONMENT has LeRobot, litegrip-client, the plug-in and the trial's arm: `make lerobot` makes it.
+Prints a table; the exit code is 1 if something is not as it must be.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from litegrip_client import LiteGrip
+from tests.integrations.lerobot import grippers
+from tests.integrations.lerobot.grippers import SWEEP_S, Log, daemon, move, simulated
+from tests.integrations.lerobot.measures import Track, delay_s, lags_s, middle
+
+HERE = Path(__file__).parent
+FPS = 30
+TRAVEL_MM = 86.99
+MOST_OFF = 0.005
+MOST_LAG_S = 0.060
+MOST_REPLAY_RMS = 0.03
+_ZERO = re.compile(r"gripper (\S+): stamps count from (\S+) s")
+_WITHIN_S = 240.0
+
+
+@dataclass
+class Trial:
+    """The grippers, where files go, and what has been found so far."""
+
+    environment: Path
+    folder: Path
+    lead: str
+    follow: str
+    bare: str
+    lead_log: Log
+    follow_log: Log
+    rows: list[tuple[bool, str, str]] = field(default_factory=list)
+    teleop_port: int = 17548
+
+    def note(self, name: str, found: str, *, good: bool) -> None:
+        """Note one finding, and print it."""
+        self.rows.append((good, name, found))
+        print(f"{'ok ' if good else 'BAD'}  {name:<44} {found}", flush=True)
+
+    def start(self, program: str, *arguments: str) -> subprocess.Popen[str]:
+        """Start one of LeRobot's commands."""
+        kept = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+        kept.pop("PYTHONDONTWRITEBYTECODE", None)  # else 5 GB are compiled at each start
+        return subprocess.Popen(
+            [str(self.environment / "bin" / program), *arguments],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            cwd=self.folder,
+            env={**kept, "HF_HUB_OFFLINE": "1", "HF_HOME": str(self.folder / "hf")},
+        )
+
+    def run(self, program: str, *arguments: str, says: str = "") -> tuple[int, str]:
+        """Run one of LeRobot's commands; return its exit code and what it printed."""
+        process = self.start(program, *arguments)
+        try:
+            output, _ = process.communicate(says, _WITHIN_S)
+        finally:
+            process.kill()
+        return process.returncode, output
+
+    def ended_well(self, name: str, code: int, output: str) -> None:
+        """Note how a command ended; raise `RuntimeError` with what it printed if not well."""
+        self.note(name, f"exit code {code}", good=code == 0)
+        if code != 0:
+            raise RuntimeError(output[-3000:])
+
+    def robot(self, **more: object) -> list[str]:
+        """Return the follower's arguments."""
+        return _arguments("robot", {"type": "litegrip_follower", "channel": self.follow, "speed_mm_s": 150, **more})
+
+    def leader(self, **more: object) -> list[str]:
+        """Return the leader's arguments."""
+        return _arguments("teleop", {"type": "litegrip_leader", "channel": self.lead, **more})
+
+    def record(self, name: str, *arguments: str, episodes: int = 1) -> tuple[int, str]:
+        """Record a data set of short episodes."""
+        return self.run(
+            "lerobot-record",
+            *arguments,
+            f"--dataset.repo_id=me/{name}",
+            f"--dataset.root={self.folder / name}",
+            "--dataset.single_task=sweep",
+            f"--dataset.num_episodes={episodes}",
+            "--dataset.episode_time_s=9",
+            "--dataset.reset_time_s=1",
+            f"--dataset.fps={FPS}",
+            "--dataset.video=false",
+            "--dataset.push_to_hub=false",
+            "--play_sounds=false",
+        )
+
+    def read(self, name: str) -> dict[str, Any]:
+        """Read a data set with LeRobot."""
+        root = str(self.folder / name)
+        process = self.start("python", str(HERE / "read_dataset.py"), f"me/{name}", root)
+        output, _ = process.communicate(timeout=_WITHIN_S)
+        found: dict[str, Any] = json.loads(output[output.index('{"names"') :])
+        return found
+
+
+def _arguments(of: str, settings: dict[str, object]) -> list[str]:
+    return [f"--{of}.{name}={value}" for name, value in settings.items()]
+
+
+def column(data: dict[str, Any], of: str, name: str) -> list[float]:
+    """Return one figure of all frames."""
+    index = data["names"]["action" if of == "action" else "observation.state"].index(name)
+    return [frame[of][index] for frame in data["frames"]]
+
+
+def check_frames(trial: Trial, what: str, output: str, data: dict[str, Any], above: float) -> None:
+    """Compare a data set with the logs of both daemons."""
+    zero_s = dict(_ZERO.findall(output))
+    times_s = [
+        float(zero_s[trial.follow]) + one for one in column(data, "observation", "gripper.stamp_s")
+    ]
+    trial.follow_log.until(times_s[-1] + 0.5)
+    trial.lead_log.until(times_s[-1] + 0.5)
+    follower, leader = trial.follow_log.track(), trial.lead_log.track()
+    steps_s = [after - before for before, after in zip(times_s, times_s[1:], strict=False)]
+    trial.note(
+        f"{what}: frames, stamps rise",
+        f"{len(times_s)} frames; steps {min(steps_s) * 1e3:.1f} to {max(steps_s) * 1e3:.0f} ms",
+        good=min(steps_s) > 0.0,
+    )
+    late_s = [
+        at_s - times_s[0] - frame["timestamp"]
+        for at_s, frame in zip(times_s, data["frames"], strict=True)
+        if frame["episode"] == 0
+    ]
+    trial.note(
+        f"{what}: LeRobot's own timestamp is off by",
+        f"{min(late_s) * 1e3:.0f} to {max(late_s) * 1e3:.0f} ms in episode 0",
+        good=True,
+    )
+    seen = column(data, "observation", "gripper.pos")
+    off = [abs(pos / 100.0 - follower.at(t)) for t, pos in zip(times_s, seen, strict=True)]
+    trial.note(
+        f"{what}: position at its own stamp",
+        f"off by {max(off) * 100.0:.3f} % of the travel at most",
+        good=max(off) <= MOST_OFF,
+    )
+    outside = 0.0
+    for at_s, pos in zip(times_s, column(data, "action", "gripper.pos"), strict=True):
+        least, most = leader.range(at_s - 1.0 / FPS, at_s + 1.0 / FPS)
+        outside = max(outside, least - pos / 100.0, pos / 100.0 - most)
+    trial.note(
+        f"{what}: leader's action within one period",
+        f"outside by {outside * 100.0:.3f} % of the travel at most",
+        good=outside <= MOST_OFF,
+    )
+    ends_s = max(t for t, frame in zip(times_s, data["frames"], strict=True) if not frame["episode"])
+    check_lag(trial, what, leader, follower, times_s[0] + 1.0, ends_s, above)
+
+
+def check_lag(
+    trial: Trial,
+    what: str,
+    leader: Track,
+    follower: Track,
+    from_s: float,
+    to_s: float,
+    above: float = 0.0,
+) -> None:
+    """Say how far the follower is behind the hand."""
+    lags = lags_s(leader, follower, from_s, to_s, SWEEP_S, above)
+    fastest_mm_s = leader.fastest_s(from_s, to_s) * TRAVEL_MM
+    shown = ", ".join(f"{one * 1e3:.0f}" for one in lags)
+    trial.note(
+        f"{what}: follower's lag",
+        f"{middle(lags) * 1e3:.0f} ms (sweeps: {shown}); the hand's fastest {fastest_mm_s:.0f} mm/s",
+        good=middle(lags) <= MOST_LAG_S,
+    )
+
+
+def record_and_replay(trial: Trial) -> None:
+    """Record two episodes by LeRobot's loop, and replay the first."""
+    code, output = trial.record("stream", *trial.robot(), *trial.leader(), episodes=2)
+    trial.ended_well("lerobot-record, mode stream", code, output)
+    data = trial.read("stream")
+    check_frames(trial, "stream", output, data, 0.0)
+    wanted = [
+        (frame["timestamp"], frame["action"][0] / 100.0)
+        for frame in data["frames"]
+        if frame["episode"] == 0
+    ]
+    move(trial.follow, wanted[0][1])
+    code, output = trial.run(
+        "lerobot-replay",
+        *trial.robot(),
+        "--dataset.repo_id=me/stream",
+        f"--dataset.root={trial.folder / 'stream'}",
+        "--dataset.episode=0",
+        "--play_sounds=false",
+    )
+    trial.ended_well("lerobot-replay", code, output)
+    begun_s = float(dict(_ZERO.findall(output))[trial.follow])
+    trial.follow_log.until(begun_s + wanted[-1][0] + 1.5)
+    late_s, off = delay_s(
+        [(begun_s + at_s, value) for at_s, value in wanted], trial.follow_log.track(), 1.0
+    )
+    trial.note(
+        "replay: RMS",
+        f"{off * 100.0:.2f} % of the travel, {late_s * 1e3:.0f} ms after the stamps' zero",
+        good=off <= MOST_REPLAY_RMS,
+    )
+
+
+def teleoperate_and_hang(trial: Trial) -> None:
+    """Teleoperate at 60 Hz; then LeRobot hangs, goes on, and is killed."""
+    process = trial.start("lerobot-teleoperate", *trial.robot(), *trial.leader(), "--fps=60")
+    try:
+        zero_s = _wait_until_it_begins(process, 2)
+        begun_s = float(zero_s[trial.follow])
+        trial.follow_log.until(begun_s + 8.0)
+        trial.lead_log.until(begun_s + 8.0)
+        check_lag(
+            trial,
+            "teleoperate",
+            trial.lead_log.track(),
+            trial.follow_log.track(),
+            begun_s + 1.0,
+            begun_s + 7.6,
+        )
+        process.send_signal(signal.SIGSTOP)
+        hung_s = time.monotonic()
+        trial.follow_log.until(hung_s + 1.5)
+        process.send_signal(signal.SIGCONT)
+        least, most = trial.follow_log.track().range(hung_s + 0.5, hung_s + 1.4)
+        held = [row for row in trial.follow_log.rows if hung_s + 0.5 < row["feedback_s"] < hung_s + 1.4]
+        modes = {(row["mode"], row["enabled"]) for row in held}
+        trial.note(
+            "a policy that hangs: the jaws hold",
+            f"they moved {(most - least) * TRAVEL_MM:.2f} mm from 0.5 to 1.4 s; {modes}",
+            good=(most - least) * TRAVEL_MM < 0.5 and modes == {("holding", True)},
+        )
+        trial.follow_log.until(hung_s + 5.0)
+        trial.lead_log.until(hung_s + 5.0)
+        late_s, off = delay_s(
+            [
+                (hung_s + 2.5 + 0.01 * index, trial.lead_log.track().at(hung_s + 2.5 + 0.01 * index))
+                for index in range(200)
+            ],
+            trial.follow_log.track(),
+        )
+        trial.note(
+            "and follow again when it goes on",
+            f"1 s later {late_s * 1e3:.0f} ms behind, {off * 100.0:.1f} % off",
+            good=off < MOST_REPLAY_RMS,
+        )
+    finally:
+        process.kill()
+        process.communicate()
+    killed_s = time.monotonic()
+    trial.follow_log.until(killed_s + 1.0)
+    trial.note(
+        "killed: the motor is disabled",
+        f"mode {trial.follow_log.rows[-1]['mode']}",
+        good=trial.follow_log.rows[-1]["enabled"] is False,
+    )
+
+
+def _wait_until_it_begins(process: subprocess.Popen[str], count: int) -> dict[str, str]:
+    """Read what a command prints until so many grippers have begun."""
+    found: dict[str, str] = {}
+    assert process.stdout is not None
+    said = []
+    for line in process.stdout:
+        said.append(line)
+        found.update(_ZERO.findall(line))
+        if len(found) == count:
+            os.set_blocking(process.stdout.fileno(), False)
+            return found
+    raise RuntimeError("".join(said))
+
+
+def by_the_daemons(trial: Trial) -> None:
+    """Record while the daemons teleoperate, with something between the follower's jaws."""
+    simulated(trial.follow, "sim.object", width_mm=30.0, stiffness_nm_rad=250.0, slip_mm_s=0.0)
+    port = {"mode": "daemon", "teleop_port": trial.teleop_port}
+    felt: list[float] = []
+    with LiteGrip(trial.lead) as watching:
+        process = trial.start(
+            "lerobot-record",
+            *trial.robot(**port, leader_host="127.0.0.1"),
+            *trial.leader(**port),
+            "--dataset.repo_id=me/daemon",
+            f"--dataset.root={trial.folder / 'daemon'}",
+            "--dataset.single_task=sweep",
+            "--dataset.num_episodes=1",
+            "--dataset.episode_time_s=9",
+            "--dataset.fps=30",
+            "--dataset.video=false",
+            "--dataset.push_to_hub=false",
+            "--play_sounds=false",
+        )
+        while process.poll() is None:
+            felt.append(watching.teleop_status()["reflected_n"] or 0.0)
+            time.sleep(0.05)
+        output = process.communicate()[0]
+    trial.ended_well("lerobot-record, mode daemon", process.returncode, output)
+    data = trial.read("daemon")
+    check_frames(trial, "daemon", output, data, 0.45)
+    held = column(data, "observation", "gripper.grasped")
+    trial.note(
+        "daemon: what is gripped is recorded, and felt",
+        f"gripped in {sum(held):.0f} of {len(held)} frames; {max(felt):.1f} N at the leader",
+        good=0 < sum(held) < len(held) and max(felt) > 0.5,
+    )
+    simulated(trial.follow, "sim.reset")
+
+
+def with_an_arm(trial: Trial) -> None:
+    """Record and replay an arm with this gripper and a camera."""
+    robot = trial.robot(type="litegrip_with_arm", arm="{type: trial_arm, port: nowhere}")
+    camera = "--robot.cameras={front: {type: trial_camera, width: 64, height: 48, fps: 30}}"
+    leader = trial.leader(type="litegrip_leader_with_arm", arm="{type: trial_arm_leader}")
+    code, output = trial.record("arm", *robot, camera, *leader)
+    trial.ended_well("lerobot-record, an arm with the gripper", code, output)
+    data = trial.read("arm")
+    check_frames(trial, "arm", output, data, 0.0)
+    names = data["names"]["action"]
+    trial.note(
+        "arm: its own gripper is left out",
+        ", ".join(names),
+        good=sorted(names) == ["elbow.pos", "gripper.pos", "gripper.torque", "shoulder.pos"],
+    )
+    images = [next(iter(frame["images"].values())) for frame in data["frames"]]
+    shades = {shade for *_, shade in images}
+    trial.note(
+        "arm: images",
+        f"{images[0][:3]}, {len(shades)} different ones",
+        good=images[0][:3] == [3, 48, 64] and len(shades) > FPS,
+    )
+    code, output = trial.run(
+        "lerobot-replay",
+        *robot,
+        camera,
+        "--dataset.repo_id=me/arm",
+        f"--dataset.root={trial.folder / 'arm'}",
+        "--dataset.episode=0",
+        "--play_sounds=false",
+    )
+    trial.ended_well("lerobot-replay, an arm with the gripper", code, output)
+
+
+def refusals(trial: Trial) -> None:
+    """See what is refused, and how it is said."""
+    with LiteGrip(trial.follow) as other, other.lease("sorting"):
+        code, output = trial.record("leased", *trial.robot(), *trial.leader())
+    _refused(trial, "another program has the lease", code, output, r"LeaseError: .*lease")
+    _ended_by(trial, "a stop", "StoppedError: gripper .* is stopped", _stop)
+    with LiteGrip(trial.follow) as gripper:
+        gripper.clear_stop()
+    _ended_by(
+        trial,
+        "a motor that falls silent",
+        "StaleFiguresError: .*silent",
+        lambda: simulated(trial.follow, "sim.fault", name="silent"),
+    )
+    simulated(trial.follow, "sim.reset")
+    code, output = trial.run(
+        "lerobot-teleoperate", *trial.robot(channel=trial.bare), *trial.leader()
+    )
+    _refused(trial, "not calibrated, nobody to ask", code, output, "a calibration asks before it")
+    mode = trial.robot(mode="daemon")
+    code, output = trial.run("lerobot-teleoperate", *mode, *trial.leader())
+    _refused(trial, 'mode "daemon" without a leader', code, output, "needs leader_host")
+
+
+def _stop(trial: Trial) -> None:
+    with LiteGrip(trial.follow) as gripper:
+        gripper.software_stop("hold", "lunch")
+
+
+def calibrations(trial: Trial) -> None:
+    """See that a calibration asks, and what each answer does."""
+    log = Log(trial.bare)
+    bare = trial.robot(channel=trial.bare)
+    for answer, moves in (("\n", False), ("85\n", True)):
+        before = len(log.rows)
+        code, output = trial.run("lerobot-calibrate", *bare, says=answer)
+        log.until(time.monotonic())
+        modes = {row["mode"] for row in log.rows[before:]}
+        with LiteGrip(trial.bare) as gripper:
+            calibrated = gripper.get_state().calibrated
+        trial.note(
+            f"lerobot-calibrate, answer {answer!r}",
+            f"exit code {code}; calibrated {calibrated}; modes {sorted(modes)}",
+            good=code == 0 and calibrated is moves and ("moving" in modes) is moves,
+        )
+        if code != 0:
+            raise RuntimeError(output[-3000:])
+    log.close()
+
+
+def _ended_by(trial: Trial, name: str, says: str, happens: Callable[..., object]) -> None:
+    """See that something ends a teleoperation, and what is said of it."""
+    process = trial.start("lerobot-teleoperate", *trial.robot(), *trial.leader(), "--fps=30")
+    begun_s = float(_wait_until_it_begins(process, 2)[trial.follow])
+    trial.follow_log.until(begun_s + 1.0)
+    happens(trial) if happens is _stop else happens()
+    assert process.stdout is not None
+    os.set_blocking(process.stdout.fileno(), True)
+    output = process.communicate(timeout=_WITHIN_S)[0]
+    _refused(trial, name, process.returncode, output, says)
+
+
+def _refused(trial: Trial, name: str, code: int, output: str, says: str) -> None:
+    found = re.search(says + ".*", output)
+    trial.note(
+        f"refused: {name}",
+        f"exit code {code}; {found.group(0)[:110] if found else output[-1500:]}",
+        good=code not in {0, -9} and found is not None,
+    )
+
+
+SCENES: dict[str, Callable[[Trial], None]] = {
+    "stream": record_and_replay,
+    "teleoperate": teleoperate_and_hang,
+    "daemon": by_the_daemons,
+    "arm": with_an_arm,
+    "calibrate": calibrations,
+    "refusals": refusals,
+}
+
+
+def main(environment: str, scenes: list[str]) -> int:
+    """Play the scenes; return the exit code."""
+    with (
+        tempfile.TemporaryDirectory(prefix="litegrip-lerobot-") as name,
+        daemon(Path(name), "lead", by_hand=True) as lead,
+        daemon(Path(name), "follow") as follow,
+        daemon(Path(name), "bare", calibrated=False) as bare,
+    ):
+        logs = Log(lead), Log(follow)
+        trial = Trial(Path(environment).absolute(), Path(name), lead, follow, bare, *logs)
+        for scene in scenes or SCENES:
+            SCENES[scene](trial)
+        for log in logs:
+            log.close()
+    load = ", ".join(f"{one:.1f}" for one in os.getloadavg())
+    bad = [name for good, name, _ in trial.rows if not good]
+    print(f"{len(trial.rows)} findings, {len(bad)} bad; load {load} on {os.cpu_count()} processors")
+    return 1 if bad else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1], sys.argv[2:]))
