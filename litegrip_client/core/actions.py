@@ -365,8 +365,10 @@ class GripperActions:
         """Begin a stream of targets; the jaws do not move before the first `set_target`.
 
         `valid_s`: 0.02 to 2 s, after which the jaws hold unless a new target came. `speed_mm_s`
-        is how fast they follow at most (`motion_config.speed_mm_s` by default), `torque_nm`, 0.1
-        to 3 N·m, what they press with at most on what stands in their way (1 by default).
+        is how fast they follow at most: `motion_config.speed_mm_s` if that was set, else as fast
+        as any motion may be, 150 mm/s. While it holds them back, `limited` of the state has
+        "speed". They reach a target when the next one is due. `torque_nm`, 0.1 to 3 N·m, is what
+        they press with at most on what stands in their way (1 by default).
         """
         limits = self._limits() | given_numbers(speed_mm_s=speed_mm_s, torque_nm=torque_nm)
         return SetpointStream(self._session, valid_s, limits, self._end_frames)
@@ -376,9 +378,9 @@ class GripperActions:
     ) -> bool:
         """Send a set-point for the position `q`, in rad, valid for 0.2 s; not a frame on the bus.
 
-        The jaws follow at `motion_config.speed_mm_s` at most, with `kp` (5 to 500 N·m/rad) and
-        `kd` (0.1 to 5 N·m·s/rad, at least kp · 0.002 s) or softer, and press with 1 N·m at most.
-        The velocity of their path is fed forward: `dq` is not used, but checked.
+        The jaws follow as those of a `stream`, with `kp` (5 to 500 N·m/rad) and `kd` (0.1 to 5
+        N·m·s/rad, at least kp · 0.002 s) or softer, and press with 1 N·m at most. The velocity of
+        their path is fed forward: `dq` is not used, but checked.
 
         With `kp` 0 it is a set-point of the torque `tau` (N·m, positive towards larger radians,
         within what `set_force` allows), at a bounded speed; with `tau` 0 the jaws are slack.

@@ -50,7 +50,8 @@ class GripperState(StateNames):
     is None while nobody knows: take only False for a motor that is off.
 
     `command_rad` and `command_torque_nm` are the motor's command, `requested_rad` and
-    `requested_torque_nm` the motion's request; `limited` says why they differ.
+    `requested_torque_nm` the motion's request; `limited` says why they differ, and
+    has "speed" while a stream's speed holds its target back.
     `force_set_n` is the squeezing force that a hold by force aims at, None in any other and
     when the motor is off; `is_grasped` is true if an object is held, and
     None if one was when the motor fell silent, which may have let go by itself.

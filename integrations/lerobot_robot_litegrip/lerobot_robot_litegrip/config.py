@@ -31,6 +31,9 @@ class GripperSettings:
     """Older figures are refused."""
     disable_torque_on_disconnect: bool = True
     """False: the jaws go on holding at the end."""
+    mount: str | None = None
+    """How the motor is mounted, "normal" or "reverse": for a calibration of a gripper whose daemon
+    does not know it."""
     teleop_port: int | None = None
     """Of mode "daemon": the leader's port, of both; 17448 by default."""
 

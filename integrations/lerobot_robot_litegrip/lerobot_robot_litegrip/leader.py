@@ -125,7 +125,7 @@ class LiteGripLeader(Teleoperator):
 
 
 class LiteGripLeaderWithArm(LiteGripLeader):
-    """`--teleop.type=litegrip_leader_with_arm`: what the arm says of its own gripper is left out."""
+    """`--teleop.type=litegrip_leader_with_arm`: without what the arm says of its gripper."""
 
     config_class = LiteGripLeaderWithArmConfig
     name = "litegrip_leader_with_arm"

@@ -123,10 +123,15 @@ class WatchedGripper:
         for _ in range(_PATIENCE):
             state, age_s = latest.state, latest.feedback_age_s
             feedback_s = state.feedback_s
-            if feedback_s is not None and age_s is not None and age_s <= most_s:
-                if feedback_s > self._last_s:
-                    self._last_s = feedback_s
-                    return Fresh(state, feedback_s, age_s)
+            is_fresh = age_s is not None and age_s <= most_s
+            if (
+                feedback_s is not None
+                and age_s is not None
+                and is_fresh
+                and feedback_s > self._last_s
+            ):
+                self._last_s = feedback_s
+                return Fresh(state, feedback_s, age_s)
             latest.wait_newer(_SILENCE_S)
         known = "there are none" if age_s is None else f"they are {age_s * 1000.0:.0f} ms old"
         raise StaleFiguresError(
@@ -149,7 +154,7 @@ class WatchedGripper:
         return state
 
     def teleoperates(self, mode: str) -> bool:
-        """True if its daemon teleoperates already; raises `TeleopBusyError` for another `mode`."""
+        """Return whether its daemon teleoperates; raises `TeleopBusyError` if in another mode."""
         status = self._gripper.teleop_status()
         if status["active"] and status["mode"] != mode:
             raise TeleopBusyError(
@@ -189,5 +194,5 @@ class WatchedGripper:
             return
         stroke_mm = clipped("the opening", answer, 0.0, 1000.0)
         self.enable()
-        data = self._gripper.zero(stroke_mm=stroke_mm)
+        data = self._gripper.zero(mount=self._settings.mount, stroke_mm=stroke_mm)
         _log.info("%s is calibrated: it opens %.1f mm", self.name, data.stroke_mm)

@@ -72,6 +72,23 @@ def lags_s(
     return sorted(lags)
 
 
+def drifting(
+    wanted: Sequence[tuple[float, float]], track: Track, most_s: float = 1.0
+) -> tuple[float, list[float]]:
+    """Return how far a replay is off, and by how much it is late in each second of it.
+
+    LeRobot's loop makes up for nothing: each frame that is late delays all that follow. So the
+    delay is looked for in each second anew.
+    """
+    squares, delays, begin_s = 0.0, [], wanted[0][0]
+    while part := [one for one in wanted if begin_s <= one[0] < begin_s + 1.0]:
+        late_s, off = delay_s(part, track, most_s)
+        squares += off * off * len(part)
+        delays.append(late_s)
+        begin_s += 1.0
+    return math.sqrt(squares / len(wanted)), delays
+
+
 def middle(values: Sequence[float]) -> float:
     """Return the median."""
     return median(values)
