@@ -123,7 +123,7 @@ class Follower(WatchedGripper):
 class LiteGripFollower(Robot):
     """`--robot.type=litegrip_follower`."""
 
-    config_class = LiteGripFollowerConfig
+    config_class: type[RobotConfig] = LiteGripFollowerConfig
     name = "litegrip_follower"
 
     def __init__(self, config: LiteGripFollowerConfig | LiteGripWithArmConfig) -> None:

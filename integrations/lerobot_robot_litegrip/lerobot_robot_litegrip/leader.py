@@ -60,7 +60,7 @@ class Leader(WatchedGripper):
 class LiteGripLeader(Teleoperator):
     """`--teleop.type=litegrip_leader`."""
 
-    config_class = LiteGripLeaderConfig
+    config_class: type[TeleoperatorConfig] = LiteGripLeaderConfig
     name = "litegrip_leader"
 
     def __init__(self, config: LiteGripLeaderConfig | LiteGripLeaderWithArmConfig) -> None:

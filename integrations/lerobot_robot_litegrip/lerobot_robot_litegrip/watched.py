@@ -9,15 +9,16 @@ from lerobot_robot_litegrip.config import GripperSettings
 from lerobot_robot_litegrip.mapping import Travel, clipped
 from litegrip_client import (
     CommandError,
+    ConnectError,
     GripperState,
     HardwareError,
     Latest,
     LiteGrip,
+    LiteGripError,
     StoppedError,
     TeleopBusyError,
     TeleopNotActiveError,
 )
-from litegrip_client.values.errors import NotInitializedError
 
 _log = logging.getLogger(__name__)
 
@@ -69,16 +70,16 @@ class WatchedGripper:
 
     @property
     def latest(self) -> Latest:
-        """The newest state; raises `NotInitializedError` before `connect`."""
+        """The newest state; raises `ConnectError` before `connect`."""
         if self._latest is None:
-            raise NotInitializedError(f"{self.name} is not connected", reason="not_connected")
+            raise ConnectError(f"{self.name} is not connected", reason="not_connected")
         return self._latest
 
     @property
     def travel(self) -> Travel:
-        """The travel in use since `begin`; raises `NotInitializedError` before."""
+        """The travel in use since `begin`; raises `ConnectError` before."""
         if self._travel is None:
-            raise NotInitializedError(f"{self.name} has not begun", reason="not_connected")
+            raise ConnectError(f"{self.name} has not begun", reason="not_connected")
         return self._travel
 
     @property
@@ -107,11 +108,17 @@ class WatchedGripper:
             raise HardwareError(enabled.message or f"{self.name}: the motor is not enabled")
 
     def disconnect(self) -> None:
-        """Disconnect; the motor is then disabled, or goes on holding, as it is set."""
+        """Disconnect; the motor is then disabled, or goes on holding, as it is set.
+
+        What fails of that is logged, not raised: LeRobot disconnects one device after the other.
+        """
         latest, self._latest = self._latest, None
         if latest is not None:
             latest.close()
-        self._gripper.disconnect()
+        try:
+            self._gripper.disconnect()
+        except LiteGripError as error:
+            _log.error("%s, at its end: %s", self.name, error)
 
     def fresh(self) -> Fresh:
         """Return a state whose figures are fresh, and newer than those returned before.

@@ -50,7 +50,7 @@ def rms(differences: Sequence[float]) -> float:
 def delay_s(
     wanted: Sequence[tuple[float, float]], track: Track, most_s: float = 0.3
 ) -> tuple[float, float]:
-    """Return by how much a track is late behind what was wanted when, and how far it is off then."""
+    """Return how late a track is behind what was wanted when, and how far it is off then."""
     tried = [index * 0.002 for index in range(int(most_s / 0.002))]
     off = {late: rms([track.at(t + late) - value for t, value in wanted]) for late in tried}
     best = min(off, key=lambda late: off[late])
