@@ -6,9 +6,11 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 RUNS := $(VENV)/.runs
 SEED ?= $(shell date -u +%Y%m%d)
+LEROBOT := .venv-lerobot
+LEROBOT_PYTHON ?= python3.12
 PROPERTIES = $(shell grep -rlE --include='test_*.py' '^from hypothesis' tests)
 
-.PHONY: help run demo test test-through-portal check nightly format pictures bench chaos deb clean
+.PHONY: help run demo test test-through-portal check nightly format pictures bench chaos lerobot deb clean
 
 help:
 	@echo "make run     the daemon on a simulated gripper and its page, in the foreground"
@@ -21,6 +23,7 @@ help:
 	@echo "make pictures make the pictures of the pages; needs Chromium"
 	@echo "make bench   measure ticks, requests and clients (about 8 minutes)"
 	@echo "make chaos   random faults and clients for 24 simulated hours, on all cores (about two hours)"
+	@echo "make lerobot LeRobot's own commands on simulated grippers; needs Python 3.12, 6 GB the first time (10 minutes)"
 	@echo "make deb     Debian packages for this release of Debian, in dist/ (two minutes)"
 	@echo "make clean   remove the virtual environment and all caches"
 
@@ -98,8 +101,23 @@ bench: $(STAMP)
 chaos: $(STAMP)
 	$(BIN)/python -m tests.faults.chaos_main --hours 24
 
+# LeRobot in an environment of its own, which is kept. It gets the client as users do, and nothing of
+# the daemon. An old pip would leave out the extra in silence.
+$(LEROBOT)/.installed:
+	$(LEROBOT_PYTHON) -m venv $(LEROBOT)
+	$(LEROBOT)/bin/python -m pip install --quiet --disable-pip-version-check uv
+	$(LEROBOT)/bin/uv pip install --python $(LEROBOT)/bin/python 'lerobot[core_scripts]==0.6.1'
+	@touch $@
+
+lerobot: $(STAMP) $(LEROBOT)/.installed
+	$(BIN)/python packaging/distributions.py --no-isolation $(LEROBOT)/dist
+	$(LEROBOT)/bin/uv pip install --quiet --python $(LEROBOT)/bin/python --reinstall-package litegrip-client \
+		--reinstall-package lerobot_robot_litegrip --reinstall-package lerobot_robot_trialarm \
+		$(LEROBOT)/dist/litegrip_client-*.whl integrations/lerobot_robot_litegrip tests/integrations/lerobot/rig
+	$(BIN)/python -m tests.integrations.lerobot.trial $(LEROBOT)
+
 deb:
 	packaging/debian/build
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) $(LEROBOT) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

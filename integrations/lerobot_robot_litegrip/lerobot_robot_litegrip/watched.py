@@ -112,9 +112,7 @@ class WatchedGripper:
 
         What fails of that is logged, not raised: LeRobot disconnects one device after the other.
         """
-        latest, self._latest = self._latest, None
-        if latest is not None:
-            latest.close()
+        self._latest = None
         try:
             self._gripper.disconnect()
         except LiteGripError as error:

@@ -312,6 +312,10 @@ def test_the_end_of_teleoperation_ends_the_loop(site: Bench, lead: Heard, follow
         site.run(0.1)
         with pytest.raises(TeleopNotActiveError, match="gripper follow: teleoperation has ended"):
             robot.send_action(to(50.0)())
+        robot.follower._gripper.stream(2.0).set_target(openness=0.2)
+        site.run(0.1)
+        with pytest.raises(TeleopNotActiveError):  # also while it moves otherwise
+            robot.send_action(to(50.0)())
         with LiteGrip("lead") as other:
             other.software_stop("hold", "lunch")
         site.run(0.1)
