@@ -29,6 +29,7 @@ from litegrip_client.values.calibration import GripperConfig
 from litegrip_client.values.errors import CommandError, LiteGripError
 from litegrip_client.values.motion_config import MotionConfig
 from litegrip_client.values.results import GripperState
+from litegrip_client.values.terms import Voice
 from litegrip_client.values.warn import leave
 
 
@@ -532,6 +533,7 @@ class LiteGrip(Gripper):
         canfd_mode: bool | None = None,
         motor_type: str | None = None,
         config: GripperConfig | None = None,
+        voice: Voice | None = None,
     ) -> None:
         """Raise `CommandError` for what cannot be a channel, a mount or a `MotionConfig`."""
         channel, can_id, expected = expectations(
@@ -543,6 +545,7 @@ class LiteGrip(Gripper):
             socket_path,
             disable_on_disconnect=disable_on_disconnect,
             expected=expected,
+            voice=voice,
         )
         super().__init__(session, mount, motion_config, config)
 

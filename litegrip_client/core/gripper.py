@@ -206,7 +206,7 @@ class Gripper(GripperActions):
         figures = await self._session.wire.call("health")
         for name in ("reasons", "notes"):
             if name in figures:
-                figures[name] = told_all(figures, name, in_python)
+                figures[name] = told_all(figures, name, self._session.voice or in_python)
         figures.pop("terms", None)
         return figures
 

@@ -19,6 +19,7 @@ from litegrip_client.values.errors import (
     HardwareError,
     LeaseError,
     LiteGripError,
+    ParameterError,
     ProtocolError,
 )
 from litegrip_client.values.warn import leave, warn
@@ -29,6 +30,7 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, Protocol, TypeVar
 
     from litegrip_client.line.exchange import Call, Exchange
+    from litegrip_client.values.terms import Voice
 
     _Result = TypeVar("_Result")
 
@@ -79,7 +81,8 @@ class DaemonSession:
 
     `enabled_here` is true from this session's enabling on until its disabling; only then does its
     end do anything to the motor. `keeps_lease` is true if it wants the lease until its end,
-    `leased` that it has it, as far as it knows. `cancels` counts the calls of `cancel_own`.
+    `leased` that it has it, as far as it knows. `voice` puts the daemon's texts into the words of
+    the program, None into those of Python. `cancels` counts the calls of `cancel_own`.
     """
 
     def __init__(
@@ -90,8 +93,20 @@ class DaemonSession:
         *,
         disable_on_disconnect: bool,
         expected: Mapping[str, Any] | None = None,
+        voice: Voice | None = None,
     ) -> None:
-        """Expect the values of `expected` in the daemon's `GripperConfig`, by its fields."""
+        """Expect the values of `expected` in the daemon's `GripperConfig`, by its fields.
+
+        Raises `CommandError` for a `voice` that cannot be called.
+        """
+        if voice is not None and not callable(voice):
+            raise ParameterError(
+                f"voice is {voice!r:.60}, it must be a function of a method, a parameter and the"
+                " method that was asked",
+                reason="invalid_params",
+                data={"parameter": "voice"},
+            )
+        self.voice = voice
         self._expected = expected or {}
         self.channel = chosen_channel(channel)
         self.can_id = can_id
@@ -186,6 +201,7 @@ class DaemonSession:
         if self.is_open:
             return
         wire = await self._connect()
+        wire.connection.voice = self.voice
         try:
             hello = await wire.call("hello", {"client": _program()})
             wire.connection.accept(hello)

@@ -115,6 +115,7 @@ class BlockingSession(DaemonSession):
         if not connection.is_waiting_here:
             return connection.call(method, params)
         with Connection(connection.path) as another:
+            another.voice = self.voice
             return another.call(method, params)
 
     async def cancel_own(self) -> bool:
