@@ -345,7 +345,8 @@ class GripperActions:
     async def zero_gravity(self, on: bool = True) -> GripperState:
         """Let the jaws be moved freely by hand, the motor enabled but without any torque.
 
-        They are loose until `zero_gravity(False)`, `hold` or any motion.
+        They are loose until `zero_gravity(False)`, `hold` or any motion. Until then the state's
+        `mode` is "relaxed" and `is_zero_gravity` true, as after `stop` and a stop "relax".
         """
         return state_of(await self._command("motion.zero_gravity" if on else "motion.hold", {}))
 

@@ -205,7 +205,7 @@ class DaemonSession:
         try:
             hello = await wire.call("hello", {"client": _program()})
             wire.connection.accept(hello)
-            self._check(hello, wire.connection.path)
+            self._check(hello, wire.connection.socket_path)
             await begin(wire)
         except GeneratorExit:
             raise
@@ -367,8 +367,9 @@ class DaemonSession:
 class Lease:
     """The lease of one gripper, for `async with`: taken at the start, returned at the end.
 
-    It is kept while another block, or `enable`, of the same gripper object needs it. `token` names
-    it, for another connection of the same program (`lease` of the raw methods).
+    Without a block, `acquire` and `release` do the same. It is kept while another block, or
+    `enable`, of the same gripper object needs it. `token` names it, for another connection of the
+    same program (`lease` of the raw methods).
     """
 
     def __init__(self, session: DaemonSession, options: dict[str, Any]) -> None:
@@ -379,23 +380,36 @@ class Lease:
 
     @property
     def token(self) -> str | None:
-        """The name of the lease, inside the block."""
+        """The name of the lease, until it is released."""
         return self._token
 
-    async def __aenter__(self) -> Lease:
-        granted = await self._session.acquire(**self._options)
-        self._wire = self._session.enter_lease()
+    async def acquire(self) -> None:
+        """Take the lease, until `release`; one that was lost is taken again.
+
+        Raises `LeaseError`, which names the owner, when it is not free within `wait_s` seconds.
+        """
+        session = self._session
+        granted = await session.acquire(**self._options)
+        if self._wire is not session.wire:  # else it is counted already
+            self._wire = session.enter_lease()
         self._token = str(granted["lease"])
-        return self
 
-    async def __aexit__(self, _kind: object, error: BaseException | None, _: object) -> None:
+    async def release(self) -> None:
+        """Give the lease back, unless this gripper object needs it for more; again does nothing.
+
+        The jaws stay as they are.
+        """
         self._token = None
-        await leave(self._leave, error)
-
-    async def _leave(self) -> None:
         wire, self._wire = self._wire, None
         if wire is not None:
             await self._session.leave_lease(wire)
+
+    async def __aenter__(self) -> Lease:
+        await self.acquire()
+        return self
+
+    async def __aexit__(self, _kind: object, error: BaseException | None, _: object) -> None:
+        await leave(self.release, error)
 
     async def renew(self) -> None:
         """Restart `ttl_s`, as every call does. Raises `LeaseError` when the lease is lost."""

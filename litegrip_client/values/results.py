@@ -50,7 +50,8 @@ class GripperState(StateNames):
     Times are CLOCK_MONOTONIC seconds: `monotonic_s` of this state, `feedback_s` of the motor's
     last feedback. `age_s` is the feedback's age when the state was made; `stale` is true if the
     figures are old ones. `error_code` is the motor's status nibble and `status` its name. `enabled`
-    is None while nobody knows: take only False for a motor that is off.
+    is None while nobody knows: take only False for a motor that is off. `mode` is "offline",
+    "disabled", "enabling", "holding", "moving", "relaxed" (zero gravity), "disabling" or "fault".
 
     `command_rad` and `command_torque_nm` are the motor's command, `requested_rad` and
     `requested_torque_nm` the motion's request; `limited` says why they differ, and
