@@ -29,6 +29,7 @@ from litegrip_client.values.calibration import GripperConfig
 from litegrip_client.values.errors import CommandError, LiteGripError
 from litegrip_client.values.motion_config import MotionConfig
 from litegrip_client.values.results import GripperState
+from litegrip_client.values.terms import Voice
 from litegrip_client.values.warn import leave
 
 
@@ -163,22 +164,22 @@ class LineStream(asyncio.Protocol):
 class Connection(Exchange):
     """A connection to the daemon, for the tasks of the event loop in which it was opened."""
 
-    def __init__(self, path: str, timeout_s: float) -> None:
+    def __init__(self, socket_path: str, timeout_s: float) -> None:
         """Nothing is connected yet; see `open`."""
-        super().__init__(path, timeout_s)
+        super().__init__(socket_path, timeout_s)
         self._loop = asyncio.get_running_loop()
         self._pid = os.getpid()
         self._waiting = Waiting()
         self._stream = LineStream(self._on_lines, self._on_change)
 
     @classmethod
-    async def open(cls, path: str, timeout_s: float = DEFAULT_TIMEOUT_S) -> Connection:
-        """Connect to the socket `path`; raises `OSError`.
+    async def open(cls, socket_path: str, timeout_s: float = DEFAULT_TIMEOUT_S) -> Connection:
+        """Connect to the socket `socket_path`; raises `OSError`.
 
         `timeout_s` limits the connecting, and the calls that do not say otherwise.
         """
-        connection = cls(path, timeout_s)
-        await connection._stream.connect(path, timeout_s)
+        connection = cls(socket_path, timeout_s)
+        await connection._stream.connect(socket_path, timeout_s)
         return connection
 
     @property
@@ -532,6 +533,7 @@ class LiteGrip(Gripper):
         canfd_mode: bool | None = None,
         motor_type: str | None = None,
         config: GripperConfig | None = None,
+        voice: Voice | None = None,
     ) -> None:
         """Raise `CommandError` for what cannot be a channel, a mount or a `MotionConfig`."""
         channel, can_id, expected = expectations(
@@ -543,6 +545,7 @@ class LiteGrip(Gripper):
             socket_path,
             disable_on_disconnect=disable_on_disconnect,
             expected=expected,
+            voice=voice,
         )
         super().__init__(session, mount, motion_config, config)
 

@@ -127,7 +127,7 @@ class GripperActions:
         # Also if the answer never comes: the motor may be enabled.
         session.enabled_here = session.keeps_lease = True
         try:
-            result = EnableResult.from_wire(await wire.run(call, ACTION_TIMEOUT_S))
+            result = EnableResult.from_wire(await wire.run(call, ACTION_TIMEOUT_S), session.voice)
         except LiteGripError:
             if call.answered:
                 await self._undo_enable(*before)
@@ -345,7 +345,8 @@ class GripperActions:
     async def zero_gravity(self, on: bool = True) -> GripperState:
         """Let the jaws be moved freely by hand, the motor enabled but without any torque.
 
-        They are loose until `zero_gravity(False)`, `hold` or any motion.
+        They are loose until `zero_gravity(False)`, `hold` or any motion. Until then the state's
+        `mode` is "relaxed" and `is_zero_gravity` true, as after `stop` and a stop "relax".
         """
         return state_of(await self._command("motion.zero_gravity" if on else "motion.hold", {}))
 
@@ -782,7 +783,7 @@ class GripperActions:
         """
         from litegrip_client.core import calibrations  # noqa: PLC0415 - see above
 
-        return await calibrations.use(self._command, data)
+        return await calibrations.use(self._session, self._command, data)
 
     async def load_template(self, name: str) -> bool:
         """Have the daemon use the nominal geometry of a mount, "normal" or "reverse".
@@ -815,7 +816,7 @@ class GripperActions:
         from litegrip_client.values.calibration import CalibrationData  # noqa: PLC0415 - see above
 
         view = await self._command("calibration.rescale", self._stroke(stroke_mm))
-        calibrations.warn_of_doubts(view)
+        calibrations.warn_of_doubts(view, self._session.voice)
         return CalibrationData.from_content(view["content"])
 
     async def zero(

@@ -86,6 +86,12 @@ class Gripper(GripperActions):
         return self._session.channel
 
     @property
+    def socket_path(self) -> str | None:
+        """The daemon's socket: of the connection, else what the constructor was given, or None."""
+        session = self._session
+        return session.wire.connection.socket_path if session.is_open else session.socket_path
+
+    @property
     def disable_on_disconnect(self) -> bool:
         """True if the end of the connection disables the motor that this object enabled.
 
@@ -109,6 +115,7 @@ class Gripper(GripperActions):
     ) -> Lease:
         """Take the lease, for exclusive control: `async with gripper.lease("sorting", wait_s=10):`.
 
+        Without a block nothing is taken before `acquire` of what is returned, until its `release`.
         `enable` takes the lease automatically, until `disconnect`.
         `wait_s` is how long to wait for another owner. With `ttl_s` the lease is lost when no
         call is made for that time; a longer motion is ended. `on_lost` is what the jaws do when
@@ -206,7 +213,7 @@ class Gripper(GripperActions):
         figures = await self._session.wire.call("health")
         for name in ("reasons", "notes"):
             if name in figures:
-                figures[name] = told_all(figures, name, in_python)
+                figures[name] = told_all(figures, name, self._session.voice or in_python)
         figures.pop("terms", None)
         return figures
 

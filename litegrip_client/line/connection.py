@@ -325,15 +325,15 @@ class Multiplexer:
 
 
 class Connection(Exchange):
-    """A connection to the daemon at the socket `path`.
+    """A connection to the daemon at the socket `socket_path`.
 
     Threads may share it. Processes may not: after a fork the child makes its own.
     """
 
-    def __init__(self, path: str, timeout_s: float = DEFAULT_TIMEOUT_S) -> None:
+    def __init__(self, socket_path: str, timeout_s: float = DEFAULT_TIMEOUT_S) -> None:
         """Connect; raises `OSError`. `timeout_s` is the default time limit of calls."""
-        super().__init__(path, timeout_s)
-        self._multiplexer = Multiplexer(path, timeout_s, self._router)
+        super().__init__(socket_path, timeout_s)
+        self._multiplexer = Multiplexer(socket_path, timeout_s, self._router)
 
     def call(
         self,

@@ -305,9 +305,9 @@ class Exchange:
     `daemon_version` is for them, too.
     """
 
-    def __init__(self, path: str, timeout_s: float) -> None:
+    def __init__(self, socket_path: str, timeout_s: float) -> None:
         """`timeout_s` limits the calls that do not say otherwise."""
-        self.path = path
+        self.socket_path = socket_path
         self.timeout_s = timeout_s
         self.stop_generation: int | None = None
         self.client: int | None = None

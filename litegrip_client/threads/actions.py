@@ -33,8 +33,9 @@ if TYPE_CHECKING:  # importing typing and dataclasses is slow
 class Lease:
     """The lease of one gripper, for `with`: taken at the start, returned at the end.
 
-    It is kept while another block, or `enable`, of the same gripper object needs it. `token` names
-    it, for another connection of the same program (`lease` of the raw methods).
+    Without a block, `acquire` and `release` do the same. It is kept while another block, or
+    `enable`, of the same gripper object needs it. `token` names it, for another connection of the
+    same program (`lease` of the raw methods).
     """
 
     def __init__(self, core: core_session.Lease) -> None:
@@ -42,8 +43,22 @@ class Lease:
 
     @property
     def token(self) -> str | None:
-        """The name of the lease, inside the block."""
+        """The name of the lease, until it is released."""
         return self._core.token
+
+    def acquire(self) -> None:
+        """Take the lease, until `release`; one that was lost is taken again.
+
+        Raises `LeaseError`, which names the owner, when it is not free within `wait_s` seconds.
+        """
+        complete(self._core.acquire())
+
+    def release(self) -> None:
+        """Give the lease back, unless this gripper object needs it for more; again does nothing.
+
+        The jaws stay as they are.
+        """
+        complete(self._core.release())
 
     def __enter__(self) -> Lease:
         complete(self._core.__aenter__())
@@ -382,7 +397,8 @@ class GripperActions:
     def zero_gravity(self, on: bool = True) -> GripperState:
         """Let the jaws be moved freely by hand, the motor enabled but without any torque.
 
-        They are loose until `zero_gravity(False)`, `hold` or any motion.
+        They are loose until `zero_gravity(False)`, `hold` or any motion. Until then the state's
+        `mode` is "relaxed" and `is_zero_gravity` true, as after `stop` and a stop "relax".
         """
         return complete(self._core.zero_gravity(on))
 
@@ -876,6 +892,11 @@ class BlockingGripper(GripperActions):
         return self._core.channel
 
     @property
+    def socket_path(self) -> str | None:
+        """The daemon's socket: of the connection, else what the constructor was given, or None."""
+        return self._core.socket_path
+
+    @property
     def disable_on_disconnect(self) -> bool:
         """True if the end of the connection disables the motor that this object enabled.
 
@@ -897,6 +918,7 @@ class BlockingGripper(GripperActions):
     ) -> Lease:
         """Take the lease, for exclusive control: `with gripper.lease("sorting", wait_s=10):`.
 
+        Without a block nothing is taken before `acquire` of what is returned, until its `release`.
         `enable` takes the lease automatically, until `disconnect`.
         `wait_s` is how long to wait for another owner. With `ttl_s` the lease is lost when no
         call is made for that time; a longer motion is ended. `on_lost` is what the jaws do when

@@ -89,14 +89,14 @@ class BlockingWire:
 
 
 def connect(
-    channel: str, path: str | None = None, timeout_s: float = DEFAULT_TIMEOUT_S
+    channel: str, socket_path: str | None = None, timeout_s: float = DEFAULT_TIMEOUT_S
 ) -> Connection:
     """Connect to the daemon of `channel`; raises `ConnectError` that lists the attempts."""
 
     async def attempt(candidate: str) -> Connection:
         return Connection(candidate, timeout_s)
 
-    return complete(reach(channel, path, attempt))
+    return complete(reach(channel, socket_path, attempt))
 
 
 class BlockingSession(DaemonSession):
@@ -114,7 +114,8 @@ class BlockingSession(DaemonSession):
         connection = self.connection
         if not connection.is_waiting_here:
             return connection.call(method, params)
-        with Connection(connection.path) as another:
+        with Connection(connection.socket_path) as another:
+            another.voice = self.voice
             return another.call(method, params)
 
     async def cancel_own(self) -> bool:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:  # importing dataclasses is slow
     from litegrip_client.values.calibration import GripperConfig
     from litegrip_client.values.motion_config import MotionConfig
     from litegrip_client.values.results import GripperState
+    from litegrip_client.values.terms import Voice
 
 
 class LiteGrip(SdkGripper):
@@ -41,6 +42,11 @@ class LiteGrip(SdkGripper):
     `zero` and the other calibrations of this object. `canfd_mode` must be false: the motor
     speaks classic CAN.
 
+    Errors, `health` and warnings name calls of this class: "clear it with gripper.clear_stop()".
+    A program whose user has other words gives a `voice`, a function of a method of the protocol, a
+    parameter, and the method that was asked. It returns the user's words, or None to leave the
+    protocol's: `voice=lambda method, parameter, asked: {"stop.clear": "~/clear"}.get(method)`.
+
     `GripperActions` describes all actions.
     """
 
@@ -57,6 +63,7 @@ class LiteGrip(SdkGripper):
         canfd_mode: bool | None = None,
         motor_type: str | None = None,
         config: GripperConfig | None = None,
+        voice: Voice | None = None,
     ) -> None:
         """Raise `CommandError` for what cannot be a channel, a mount or a `MotionConfig`."""
         from litegrip_client.core.gripper import Gripper  # noqa: PLC0415 - see above
@@ -74,6 +81,7 @@ class LiteGrip(SdkGripper):
             socket_path,
             disable_on_disconnect=disable_on_disconnect,
             expected=expected,
+            voice=voice,
         )
         super().__init__(Gripper(self._session, mount, motion_config, config))
 

@@ -50,6 +50,7 @@ class StateNames:
         feedback_s: float | None
         enabled: bool | None
         error_code: int | None
+        mode: str
         motor: str
         velocity_rad_s: float | None
 
@@ -95,6 +96,11 @@ class StateNames:
         is none: enabling clears it.
         """
         return self.motor != "disabled" and self.error_code not in (None, 0, 1)
+
+    @property
+    def is_zero_gravity(self) -> bool:
+        """True if the jaws were let go, by `zero_gravity` or `stop`: the mode is "relaxed"."""
+        return self.mode == "relaxed"
 
     @property
     def is_moving(self) -> bool:

@@ -123,5 +123,5 @@ def not_calibrated() -> CommandError:
     return CommandError(
         "the gripper is not calibrated",
         reason="not_calibrated",
-        data={"hint": "calibrate it: lerobot-calibrate, or in a shell: litegripctl zero"},
+        data={"hint": "calibrate it: lerobot-calibrate"},
     )

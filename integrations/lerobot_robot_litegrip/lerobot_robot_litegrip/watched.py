@@ -19,6 +19,7 @@ from litegrip_client import (
     TeleopBusyError,
     TeleopNotActiveError,
 )
+from litegrip_client.values.voices import in_shell_of
 
 _log = logging.getLogger(__name__)
 
@@ -46,12 +47,17 @@ class WatchedGripper:
     def __init__(self, settings: GripperSettings) -> None:
         self._settings = settings
         self._gripper = LiteGrip(
-            settings.channel, disable_on_disconnect=settings.disable_torque_on_disconnect
+            settings.channel,
+            disable_on_disconnect=settings.disable_torque_on_disconnect,
+            voice=in_shell_of(self._here),  # of who types LeRobot's commands
         )
         self._latest: Latest | None = None
         self._travel: Travel | None = None
         self._zero_s = 0.0
         self._last_s = 0.0
+
+    def _here(self, command: str) -> str:
+        return command.replace("litegripctl", f"litegripctl -c {self._gripper.channel}")
 
     @property
     def name(self) -> str:
@@ -154,7 +160,7 @@ class WatchedGripper:
                 f"{self.name} is stopped ({state.stop['level']}) by {by}"
                 + (f": {why}" if why else ""),
                 reason="stopped",
-                data={"hint": f"in a shell: litegripctl -c {self._gripper.channel} clear"},
+                data={"hint": self._here("clear it: litegripctl clear")},
             )
         return state
 
@@ -193,7 +199,7 @@ class WatchedGripper:
             raise CommandError(
                 f"{self.name}: a calibration asks before it moves, and there is no terminal",
                 reason="not_calibrated",
-                data={"hint": f"in a shell: litegripctl -c {self._gripper.channel} zero"},
+                data={"hint": self._here("calibrate it: litegripctl zero")},
             ) from error
         if not answer:
             return

@@ -48,10 +48,13 @@ def rms(differences: Sequence[float]) -> float:
 
 
 def delay_s(
-    wanted: Sequence[tuple[float, float]], track: Track, most_s: float = 0.3
+    wanted: Sequence[tuple[float, float]],
+    track: Track,
+    least_s: float = 0.0,
+    most_s: float = 0.3,
 ) -> tuple[float, float]:
     """Return how late a track is behind what was wanted when, and how far it is off then."""
-    tried = [index * 0.002 for index in range(int(most_s / 0.002))]
+    tried = [least_s + 0.002 * index for index in range(int((most_s - least_s) / 0.002))]
     off = {late: rms([track.at(t + late) - value for t, value in wanted]) for late in tried}
     best = min(off, key=lambda late: off[late])
     return best, off[best]
@@ -72,17 +75,15 @@ def lags_s(
     return sorted(lags)
 
 
-def drifting(
-    wanted: Sequence[tuple[float, float]], track: Track, most_s: float = 1.0
-) -> tuple[float, list[float]]:
+def drifting(wanted: Sequence[tuple[float, float]], track: Track) -> tuple[float, list[float]]:
     """Return how far a replay is off, and by how much it is late in each second of it.
 
     LeRobot's loop makes up for nothing: each frame that is late delays all that follow. So the
     delay is looked for in each second anew.
     """
-    squares, delays, begin_s = 0.0, [], wanted[0][0]
+    squares, delays, begin_s, late_s = 0.0, [], wanted[0][0], 0.1
     while part := [one for one in wanted if begin_s <= one[0] < begin_s + 1.0]:
-        late_s, off = delay_s(part, track, most_s)
+        late_s, off = delay_s(part, track, late_s - 0.1, late_s + 0.6)
         squares += off * off * len(part)
         delays.append(late_s)
         begin_s += 1.0

@@ -229,7 +229,7 @@ def test_a_gripper_of_somebody_else_is_refused_and_nothing_stays_connected(
 ) -> None:
     for channel, device in (("follow", a_follower()), ("lead", a_leader())):
         with LiteGrip(channel) as other, other.lease("sorting"):
-            with pytest.raises(LeaseError, match="for sorting"):
+            with pytest.raises(LeaseError, match=rf"for sorting: .*litegripctl -c {channel} "):
                 device.connect()
             assert not device.is_connected
 

@@ -12,6 +12,7 @@ import json
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -48,7 +49,6 @@ class Trial:
     lead_log: Log
     follow_log: Log
     rows: list[tuple[bool, str, str]] = field(default_factory=list)
-    teleop_port: int = 17548
 
     def note(self, name: str, found: str, *, good: bool) -> None:
         """Note one finding, and print it."""
@@ -217,7 +217,7 @@ def record_and_replay(trial: Trial) -> None:
     )
     trial.ended_well("lerobot-replay", code, output)
     begun_s = float(dict(_ZERO.findall(output))[trial.follow])
-    trial.follow_log.until(begun_s + wanted[-1][0] + 1.5)
+    trial.follow_log.until(begun_s + wanted[-1][0] + 6.0)
     begun = [(begun_s + at_s, value) for at_s, value in wanted]
     off, late_s = drifting(begun, trial.follow_log.track())
     shown = ", ".join(f"{one * 1e3:.0f}" for one in late_s)
@@ -304,7 +304,9 @@ def _wait_until_it_begins(process: subprocess.Popen[str], count: int) -> dict[st
 def by_the_daemons(trial: Trial) -> None:
     """Record while the daemons teleoperate, with something between the follower's jaws."""
     simulated(trial.follow, "sim.object", width_mm=30.0, stiffness_nm_rad=250.0, slip_mm_s=0.0)
-    port = {"mode": "daemon", "teleop_port": trial.teleop_port}
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: dict[str, object] = {"mode": "daemon", "teleop_port": probe.getsockname()[1]}
     felt: list[float] = []
     with LiteGrip(trial.lead) as watching:
         process = trial.start(
