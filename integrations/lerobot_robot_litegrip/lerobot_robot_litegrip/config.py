@@ -82,6 +82,13 @@ class LeaderSettings(GripperSettings):
     """Of mode "daemon": how hard the jaws push back at most, 0 to 10 N; 0 is off."""
 
 
+def settings_of_arm(arm: dict[str, Any], example: str) -> dict[str, Any]:
+    """Return an arm's settings; raises `ValueError` where they do not say what arm it is."""
+    if not arm.get("type"):
+        raise ValueError(f"arm needs the arm's own settings: '{{type: {example}, port: ...}}'")
+    return arm
+
+
 @RobotConfig.register_subclass("litegrip_follower")
 @dataclass(kw_only=True)
 class LiteGripFollowerConfig(FollowerSettings, RobotConfig):

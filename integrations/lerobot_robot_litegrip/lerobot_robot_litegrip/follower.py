@@ -12,6 +12,7 @@ from lerobot_robot_litegrip.config import (
     FollowerSettings,
     LiteGripFollowerConfig,
     LiteGripWithArmConfig,
+    settings_of_arm,
 )
 from lerobot_robot_litegrip.mapping import (
     AGE,
@@ -208,7 +209,8 @@ class LiteGripWithArm(LiteGripFollower):
 
     def __init__(self, config: LiteGripWithArmConfig) -> None:
         super().__init__(config)
-        self.arm: Robot = make_robot_from_config(draccus.decode(RobotConfig, config.arm))
+        arm = settings_of_arm(config.arm, "so101_follower")
+        self.arm: Robot = make_robot_from_config(draccus.decode(RobotConfig, arm))
         self.cameras = {**getattr(self.arm, "cameras", {}), **self.cameras}
 
     @property

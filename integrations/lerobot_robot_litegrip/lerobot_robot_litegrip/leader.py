@@ -15,6 +15,7 @@ from lerobot_robot_litegrip.config import (
     LeaderSettings,
     LiteGripLeaderConfig,
     LiteGripLeaderWithArmConfig,
+    settings_of_arm,
 )
 from lerobot_robot_litegrip.follower import without_gripper
 from lerobot_robot_litegrip.mapping import POS, TORQUE, action_of
@@ -132,8 +133,10 @@ class LiteGripLeaderWithArm(LiteGripLeader):
 
     def __init__(self, config: LiteGripLeaderWithArmConfig) -> None:
         super().__init__(config)
-        arm = draccus.decode(TeleoperatorConfig, config.arm)
-        self.arm: Teleoperator = make_teleoperator_from_config(arm)
+        arm = settings_of_arm(config.arm, "so101_leader")
+        self.arm: Teleoperator = make_teleoperator_from_config(
+            draccus.decode(TeleoperatorConfig, arm)
+        )
 
     @property
     def action_features(self) -> dict[str, type]:

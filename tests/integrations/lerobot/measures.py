@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 from collections.abc import Sequence
-from statistics import median
 from typing import NamedTuple
 
 
@@ -60,19 +59,24 @@ def delay_s(
     return best, off[best]
 
 
-def lags_s(
-    leader: Track, follower: Track, from_s: float, to_s: float, sweep_s: float, above: float = 0.0
-) -> list[float]:
-    """Return by how much the follower is late in each whole sweep of a hand, the smallest first.
+class Sweep(NamedTuple):
+    """By how much a follower was late in one sweep of a hand, and how fast that was."""
 
-    `above`: only where the leader is opened further.
-    """
-    lags, begin_s = [], from_s
+    late_s: float
+    fastest_s: float
+
+
+def sweeps(
+    leader: Track, follower: Track, from_s: float, to_s: float, sweep_s: float, above: float = 0.0
+) -> list[Sweep]:
+    """Return each whole sweep of a hand; `above`: only where the leader is opened further."""
+    found, begin_s = [], from_s
     while begin_s + sweep_s <= to_s:
         wanted = [(t, leader.at(t)) for t in _grid(begin_s, begin_s + sweep_s)]
-        lags.append(delay_s([one for one in wanted if one[1] > above], follower)[0])
+        late_s, _ = delay_s([one for one in wanted if one[1] > above], follower)
+        found.append(Sweep(late_s, leader.fastest_s(begin_s, begin_s + sweep_s)))
         begin_s += sweep_s
-    return sorted(lags)
+    return found
 
 
 def drifting(wanted: Sequence[tuple[float, float]], track: Track) -> tuple[float, list[float]]:
@@ -88,8 +92,3 @@ def drifting(wanted: Sequence[tuple[float, float]], track: Track) -> tuple[float
         delays.append(late_s)
         begin_s += 1.0
     return math.sqrt(squares / len(wanted)), delays
-
-
-def middle(values: Sequence[float]) -> float:
-    """Return the median."""
-    return median(values)

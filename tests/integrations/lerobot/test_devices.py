@@ -448,6 +448,13 @@ def test_an_arm_has_this_gripper_in_place_of_its_own(
     assert not leader.arm.is_connected
 
 
+def test_what_arm_it_is_must_be_said(site: Bench) -> None:
+    with pytest.raises(ValueError, match=r"arm needs .*'{type: so101_follower, port: ...}'"):
+        LiteGripWithArm(LiteGripWithArmConfig(channel="follow"))
+    with pytest.raises(ValueError, match=r"arm needs .*'{type: so101_leader, port: ...}'"):
+        LiteGripLeaderWithArm(LiteGripLeaderWithArmConfig(arm={"port": "/dev/ttyACM0"}))
+
+
 def test_a_gripper_that_is_stopped_moves_no_arm(site: Bench, follow: Heard) -> None:
     robot = LiteGripWithArm(LiteGripWithArmConfig(channel="follow", arm=ARM))
     with connected(robot):

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from tests.integrations.lerobot.measures import Track, delay_s, drifting, lags_s, middle
+from tests.integrations.lerobot.measures import Track, delay_s, drifting, sweeps
 
 SWEEP_S = 2.0
 
@@ -35,10 +35,10 @@ def test_the_fastest_of_a_sweep_is_its_middle() -> None:
 
 def test_a_follower_is_as_late_as_it_is() -> None:
     follower = Track(TIMES_S, [swept(at_s - 0.05) for at_s in TIMES_S])
-    lags = lags_s(LEADER, follower, 101.0, 109.0, SWEEP_S)
-    assert lags == pytest.approx([0.05] * 4, abs=0.002)
-    assert middle(lags) == pytest.approx(0.05, abs=0.002)
-    assert len(lags_s(LEADER, follower, 101.0, 108.9, SWEEP_S)) == 3, "only whole sweeps"
+    found = sweeps(LEADER, follower, 101.0, 109.0, SWEEP_S)
+    assert [one.late_s for one in found] == pytest.approx([0.05] * 4, abs=0.002)
+    assert found[0].fastest_s == pytest.approx(0.3 * math.pi, rel=0.02)
+    assert len(sweeps(LEADER, follower, 101.0, 108.9, SWEEP_S)) == 3, "only whole sweeps"
 
 
 def test_a_replay_that_is_elsewhere_is_off() -> None:

@@ -21,17 +21,19 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 from litegrip_client import LiteGrip
 from tests.integrations.lerobot.grippers import SWEEP_S, Log, daemon, move, simulated
-from tests.integrations.lerobot.measures import Track, delay_s, drifting, lags_s, middle
+from tests.integrations.lerobot.measures import Track, delay_s, drifting, sweeps
 
 HERE = Path(__file__).parent
 FPS = 30
 TRAVEL_MM = 86.99
 MOST_OFF = 0.005
 MOST_LAG_S = 0.060
+FASTEST_CALM_MM_S = 76.0
 MOST_REPLAY_RMS = 0.03
 _ZERO = re.compile(r"gripper (\S+): stamps count from (\S+) s")
 _WITHIN_S = 240.0
@@ -160,14 +162,18 @@ def check_frames(trial: Trial, what: str, output: str, data: dict[str, Any], abo
         f"off by {max(off) * 100.0:.3f} % of the travel at most",
         good=max(off) <= MOST_OFF,
     )
+    # The action is read after the observation: by how much is known if nothing stopped the loop.
+    actions = column(data, "action", "gripper.pos")
+    counted = [frame for frame, step_s in enumerate(steps_s) if step_s <= 2.0 / FPS]
     outside = 0.0
-    for at_s, pos in zip(times_s, column(data, "action", "gripper.pos"), strict=True):
+    for frame in counted:
+        pos, at_s = actions[frame] / 100.0, times_s[frame]
         least, most = leader.range(at_s - 1.0 / FPS, at_s + 1.0 / FPS)
-        outside = max(outside, least - pos / 100.0, pos / 100.0 - most)
+        outside = max(outside, least - pos, pos - most)
     trial.note(
         f"{what}: leader's action within one period",
-        f"outside by {outside * 100.0:.3f} % of the travel at most",
-        good=outside <= MOST_OFF,
+        f"outside by {outside * 100.0:.3f} % at most; {len(counted)} of {len(actions)} frames",
+        good=outside <= MOST_OFF and len(counted) > 0.8 * len(actions),
     )
     ends_s = max(
         t for t, frame in zip(times_s, data["frames"], strict=True) if not frame["episode"]
@@ -185,13 +191,16 @@ def check_lag(
     above: float = 0.0,
 ) -> None:
     """Say how far the follower is behind the hand."""
-    lags = lags_s(leader, follower, from_s, to_s, SWEEP_S, above)
-    fastest_mm_s = leader.fastest_s(from_s, to_s) * TRAVEL_MM
-    shown = ", ".join(f"{one * 1e3:.0f}" for one in lags)
+    found = sweeps(leader, follower, from_s, to_s, SWEEP_S, above)
+    shown = ", ".join(
+        f"{one.late_s * 1e3:.0f} ms at {one.fastest_s * TRAVEL_MM:.0f} mm/s" for one in found
+    )
+    # On a busy machine the simulated hand stands still, too, and then makes up for it.
+    calm_s = [one.late_s for one in found if one.fastest_s * TRAVEL_MM <= FASTEST_CALM_MM_S]
     trial.note(
-        f"{what}: follower's lag",
-        f"{middle(lags) * 1e3:.0f} ms (sweeps: {shown}); the hand: {fastest_mm_s:.0f} mm/s",
-        good=middle(lags) <= MOST_LAG_S,
+        f"{what}: follower's lag, at 66 mm/s",
+        f"{median(calm_s) * 1e3:.0f} ms; {shown}" if calm_s else f"no calm sweep; {shown}",
+        good=bool(calm_s) and median(calm_s) <= MOST_LAG_S,
     )
 
 
