@@ -162,9 +162,9 @@ def check_frames(trial: Trial, what: str, output: str, data: dict[str, Any], abo
         f"off by {max(off) * 100.0:.3f} % of the travel at most",
         good=max(off) <= MOST_OFF,
     )
-    # The action is read after the observation: by how much is known if nothing stopped the loop.
+    # The action is read between an observation and the next one: within a period if that is.
     actions = column(data, "action", "gripper.pos")
-    counted = [frame for frame, step_s in enumerate(steps_s) if step_s <= 2.0 / FPS]
+    counted = [frame for frame, step_s in enumerate(steps_s) if step_s <= 1.1 / FPS]
     outside = 0.0
     for frame in counted:
         pos, at_s = actions[frame] / 100.0, times_s[frame]
@@ -173,7 +173,7 @@ def check_frames(trial: Trial, what: str, output: str, data: dict[str, Any], abo
     trial.note(
         f"{what}: leader's action within one period",
         f"outside by {outside * 100.0:.3f} % at most; {len(counted)} of {len(actions)} frames",
-        good=outside <= MOST_OFF and len(counted) > 0.8 * len(actions),
+        good=outside <= MOST_OFF and len(counted) > 0.5 * len(actions),
     )
     ends_s = max(
         t for t, frame in zip(times_s, data["frames"], strict=True) if not frame["episode"]
@@ -398,7 +398,10 @@ def refusals(trial: Trial) -> None:
     )
     simulated(trial.follow, "sim.reset")
     code, output = trial.run(
-        "lerobot-teleoperate", *trial.robot(channel=trial.bare), *trial.leader()
+        "lerobot-teleoperate",
+        *trial.robot(channel=trial.bare),
+        *trial.leader(),
+        "--teleop_time_s=2",
     )
     _refused(trial, "not calibrated, nobody to ask", code, output, "a calibration asks before it")
     mode = trial.robot(mode="daemon")
@@ -458,8 +461,8 @@ SCENES: dict[str, Callable[[Trial], None]] = {
     "teleoperate": teleoperate_and_hang,
     "daemon": by_the_daemons,
     "arm": with_an_arm,
-    "calibrate": calibrations,
     "refusals": refusals,
+    "calibrate": calibrations,
 }
 
 
@@ -473,8 +476,9 @@ def main(environment: str, scenes: list[str]) -> int:
     ):
         logs = Log(lead), Log(follow)
         trial = Trial(Path(environment).absolute(), Path(name), lead, follow, bare, *logs)
-        for scene in scenes or SCENES:
-            SCENES[scene](trial)
+        for scene, play in SCENES.items():
+            if not scenes or scene in scenes:
+                play(trial)
         for log in logs:
             log.close()
     load = ", ".join(f"{one:.1f}" for one in os.getloadavg())
