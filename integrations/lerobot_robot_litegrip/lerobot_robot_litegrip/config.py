@@ -27,8 +27,8 @@ class GripperSettings:
     """Who moves a follower: "stream", LeRobot's loop; or "daemon", the daemons themselves."""
     torque_nm: float = 1.0
     """How hard jaws press at most where an action does not say so, in N·m; a leader says this."""
-    max_age_s: float = 0.1
-    """Older figures are refused."""
+    max_age_s: float = 0.03
+    """Figures that are older are not taken: newer ones are waited for, half a second at most."""
     disable_torque_on_disconnect: bool = True
     """False: the jaws go on holding at the end."""
     mount: str | None = None
