@@ -51,7 +51,7 @@ SAMPLES: list[tuple[str, dict[str, str], float]] = [
 
 
 def families(health: dict[str, Any]) -> list[Metric]:
-    return list(open_metrics(metrics.text(health, channel="can0", version="0.1.0")))
+    return list(open_metrics(metrics.text(health, "openmetrics", channel="can0", version="0.1.0")))
 
 
 def test_every_figure_that_is_known_is_a_sample_and_no_other() -> None:
@@ -87,27 +87,33 @@ def test_a_daemon_that_is_still_starting_has_a_verdict() -> None:
 
 
 def test_a_label_may_hold_anything() -> None:
-    text = metrics.text(HEALTH, channel='a"b\\c\nd', version="1")
+    text = metrics.text(HEALTH, "openmetrics", channel='a"b\\c\nd', version="1")
     assert {sample.labels["channel"] for family in open_metrics(text) for sample in family.samples}
     first = next(iter(open_metrics(text)))
     assert first.samples[0].labels["channel"] == 'a"b\\c\nd'
 
 
-def test_the_classic_format_reads_it_too() -> None:
-    """As node_exporter's textfile collector does, which knows fewer kinds."""
-    text = metrics.text(HEALTH, channel="can0", version="0.1.0")
+def test_the_older_format_says_of_each_sample_what_it_is_and_means() -> None:
+    """For node_exporter's textfile collector, which knows a counter by its whole name only."""
+    text = metrics.text(HEALTH, "text", channel="can0", version="0.1.0")
     found = [sample.name for family in classic(text) for sample in family.samples]
     assert found == [name for name, _, _ in SAMPLES]
-    kinds = set(re.findall(r"^# TYPE \S+ (\S+)$", text, re.MULTILINE))
-    assert kinds <= {"counter", "gauge", "summary", "histogram", "untyped"}
+    for about in ("HELP", "TYPE"):
+        told = re.findall(rf"^# {about} (\S+) .", text, re.MULTILINE)
+        assert told == list(dict.fromkeys(found))
+    kinds = dict(re.findall(r"^# TYPE (\S+) (\S+)$", text, re.MULTILINE))
+    assert set(kinds.values()) == {"counter", "gauge", "summary"}
+    assert all((kind == "counter") == name.endswith("_total") for name, kind in kinds.items())
 
 
 def test_the_command(heard: Heard, litegripctl: Ctl) -> None:
     heard.instead["health"] = HEALTH
     code, out, err = litegripctl("metrics")
     assert (code, err) == (0, "")
-    assert out == metrics.text(HEALTH, channel="can0", version=__version__)
+    assert out == metrics.text(HEALTH, "openmetrics", channel="can0", version=__version__)
     assert out.endswith("\n# EOF\n")
+    older = litegripctl("metrics", "--format", "text")[1]
+    assert older == metrics.text(HEALTH, "text", channel="can0", version=__version__)
     data = json.loads(litegripctl("metrics", "--json")[1])
     assert data["text"] == out
     assert data["format"].startswith("application/openmetrics-text")
