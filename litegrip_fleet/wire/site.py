@@ -1,7 +1,6 @@
 """A whole site at once: who is there, and a stop for all."""
 
 import asyncio
-import json
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -9,6 +8,7 @@ from typing import Any
 
 import zenoh
 
+from litegrip_fleet.wire.foreign import facts_in, stop_problem
 from litegrip_fleet.wire.keys import PREFIX, Place, place_in
 from litegrip_fleet.wire.network import Answered, ask
 
@@ -42,7 +42,7 @@ async def look(session: zenoh.Session, site: str = "*") -> list[About]:
     key = f"{PREFIX}/{site}/*/hello"
     found: dict[Place, About] = {}
     for answer in await ask(session, key, b"", None, loop, within_s=LOOK_WITHIN_S):
-        place, facts = place_in(answer.key), _facts_in(answer.payload)
+        place, facts = place_in(answer.key), facts_in(answer.payload)
         if place in found:
             facts = {"error": TWO_GATEWAYS}
         if place is not None:
@@ -51,14 +51,6 @@ async def look(session: zenoh.Session, site: str = "*") -> list[About]:
         silent = {"error": "it is there, and does not answer"}
         found.setdefault(place, About(place, LOOK_WITHIN_S, silent))
     return [found[place] for place in sorted(found)]
-
-
-def _facts_in(payload: bytes) -> Mapping[str, Any]:
-    try:
-        facts = json.loads(payload)
-    except ValueError:
-        facts = None
-    return facts if isinstance(facts, dict) else {"error": f"{payload[:60]!r} is no answer"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,14 +104,5 @@ def _problems_in(answers: Iterable[Answered]) -> dict[Place, str | None]:
     for answer in answers:
         place = place_in(answer.key)
         if place is not None:
-            problems[place] = problems.get(place) or problem_in(answer.payload)
+            problems[place] = problems.get(place) or stop_problem(answer.payload)
     return problems
-
-
-def problem_in(payload: bytes) -> str | None:
-    """Return why a gripper did not stop; None if it did."""
-    try:
-        answer = json.loads(payload)
-        return None if "result" in answer else str(answer["error"]["message"])
-    except (ValueError, KeyError, TypeError):
-        return f"an answer that is none: {payload[:60]!r}"
