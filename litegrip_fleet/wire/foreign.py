@@ -40,10 +40,10 @@ def facts_of(value: Mapping[str, Any]) -> dict[str, Any]:
         return _wrong("age_s", age_s)
     if not isinstance(silent, list) or not all(isinstance(one, str) for one in silent):
         return _wrong("silent", silent)
-    is_whole = "error" in facts or {"version", "verdict", "mode"} <= facts.keys()
-    if not is_whole:
-        return {"error": "an answer without version, verdict and mode"}
-    facts["age_s"] = age_s
+    if "error" not in facts:
+        if not {"version", "verdict", "mode"} <= facts.keys():
+            return {"error": "an answer without version, verdict and mode"}
+        facts = {"owner": None, **facts, "age_s": age_s}
     if silent:
         facts["silent"] = [_shown(user) for user in silent[:_MOST_SILENT]]
     return facts

@@ -2,7 +2,7 @@
 
 import asyncio
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -61,11 +61,15 @@ class Stopped:
     """By the time that it took, in seconds."""
     failed: dict[Place, str]
     silent: list[Place]
+    lost: Sequence[str] = ()
+    """Why a way to the site could not be gone."""
+    is_whole: bool = True
+    """False if the site may have other grippers, which nobody could be asked for."""
 
     @property
     def ok(self) -> bool:
-        """True if every gripper that was expected, and one at least, has stopped."""
-        return bool(self.confirmed) and not self.failed and not self.silent
+        """True if every gripper of the site, and one at least, has stopped."""
+        return self.is_whole and bool(self.confirmed) and not self.failed and not self.silent
 
 
 async def stop_all(

@@ -64,11 +64,7 @@ def test_what_is_no_answer_is_an_error_of_its_row(payload: bytes) -> None:
 def test_what_is_known_is_told_and_nothing_else() -> None:
     more = {"gripper": "lab.right", "after_s": 0.0, "silent": ["op1"], "gateway": "0.2.0"}
     told = facts_in(json.dumps({**FACTS, **more}).encode())
-    assert told == {
-        **{name: value for name, value in FACTS.items() if name != "owner"},
-        "silent": ["op1"],
-        "gateway": "0.2.0",
-    }
+    assert told == {**FACTS, "silent": ["op1"], "gateway": "0.2.0"}
 
 
 ESCAPE = "ok\x1b[2J\rlab.right: stopped (1 ms)\n" + "x" * 100_000
