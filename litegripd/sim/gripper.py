@@ -13,6 +13,7 @@ from dataclasses import replace
 
 from litegripd.model.gripper import DM4310, MOTOR_TYPES, why_not_driven
 from litegripd.model.motor import CanFrame
+from litegripd.sim.drive import Drive, Mechanics
 from litegripd.sim.motor import FAULTS, SimulatedMotor
 from litegripd.sim.plant import (
     UNASKED_MAX_HZ,
@@ -26,24 +27,31 @@ from litegripd.sim.plant import (
 class SimulatedGripper:
     """A simulated gripper: the same inputs at the same times give the same outputs.
 
-    `seed` gives the reports a noise of at most one code; without one they are exact. Every method
-    may be called from any thread.
+    `seed` gives the reports a noise of at most one code; without one they are exact. `mechanics`
+    are what the motor turns, in place of the simulator's own. Every method may be called from any
+    thread.
     """
 
     def __init__(
-        self, parameters: SimulatorParameters | None = None, *, seed: int | None = None
+        self,
+        parameters: SimulatorParameters | None = None,
+        *,
+        seed: int | None = None,
+        mechanics: Mechanics | None = None,
     ) -> None:
         self.parameters = SimulatorParameters() if parameters is None else parameters
         """The figures that this gripper was built from."""
-        self._plant = Plant(self.parameters)
-        self._motor = SimulatedMotor(self._plant, self.parameters, seed=seed)
+        self._plant: Mechanics = Plant(self.parameters) if mechanics is None else mechanics
+        self._drive = Drive(self.parameters, self._plant)
+        self._motor = SimulatedMotor(self._drive, self.parameters, seed=seed)
         self._lock = threading.RLock()
 
     def fork(self) -> SimulatedGripper:
         """Return a gripper in the same state, which goes its own way from now on."""
         other = SimulatedGripper(self.parameters)
         with self._lock:
-            other._plant, other._motor = copy.deepcopy((self._plant, self._motor))
+            parts = copy.deepcopy((self._plant, self._drive, self._motor))
+        other._plant, other._drive, other._motor = parts
         return other
 
     @property
@@ -54,22 +62,22 @@ class SimulatedGripper:
     @property
     def position_rad(self) -> float:
         """True mechanical position; the motor reports it shifted by its own zero."""
-        return self._plant.position_rad
+        return self.parameters.closed_rad + self.parameters.close_sign * self._plant.angle_rad
 
     @property
     def velocity_rad_s(self) -> float:
         """True velocity in motor radians per second."""
-        return self._plant.velocity_rad_s
+        return self.parameters.close_sign * self._plant.speed_rad_s
 
     @property
     def opening_mm(self) -> float:
         """True opening, 0 at the calibrated closed limit."""
-        return self._plant.opening_mm
+        return -self._plant.angle_rad * self.parameters.rad_to_mm
 
     @property
     def motor_torque_nm(self) -> float:
         """Torque that the motor makes now, before the filter of its report."""
-        return self._plant.motor_torque_nm
+        return self._drive.motor_torque_nm
 
     @property
     def clamp_nm(self) -> float:
@@ -89,7 +97,7 @@ class SimulatedGripper:
     @property
     def made_share(self) -> float:
         """The share of the commanded torque that the motor makes."""
-        return self._plant.made_share
+        return self._drive.made_share
 
     @property
     def is_held(self) -> bool:
@@ -175,7 +183,7 @@ class SimulatedGripper:
         if not math.isfinite(torque_nm):
             raise ValueError(f"torque_nm must be finite, not {torque_nm!r}")
         with self._lock:
-            self._plant.push(torque_nm)
+            self._plant.push(torque_nm * self.parameters.close_sign)
 
     def set_comm_loss(self, seconds: float | None) -> None:
         """Let the motor disarm so long after a command; 0 is never, None what TIMEOUT holds.
@@ -255,7 +263,7 @@ class SimulatedGripper:
         if not 0.0 <= made_share <= 1.0:
             raise ValueError(f"made_share must be 0 to 1, not {made_share!r}")
         with self._lock:
-            self._plant.made_share = made_share
+            self._drive.made_share = made_share
 
     def jam(self) -> None:
         """Let the rotor be stuck where it is, whatever pushes it."""
