@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import copy
 import math
+import sys
 import threading
 from dataclasses import replace
+from pathlib import Path
 
 from litegripd.model.gripper import DM4310, MOTOR_TYPES, why_not_driven
-from litegripd.model.motor import CanFrame
+from litegripd.model.motor import MUJOCO, CanFrame
 from litegripd.sim.drive import Drive, Mechanics
 from litegripd.sim.motor import FAULTS, SimulatedMotor
 from litegripd.sim.plant import (
@@ -309,11 +311,13 @@ def build_gripper(
     idle_loss_s: float = 0.0,
     unasked_hz: float = 0.0,
     motor_type: str = DM4310.name,
+    mechanics: str | None = None,
 ) -> SimulatedGripper:
     """Build a gripper of the nominal geometry from the few figures that a user chooses.
 
     With an object of `object_mm` the jaws start at least 10 mm wider than it, as far as the travel
-    allows. Raises `ValueError` for a figure that is out of range.
+    allows. `mechanics` names others than the simulator's own, as `named_mechanics` has them; they
+    start as their scene does. Raises `ValueError` for a figure that is out of range.
     """
     closed_rad, open_rad = limits_of_mount(mount)
     if motor_type not in MOTOR_TYPES:
@@ -337,7 +341,27 @@ def build_gripper(
         idle_loss_s=idle_loss_s,
         unasked_hz=unasked_hz,
     )
-    gripper = SimulatedGripper(parameters, seed=seed)
+    plant = None if mechanics is None else named_mechanics(mechanics, parameters)
+    gripper = SimulatedGripper(parameters, seed=seed, mechanics=plant)
     if object_mm is not None:
         gripper.put_object(width_mm=object_mm, stiffness_nm_rad=object_stiffness_nm_rad)
     return gripper
+
+
+def named_mechanics(name: str, parameters: SimulatorParameters) -> Mechanics:
+    """Return MuJoCo's mechanics: "mujoco", or "mujoco:SCENE.xml" for a scene of one's own.
+
+    Raises `ValueError` for another name, for a scene that cannot be used, and where the package is
+    missing.
+    """
+    kind, separator, scene = name.partition(":")
+    if kind != MUJOCO or (separator and not scene):
+        raise ValueError(f"mechanics must be {MUJOCO} or {MUJOCO}:SCENE.xml, not {name!r}")
+    try:
+        from litegripd.sim.mujoco_plant import SCENE, MujocoPlant  # noqa: PLC0415 - takes time
+    except ImportError as error:
+        raise ValueError(
+            f"MuJoCo's mechanics need its package ({error}): install litegripd with its extra"
+            f" mujoco, or: {sys.executable} -m pip install mujoco"
+        ) from error
+    return MujocoPlant(parameters, Path(scene) if scene else SCENE)
