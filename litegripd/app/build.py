@@ -163,6 +163,9 @@ def check_mechanics(config: Config) -> None:
     from litegripd.sim.gripper import named_mechanics  # noqa: PLC0415 - it takes time to import
     from litegripd.sim.plant import SimulatorParameters  # noqa: PLC0415
 
+    scene = str(name).partition(":")[2]
+    if scene and not scene.startswith("/"):
+        raise ConfigError(f"[bus] mechanics is {name!r}, its scene must be an absolute path")
     try:
         named_mechanics(str(name), SimulatorParameters())
     except ValueError as error:

@@ -140,10 +140,9 @@ def _spelt_out(given: Sequence[str]) -> list[str]:
 
     The parser would take the word behind it, which is mostly the channel.
     """
-    behind = [*given[1:], ""]
     return [
         f"{word}={OWN_MECHANICS}" if word == "--simulate" and not _is_mujoco(after) else word
-        for word, after in zip(given, behind, strict=True)
+        for word, after in zip(given, [*given[1:], ""], strict=False)
     ]
 
 

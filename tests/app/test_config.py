@@ -252,6 +252,8 @@ def test_simulate_takes_the_configured_type_of_motor(tmp_path: Path) -> None:
     path = written(tmp_path, '[motor]\ntype = "DM4340"\n')
     config = override(load("can0", path), socket=None, interface=None, simulate=OWN_MECHANICS)
     assert config.bus.options == {"mount": "normal", "motor_type": "DM4340"}
+    config = override(config, socket=None, interface=None, simulate="mujoco")
+    assert config.bus.options["mechanics"] == "mujoco"
 
 
 @pytest.mark.parametrize("key", ["data_bitrate", "channel_id", "tty_baudrate", "fd", "btr0"])

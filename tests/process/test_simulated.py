@@ -14,8 +14,10 @@ import pytest
 
 from tests.process.daemon_process import (
     DEADLINE_S,
+    SIMULATED,
     Client,
     DaemonProcess,
+    configured,
     daemon,
     kill_and_wait,
     line_of,
@@ -261,3 +263,16 @@ def test_a_process_that_ends_loses_its_lease_though_a_child_keeps_the_socket(
             assert process.stdout is not None
             process.stdout.close()
             process.wait(DEADLINE_S)
+
+
+def test_a_daemon_on_mujoco_holds_the_cube_of_its_scene(tmp_path: Path) -> None:
+    config = SIMULATED.replace("watchdog_s", 'mechanics = "mujoco"\nwatchdog_s')
+    with configured(tmp_path, f"mujoco-{os.getpid()}", config) as own, own.connect() as client:
+        client.enabled()
+        assert client.result("motion.open")["ok"]
+        assert client.result("motion.move", opening_mm=50.0)["ok"]
+        assert client.result("state.get")["opening_mm"] == pytest.approx(50.0, abs=0.5)
+        grasp = client.result("motion.grasp", force_n=10.0, until="verdict")
+        assert (grasp["ok"], grasp["outcome"]) == (True, "object_held")
+        assert grasp["width_mm"] == pytest.approx(30.0, abs=0.5)
+        assert client.result("health")["control"]["tick_errors"] == 0
