@@ -9,7 +9,8 @@ see motor radians. This module knows no frames, registers or faults: those belon
 from __future__ import annotations
 
 import math
-from typing import Protocol
+from pathlib import Path
+from typing import NamedTuple, Protocol
 
 from litegripd.sim.plant import (
     STEP_S,
@@ -23,12 +24,20 @@ from litegripd.sim.plant import (
 _SETTLED_NM = 1e-9
 
 
+class Scene(NamedTuple):
+    """Where the bodies of a scene are at a time of it: positions as MuJoCo orders them."""
+
+    file: Path
+    time_s: float
+    qpos: list[float]
+
+
 class Mechanics(Protocol):
     """What the motor's output shaft turns: jaws and their friction, ends, and what is around them.
 
     Angle, speed and torque count in the closing direction, the angle from the calibrated closed
-    limit, in rad, rad/s and N·m. A plant that has no such thing as a hand, a hold, or an object as
-    `GrippedObject` has it, raises `ValueError` for it, with the reason.
+    limit, in rad, rad/s and N·m. A plant that has no such thing as an object, a hand, a hold, or a
+    scene, raises `ValueError` for it, with the reason.
     """
 
     @property
@@ -79,6 +88,9 @@ class Mechanics(Protocol):
 
     def give_way(self, way_mm: float) -> None:
         """Let the object give way at once, towards closed."""
+
+    def scene(self) -> Scene:
+        """Return where the bodies around the shaft are, to draw them."""
 
 
 class Drive:

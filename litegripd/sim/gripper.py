@@ -15,7 +15,7 @@ from pathlib import Path
 
 from litegripd.model.gripper import DM4310, MOTOR_TYPES, why_not_driven
 from litegripd.model.motor import MUJOCO, CanFrame
-from litegripd.sim.drive import Drive, Mechanics
+from litegripd.sim.drive import Drive, Mechanics, Scene
 from litegripd.sim.motor import FAULTS, SimulatedMotor
 from litegripd.sim.plant import (
     UNASKED_MAX_HZ,
@@ -105,6 +105,11 @@ class SimulatedGripper:
     def is_held(self) -> bool:
         """True if something blocks the jaws where they are."""
         return self._plant.is_jammed
+
+    def scene(self) -> Scene:
+        """Return where the bodies of MuJoCo's scene are; raises `ValueError` without one."""
+        with self._lock:
+            return self._plant.scene()
 
     def receive(self, now_s: float, frame: CanFrame) -> list[CanFrame]:
         """Hand one frame of the bus to the motor at `now_s`; return its immediate answers."""

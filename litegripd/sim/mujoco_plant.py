@@ -14,6 +14,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from litegripd.sim.drive import Scene
 from litegripd.sim.plant import STEP_S, GrippedObject, SimulatorParameters
 
 SCENE = Path(__file__).with_name("scene.xml")
@@ -42,6 +43,7 @@ class MujocoPlant:
     """
 
     def __init__(self, parameters: SimulatorParameters, scene: Path = SCENE) -> None:
+        self._scene = scene
         model = _loaded(scene)
         joint = _shaft(model, scene)
         self._angle_at = int(model.jnt_qposadr[joint])
@@ -84,16 +86,6 @@ class MujocoPlant:
 
     can_rest = False
     """What is loose in a scene may move the jaws at any time."""
-
-    @property
-    def model(self) -> Any:
-        """The `mujoco.MjModel`, to draw it."""
-        return self._model
-
-    @property
-    def data(self) -> Any:
-        """The `mujoco.MjData`, to draw it."""
-        return self._data
 
     @property
     def clamp_nm(self) -> float:
@@ -149,6 +141,10 @@ class MujocoPlant:
     def give_way(self, way_mm: float) -> None:
         """Raise `ValueError`: what gives way, and how, is a matter of the scene's bodies."""
         raise ValueError(f"no body of MuJoCo's scene gives way by {way_mm:g} mm at once")
+
+    def scene(self) -> Scene:
+        """Return the file and where all joints of it are."""
+        return Scene(self._scene, float(self._data.time), self._data.qpos.tolist())
 
 
 def _loaded(scene: Path) -> Any:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields, replace
+from typing import NoReturn
 
 from litegripd.model.gripper import DM4310, MotorType
 
@@ -335,6 +336,12 @@ class Plant:
         """Let the object give way at once, towards closed."""
         self._object_at += way_mm / self._p.rad_to_mm
         self._bound_free_travel()
+
+    def scene(self) -> NoReturn:
+        """Raise `ValueError`: here are numbers, and no bodies."""
+        raise ValueError(
+            "the simulator's own mechanics have no bodies to draw; litegripd --simulate mujoco has"
+        )
 
     def step(self, torque_nm: float) -> tuple[float, float]:
         """Advance by `STEP_S` under this torque; return angle and speed."""

@@ -8,7 +8,6 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -259,12 +258,9 @@ def test_mujoco_has_no_object_but_the_bodies_of_its_scene() -> None:
 
 def test_a_loose_cube_is_pushed_to_the_middle_and_stays_there() -> None:
     driver = armed(MujocoPlant)
-    plant = driver.gripper._plant
-    assert isinstance(plant, MujocoPlant)
 
     def cube_mm() -> list[float]:
-        at: Any = plant.data.body("cube").xpos
-        return [1000.0 * float(value) for value in at]
+        return [1000.0 * at_m for at_m in driver.gripper.scene().qpos[3:6]]
 
     assert cube_mm() == pytest.approx([6.0, 0.0, 15.0], abs=0.1)
     driver.stream(1.0, command(kd=1.0, tau=1.0))
@@ -273,6 +269,18 @@ def test_a_loose_cube_is_pushed_to_the_middle_and_stays_there() -> None:
     assert abs(driver.gripper.velocity_rad_s) < 1e-3
     driver.stream(0.5, command(kd=1.0, tau=-0.5))
     assert cube_mm() == pytest.approx([0.0, 0.0, 15.0], abs=0.5)
+
+
+def test_a_client_is_told_where_the_bodies_are() -> None:
+    world, client = enabled(MujocoPlant)
+    scene = client.result("sim.scene")
+    assert scene["file"] == str(SCENE)
+    assert scene["qpos"][0] == pytest.approx(-world.gripper.opening_mm / 52.69, abs=1e-6)
+    assert len(scene["qpos"]) == 10
+    world.run(0.1)
+    assert client.result("sim.scene")["time_s"] - scene["time_s"] == pytest.approx(0.11, abs=0.011)
+    _, own = enabled(Plant)
+    own.refused("sim.scene", "out_of_limits", "no bodies to draw; litegripd --simulate mujoco has")
 
 
 def test_a_scene_is_taken_by_its_path_and_says_what_it_lacks(tmp_path: Path) -> None:
