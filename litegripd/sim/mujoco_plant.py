@@ -56,6 +56,7 @@ class MujocoPlant:
         model.dof_solimp[dof] = (0.9999, 0.9999, 0.001, 0.5, 2.0)
         data = mujoco.MjData(model)
         self._model, self._data = model, data
+        self._looked_at = mujoco.MjData(model)
         mujoco.mj_setConst(model, data)
         start = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, START)
         if start >= 0:
@@ -71,7 +72,7 @@ class MujocoPlant:
 
     def __deepcopy__(self, memo: dict[int, Any]) -> MujocoPlant:
         other = copy.copy(self)
-        for name in ("_model", "_data"):
+        for name in ("_model", "_data", "_looked_at"):
             setattr(other, name, copy.deepcopy(getattr(self, name), memo))
         return other
 
@@ -90,7 +91,8 @@ class MujocoPlant:
     @property
     def clamp_nm(self) -> float:
         """What the shaft passes on to the fingers in the closing direction, as torque."""
-        data = copy.copy(self._data)  # looking at it changes nothing
+        data = self._looked_at  # a copy, so that looking changes nothing
+        mujoco.mj_copyData(data, self._model, self._data)
         mujoco.mj_forward(self._model, data)
         is_equality = data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
         torques = np.zeros(self._model.nv)
