@@ -85,7 +85,7 @@ class SimMethods:
 
     @Method(
         "sim.scene",
-        "Tell where the bodies of MuJoCo's scene are, to draw them.",
+        "Return where the bodies of MuJoCo's scene are, to draw them.",
         "The scene's file; its time; and its qpos, the positions of all joints as MuJoCo orders"
         " them. Refused where the simulator's own mechanics are at work, which have no bodies.",
         SimulatedScene,

@@ -31,6 +31,9 @@ _STANDS_RAD_S = 1e-3
 
 _JAMMED_NM = 1000.0
 
+_STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
+"""All that the next step depends on."""
+
 
 class MujocoPlant:
     """The mechanics of a scene; see `drive.Mechanics`.
@@ -91,8 +94,10 @@ class MujocoPlant:
     @property
     def clamp_nm(self) -> float:
         """What the shaft passes on to the fingers in the closing direction, as torque."""
-        data = self._looked_at  # a copy, so that looking changes nothing
-        mujoco.mj_copyData(data, self._model, self._data)
+        data = self._looked_at  # at the same state, so that looking changes nothing
+        state = np.empty(mujoco.mj_stateSize(self._model, _STATE))
+        mujoco.mj_getState(self._model, self._data, state, _STATE)
+        mujoco.mj_setState(self._model, data, state, _STATE)
         mujoco.mj_forward(self._model, data)
         is_equality = data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
         torques = np.zeros(self._model.nv)
