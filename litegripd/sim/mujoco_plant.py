@@ -30,6 +30,7 @@ _STANDS_RAD_S = 1e-3
 """A friction of MuJoCo lets what it holds creep, much slower than this."""
 
 _JAMMED_NM = 1000.0
+"""What blocks the shaft is a friction that no torque of the motor overcomes."""
 
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 """All that the next step depends on."""
@@ -38,8 +39,8 @@ _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 class MujocoPlant:
     """The mechanics of a scene; see `drive.Mechanics`.
 
-    Time step, integrator and start are set here, whatever the scene says: 0.5 ms, `implicitfast`,
-    and the keyframe `start`, where there is one.
+    The time step is 0.5 ms, whatever the scene says. The scene begins as its keyframe `start` has
+    it, where there is one.
 
     Raises `ValueError`, with what is missing, for a file that MuJoCo cannot load, or that is no
     such scene.
@@ -52,7 +53,6 @@ class MujocoPlant:
         self._angle_at = int(model.jnt_qposadr[joint])
         dof = self._dof = int(model.jnt_dofadr[joint])
         model.opt.timestep = STEPS * STEP_S
-        model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         model.dof_armature[dof] = parameters.rotor_inertia_kg_m2
         # Friction as hard as MuJoCo has it: held jaws creep by less than 0.001 mm/s.
         model.dof_solref[dof] = (2.0 * model.opt.timestep, 1.0)
@@ -94,7 +94,8 @@ class MujocoPlant:
     @property
     def clamp_nm(self) -> float:
         """What the shaft passes on to the fingers in the closing direction, as torque."""
-        data = self._looked_at  # at the same state, so that looking changes nothing
+        # The same state in another place: in older versions looking would change how it goes on.
+        data = self._looked_at
         state = np.empty(mujoco.mj_stateSize(self._model, _STATE))
         mujoco.mj_getState(self._model, self._data, state, _STATE)
         mujoco.mj_setState(self._model, data, state, _STATE)

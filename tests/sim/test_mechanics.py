@@ -4,6 +4,7 @@ Both have the same motor and the same figures, so the same tests hold for both.
 """
 
 import copy
+import random
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -174,6 +175,27 @@ def test_both_mounts_are_mirror_images(empty: Of) -> None:
     assert normal.gripper.hand_nm == reverse.gripper.hand_nm == 1.0
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_jaws_stay_between_their_ends_whatever_is_commanded(filled: Of, seed: int) -> None:
+    chance = random.Random(seed)
+    driver = armed(filled)
+    openings_mm = []
+    for _ in range(60):
+        frame = command(
+            q=chance.uniform(-2.0, 0.3),
+            dq=chance.choice((0.0, -20.0, 20.0)),
+            kp=chance.choice((0.0, 5.0, 100.0, 500.0)),
+            kd=chance.choice((0.0, 1.0, 5.0)),
+            tau=chance.uniform(-10.0, 10.0),
+        )
+        for _ in range(chance.randint(1, 20)):
+            driver.stream(PERIOD_S, frame)
+            openings_mm.append(driver.gripper.opening_mm)
+    # The object gives way by some millimetres under 10 N·m, the open stop as well.
+    assert 22.0 < min(openings_mm) < 30.0
+    assert 80.0 < max(openings_mm) < 94.0
+
+
 def test_slicing_time_changes_nothing(filled: Of) -> None:
     parameters = SimulatorParameters()
     plants = filled(parameters), filled(parameters)
@@ -306,6 +328,18 @@ def test_a_scene_is_taken_by_its_path_and_says_what_it_lacks(tmp_path: Path) -> 
     for name in ("bullet", "mujoco:", "mujoco2"):
         with pytest.raises(ValueError, match="must be mujoco or mujoco:"):
             named_mechanics(name, parameters)
+
+
+def test_a_scene_of_another_time_step_runs_alike(tmp_path: Path) -> None:
+    text = SCENE.read_text(encoding="utf-8")
+    mine = tmp_path / "mine.xml"
+    mine.write_text(
+        text.replace("<option ", '<option timestep="0.004" integrator="RK4" '), encoding="utf-8"
+    )
+    parameters = SimulatorParameters()
+    usual, other = MujocoPlant(parameters), MujocoPlant(parameters, mine)
+    for _ in range(2000):
+        assert usual.step(0.6) == other.step(0.6)
 
 
 def test_a_copy_of_a_plant_shares_no_state_with_it() -> None:
