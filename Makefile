@@ -8,10 +8,11 @@ RUNS := $(VENV)/.runs
 SEED ?= $(shell date -u +%Y%m%d)
 PROPERTIES = $(shell grep -rlE --include='test_*.py' '^from hypothesis' tests)
 
-.PHONY: help run demo test test-through-portal lowest check nightly format pictures bench chaos deb clean
+.PHONY: help run run-mujoco demo test test-through-portal lowest check nightly format pictures bench chaos deb clean
 
 help:
 	@echo "make run     the daemon on a simulated gripper and its page, in the foreground"
+	@echo "make run-mujoco  the same, but MuJoCo moves the jaws, above a loose cube"
 	@echo "make demo    that daemon, and two processes that use it; ends by itself"
 	@echo "make test    the tests"
 	@echo "make test-through-portal  the tests of clients again, through a fleet's portal"
@@ -40,6 +41,10 @@ $(STAMP): pyproject.toml $(RUNS)
 
 run: $(RUNS)
 	@$(BIN)/python examples/run_simulated.py
+
+run-mujoco: $(RUNS)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[mujoco]'
+	@$(BIN)/python examples/run_simulated.py mujoco
 
 demo: $(RUNS)
 	@$(BIN)/python examples/demo.py

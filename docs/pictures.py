@@ -1,10 +1,11 @@
-"""Makes the pictures of the pages, on a simulated gripper: `make pictures`. Needs Chromium.
+"""Makes the pictures of the pages, on a simulated gripper: `make pictures`. Needs Chromium and EGL.
 
-The page in a browser, `litegripctl watch`, and the plot of a dump behind a fault. Look at them
-before they are committed: nothing compares them.
+The page in a browser, `litegripctl watch`, the plot of a dump behind a fault, and MuJoCo's scene.
+Look at them before they are committed: nothing compares them.
 """
 
 import io
+import os
 import shutil
 import subprocess
 import sys
@@ -133,6 +134,17 @@ def draw_post_mortem(daemon: SimulatedDaemon) -> None:
     litegripctl(["plot", path, "--last", "15", "-o", str(IMAGES / "post-mortem.png")])
 
 
+def draw_scene(daemon: SimulatedDaemon) -> None:
+    """Let the scene's camera see what is held."""
+    with daemon.gripper() as gripper:
+        gripper.enable()
+        gripper.grasp(10.0, until="verdict")
+        program = Path(__file__).parents[1] / "examples" / "mujoco_view.py"
+        command = [sys.executable, str(program), "--socket", daemon.socket_path]
+        command += ["--picture", str(IMAGES / "mujoco.png")]
+        subprocess.run(command, env={**os.environ, "MUJOCO_GL": "egl"}, check=True)
+
+
 def main() -> None:
     """Make all of them."""
     IMAGES.mkdir(exist_ok=True)
@@ -142,6 +154,8 @@ def main() -> None:
         draw_watch(daemon)
     with simulated() as daemon:
         draw_post_mortem(daemon)
+    with simulated(mechanics="mujoco") as daemon:
+        draw_scene(daemon)
 
 
 if __name__ == "__main__":
