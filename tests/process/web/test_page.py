@@ -4,101 +4,30 @@ import contextlib
 import json
 import re
 import signal
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import BrowserContext, Locator, expect
+from playwright.sync_api import BrowserContext, expect
 from playwright.sync_api import Page as Tab
 
-from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess, daemon
+from tests.process.daemon_process import Client, DaemonProcess, daemon
+from tests.process.web.on_page import (
+    OBJECT_MM,
+    button,
+    drag,
+    enable,
+    fact,
+    grasp,
+    opened,
+    part,
+    take_control,
+    teach,
+)
 from tests.process.web.page_process import CHANNEL, Page, page, welcome
 
-expect.set_options(timeout=DEADLINE_S * 1000)
-
-OBJECT_MM = 40.0
 STROKE_MM = 85.0
 """What is configured, if nothing else is said."""
-
-
-def opened(window: BrowserContext, running: Page) -> Tab:
-    """Show the page of a gripper, as soon as that is known."""
-    tab = window.new_page()
-    tab.goto(running.told)
-    expect(part(tab, "mode")).not_to_have_text(re.compile("connecting|no daemon"))
-    return tab
-
-
-@pytest.fixture(scope="module")
-def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return where the pages of this module look for the socket of a test's daemon."""
-    return tmp_path_factory.mktemp("place") / "rpc.sock"
-
-
-@pytest.fixture(scope="module")
-def looking(place: Path) -> Iterator[Page]:
-    with page("--socket", str(place)) as running:
-        yield running
-
-
-@pytest.fixture(scope="module")
-def operating(place: Path) -> Iterator[Page]:
-    with page("--socket", str(place), "--operate") as running:
-        yield running
-
-
-@pytest.fixture
-def client(simulated: DaemonProcess, place: Path) -> Iterator[Client]:
-    for ending in (".sock", ".stop.sock"):
-        link = place.with_suffix(ending)
-        link.unlink(missing_ok=True)
-        link.symlink_to(simulated.socket_path.with_suffix(ending))
-    with simulated.connect() as connected:
-        connected.until(lambda state: bool(state["motor"] == "disabled" and state["calibrated"]))
-        yield connected
-
-
-@pytest.fixture
-def shown(window: BrowserContext, looking: Page, client: Client) -> Tab:
-    return opened(window, looking)
-
-
-@pytest.fixture
-def operated(window: BrowserContext, operating: Page, client: Client) -> Tab:
-    return opened(window, operating)
-
-
-def part(tab: Tab, name: str) -> Locator:
-    return tab.locator(f"[data-is={name}]")
-
-
-def button(tab: Tab, name: str) -> Locator:
-    return tab.get_by_role("button", name=name, exact=True)
-
-
-def fact(tab: Tab, name: str) -> Locator:
-    """Find the figure behind a name."""
-    return tab.locator(f"dt:text-is('{name}') + dd")
-
-
-def take_control(tab: Tab) -> None:
-    button(tab, "Take control").click()
-    expect(button(tab, "Open")).to_be_enabled()
-
-
-def enable(tab: Tab, client: Client) -> None:
-    take_control(tab)
-    button(tab, "Enable").click()
-    client.until(lambda state: bool(state["enabled"]))
-
-
-def grasp(client: Client, force_n: float = 10.0) -> None:
-    """Grasp as another program would."""
-    client.despite_silence("motor.enable")
-    client.despite_silence("motion.open")
-    client.result("sim.object", width_mm=OBJECT_MM)
-    assert client.despite_silence("motion.grasp", force_n=force_n, until="verdict")["ok"]
 
 
 def near(text: str, value: float, within: float) -> bool:
@@ -255,6 +184,7 @@ def test_the_daemon_goes_and_comes_back(
             take_control(tab)
         expect(part(tab, "mode")).to_have_text("no daemon")
         expect(part(tab, "why")).not_to_be_empty()
+        expect(part(tab, "outcome")).to_have_text("")  # nobody has control now
         expect(fact(tab, "Opening")).to_have_text("-- mm")
         expect(button(tab, "Open")).to_be_disabled()
         tab.keyboard.press("Escape")
@@ -265,6 +195,10 @@ def test_the_daemon_goes_and_comes_back(
             expect(part(tab, "mode")).to_have_text("disabled")
             expect(button(tab, "Take control")).to_be_visible()
             enable(tab, client)
+            client.result("stop", level="hold")  # what the page's STOP could not
+            expect(tab.locator("#notice")).to_have_text(re.compile("^Stopped"))
+            client.result("stop.clear")
+            expect(tab.locator("#notice")).to_have_text("")
 
 
 def test_the_object_is_dragged_and_the_jaws_are_pushed(operated: Tab, client: Client) -> None:
@@ -287,20 +221,6 @@ def test_the_object_is_dragged_and_the_jaws_are_pushed(operated: Tab, client: Cl
     client.until(lambda state: bool(state["opening_mm"] < before - 1))
     expect(part(operated, "world-text")).not_to_contain_text("a hand")
     assert client.result("sim.get")["push_nm"] == 0
-
-
-def drag(tab: Tab, node: Locator, dx: float, dy: float, until: Any = lambda: True) -> None:
-    """Drag a node's middle by so many pixels; let it go when a condition holds."""
-    node.scroll_into_view_if_needed()
-    box = node.bounding_box()
-    assert box is not None
-    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-    tab.mouse.move(x, y)
-    tab.mouse.down()
-    tab.mouse.move(x + dx, y + dy, steps=5)
-    while not until():
-        tab.wait_for_timeout(20)
-    tab.mouse.up()
 
 
 def test_the_world_by_its_buttons(operated: Tab, client: Client) -> None:
@@ -525,19 +445,6 @@ def test_measuring_can_be_cancelled(operated: Tab, client: Client) -> None:
     button(operated, "Stop measuring").click()
     expect(operated.locator("#zero-progress")).to_contain_text("Not measured")
     client.until(lambda state: state["job"] is None)
-
-
-def teach(tab: Tab, client: Client, name: str) -> None:
-    """Teach a motion by a hand at the jaws, from the page."""
-    enable(tab, client)
-    part(tab, "name").fill(name)
-    button(tab, "Teach").click()
-    client.until(lambda state: bool(state["job"] and state["job"]["kind"] == "record"))
-    client.result("sim.push", torque_nm=0.6)
-    client.until(lambda state: bool(state["opening_mm"] < 40))
-    client.result("sim.push", torque_nm=0)
-    button(tab, "End and keep").click()
-    expect(part(tab, "outcome")).to_contain_text(f"kept as {name}")
 
 
 def test_a_motion_is_taught_kept_and_replayed(operated: Tab, client: Client) -> None:
