@@ -22,13 +22,12 @@ function shape(kind, attributes, parent) {
 }
 
 export class Jaws {
-  /* `hands` has `onObject(isIn)` and `onPush(side, mm)`: what a pointer does in a simulated world. */
+  /* `hands` has `onObject(isIn)` and `onJaw(mm)`: what a pointer does in a simulated world. */
   #travel = null;
   #work = null;
   #nodes = {};
   #isHandy = false;
   #opening = null;
-  #hand = null;
 
   constructor(place, hands) {
     this.svg = shape("svg", { class: "jaws", role: "img" }, place);
@@ -87,7 +86,6 @@ export class Jaws {
   show({ opening, command, isGrasped, isStale }) {
     if (this.#travel === null) return;
     this.#opening = opening;
-    this.#push();
     const { left, right, low, high } = this.#nodes;
     const known = opening ?? this.#travel;
     left.setAttribute("x", -known / 2 - FINGER);
@@ -156,23 +154,10 @@ export class Jaws {
     });
     for (const [jaw, side] of [[left, 1], [right, -1]]) {
       this.#drag(jaw, {
-        move: (dx) => {
-          this.#hand ??= { from: this.#opening, closes: 0 };
-          this.#hand.closes = side * dx;
-          this.#push();
-        },
-        end: () => {
-          this.#hand = null;
-          this.hands.onPush(0);
-        },
+        move: (dx) => this.hands.onJaw(side * dx),
+        end: () => this.hands.onJaw(null),
       });
     }
-  }
-
-  /* Push by how far the hand is ahead of the jaw: so the jaw follows it, at the hand's speed. */
-  #push() {
-    if (this.#hand === null || this.#opening === null) return;
-    this.hands.onPush(this.#hand.closes - (this.#hand.from - this.#opening) / 2);
   }
 
   /* Follow a pointer that drags `node`: how far, in mm. */

@@ -195,11 +195,18 @@ export class Panel extends EventTarget {
     return this.gripper.travel_mm ?? this.gripper.stroke_mm;
   }
 
+  /* The change of the opening for a rad of the motor that opens, in mm; null without a calibration. */
+  get mmPerRad() {
+    const { closed_rad: closed, open_rad: open, travel_mm: travel } = this.gripper ?? {};
+    if (![closed, open, travel].every(isNumber) || open === closed) return null;
+    return travel / Math.abs(open - closed);
+  }
+
   /* Return the opening in mm at a motor position; null without a calibration. */
   #openingAt(rad) {
-    const { closed_rad: closed, open_rad: open, travel_mm: travel } = this.gripper ?? {};
-    if (![rad, closed, open, travel].every(isNumber) || open === closed) return null;
-    return ((rad - closed) / (open - closed)) * travel;
+    if (!isNumber(rad) || this.mmPerRad === null) return null;
+    const { closed_rad: closed, open_rad: open } = this.gripper;
+    return (rad - closed) * Math.sign(open - closed) * this.mmPerRad;
   }
 
   /* A lost object is said until the next motion. */
@@ -228,6 +235,7 @@ export class Panel extends EventTarget {
     if (!this.#isLate) this.#showMode(state);
     this.#showDoubt(state.scale_doubt);
     this.control.show(state);
+    this.world.show(state);
     this.#showFacts();
     this.dispatchEvent(new Event("state"));
   }

@@ -298,7 +298,7 @@ class Plant:
         self._open_at = -travel_rad + useful_nm / p.open_stiffness_nm_rad
         self._zone_at = self._closed_at - p.close_stick_zone_rad
         self._s = -p.initial_opening_mm / p.rad_to_mm
-        self._v = self._torque = self._measured = self._hand = 0.0
+        self._v = self._torque = self._measured = self._hand = self._hand_damping = 0.0
         self._filtered = self._speed_decay = 0.0  # the speed as the firmware knows it
         self._seen = self._s  # the position as the firmware knows it
         if p.encoder_counts_per_rad:
@@ -366,7 +366,7 @@ class Plant:
     @property
     def hand_nm(self) -> float:
         """The torque of the hand that pushes the jaws, positive when it closes them."""
-        return self._hand
+        return self._hand - self._hand_damping * self._v
 
     @property
     def is_jammed(self) -> bool:
@@ -400,19 +400,28 @@ class Plant:
         self._kd = kd_nm_s_rad
         self._feed_forward = sign * torque_nm
         self._most = most_nm
-        self._free_damping = 1.0 + self._gain * self._p.viscous_nm_s_rad
+        self._damp(self._p.viscous_nm_s_rad)
 
     def brake(self) -> None:
         """Make no torque and short the phases, which brakes in proportion to the speed."""
         self._position = self._velocity = self._kp = self._kd = self._feed_forward = 0.0
         self._torque = 0.0
         self._most = math.inf
-        damping_nm_s_rad = self._p.viscous_nm_s_rad + self._p.braking_nm_s_rad
-        self._free_damping = 1.0 + self._gain * damping_nm_s_rad
+        self._damp(self._p.viscous_nm_s_rad + self._p.braking_nm_s_rad)
 
-    def push(self, torque_nm: float) -> None:
-        """Let a hand push with this torque (motor's direction) until the next call; 0 lets go."""
+    def _damp(self, own_nm_s_rad: float) -> None:
+        """Let the motor brake the jaws so from now on, beside the hand."""
+        self._own_damping = own_nm_s_rad
+        self._free_damping = 1.0 + self._gain * (own_nm_s_rad + self._hand_damping)
+
+    def push(self, torque_nm: float, damping_nm_s_rad: float = 0.0) -> None:
+        """Let a hand push with this torque (motor's direction) until the next call; 0 lets go.
+
+        With damping it pushes less, the faster the jaws yield: it leads them at a speed.
+        """
         self._hand = self._sign * torque_nm
+        self._hand_damping = damping_nm_s_rad
+        self._damp(self._own_damping)
 
     def jam(self, *, jammed: bool) -> None:
         """Let something block the rotor where it is, whatever the torque; or let go of it."""
