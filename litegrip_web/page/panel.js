@@ -357,6 +357,7 @@ export class Panel extends EventTarget {
     if (node === undefined) {
       const term = document.createElement("dt");
       term.textContent = name;
+      term.className = kind;
       node = document.createElement("dd");
       node.className = kind;
       if (hint) node.title = hint;

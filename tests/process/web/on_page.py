@@ -79,3 +79,22 @@ def teach(tab: Tab, client: Client, name: str) -> None:
     client.result("sim.push", torque_nm=0)
     button(tab, "End and keep").click()
     expect(part(tab, "outcome")).to_contain_text(f"kept as {name}")
+
+
+PLACES = """
+() => [...document.querySelectorAll(
+  ".jaws, [data-is=slider], [data-do], #stop, .head, [data-is=facts], .plots"
+)].filter((node) => node.checkVisibility() && node.dataset.do !== "clear")
+  .map((node) => {
+    const {x, y, width, height} = node.getBoundingClientRect();
+    const name = node.dataset.do ?? node.dataset.is ?? node.id ?? node.className;
+    return [name, ...[x, y, width, height].map(Math.round)].join(" ");
+  })
+"""
+"""Where everything is that somebody looks at or aims at."""
+
+
+def places(tab: Tab) -> list[str]:
+    """Return where everything is."""
+    found: list[str] = tab.evaluate(PLACES)
+    return found

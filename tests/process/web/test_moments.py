@@ -12,7 +12,7 @@ from playwright.sync_api import BrowserContext, expect
 from playwright.sync_api import Page as Tab
 
 from tests.process.daemon_process import Client, DaemonProcess
-from tests.process.web.on_page import button, grasp, opened, part, take_control
+from tests.process.web.on_page import button, grasp, opened, part, places, take_control
 from tests.process.web.page_process import Page
 
 STOPPED = "Stopped. Nothing moves until it is cleared."
@@ -39,25 +39,6 @@ def test_nothing_says_stopped_once_the_stop_is_cleared(operated: Tab, client: Cl
         expect(part(operated, "mode")).to_have_text("disabled")
         expect(notice).to_have_text("")
         expect(outcome).not_to_contain_text("Stopped")
-
-
-PLACES = """
-() => [...document.querySelectorAll(
-  ".jaws, [data-is=slider], [data-do], #stop, .head, [data-is=facts], .plots"
-)].filter((node) => node.checkVisibility() && node.dataset.do !== "clear")
-  .map((node) => {
-    const {x, y, width, height} = node.getBoundingClientRect();
-    const name = node.dataset.do ?? node.dataset.is ?? node.id ?? node.className;
-    return [name, ...[x, y, width, height].map(Math.round)].join(" ");
-  })
-"""
-"""Where everything is that somebody looks at or aims at."""
-
-
-def places(tab: Tab) -> list[str]:
-    """Return where everything is."""
-    found: list[str] = tab.evaluate(PLACES)
-    return found
 
 
 SIZES = {"wide": (1400, 900), "phone": (360, 740)}

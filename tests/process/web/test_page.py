@@ -21,6 +21,7 @@ from tests.process.web.on_page import (
     grasp,
     opened,
     part,
+    places,
     take_control,
     teach,
 )
@@ -41,6 +42,9 @@ def test_a_grasp_of_another_program_is_watched(shown: Tab, client: Client) -> No
     expect(part(shown, "held")).to_have_text("object detected")
     expect(fact(shown, "Set force")).to_have_text("12.0 N")
     expect(fact(shown, "On the object")).to_contain_text("to")
+    where = "(node) => node.getBoundingClientRect().x"
+    names = [shown.locator(f"dt:text-is('{name}')") for name in ("Opening", "On the object")]
+    assert names[0].evaluate(where) == names[1].evaluate(where)  # each begins a row
     assert near(fact(shown, "Opening").inner_text(), OBJECT_MM, 1.0)
     line = part(shown, "events").locator("li", has_text="grasp: object held")
     expect(line.first).to_contain_text("12.0 N")
@@ -481,6 +485,8 @@ def test_a_wrong_secret_is_said(window: BrowserContext, looking: Page, client: C
     tab.goto(f"{looking.url}#{'x' * 43}")
     expect(part(tab, "why")).to_contain_text("open the address that litegripd-web printed")
     expect(part(tab, "why")).to_contain_text("was not told it")
+    tab.set_viewport_size({"width": 360, "height": 740})
+    assert tab.locator(".why").evaluate("(node) => node.scrollHeight <= node.clientHeight")
     other = window.new_page()
     other.goto(looking.url)
     expect(other.locator("#notice")).to_contain_text("lacks its secret")
@@ -659,15 +665,22 @@ def test_two_grippers_stand_on_one_page_and_stop_together(
             (sockets / f"{name}.sock").symlink_to(running.socket_path)
             stop = running.socket_path.with_suffix(".stop.sock")
             (sockets / f"{name}.stop.sock").symlink_to(stop)
-        with page(channels=names) as shown:
+        with page("--operate", channels=names) as shown:
             tab = window.new_page()
+            tab.set_viewport_size({"width": 1400, "height": 900})
             tab.goto(shown.told)
             for name in names:
                 panel = tab.get_by_role("article", name=f"Gripper {name}")
                 expect(panel.locator("[data-is=mode]")).to_have_text("disabled")
+                expect(panel.locator(".jaws .tray")).to_be_visible()
+                grasp_button = panel.get_by_role("button", name="Grasp", exact=True)
+                expect(grasp_button).to_be_in_viewport(ratio=1)
+            before = places(tab)
             tab.get_by_role("article", name=names[0]).get_by_role("button", name="STOP").click()
             clients[0].until(lambda state: state["stop"] is not None)
             assert clients[1].result("state.get")["stop"] is None
+            expect(tab.locator(".mode").first).to_have_text("STOPPED")
+            assert places(tab) == before
             tab.keyboard.press("Escape")
             clients[1].until(lambda state: state["stop"] is not None)
 
