@@ -65,8 +65,11 @@ class Mechanics(Protocol):
     def hand_nm(self) -> float:
         """The torque of the hand that pushes the jaws."""
 
-    def push(self, torque_nm: float) -> None:
-        """Let a hand push with this torque until the next call; 0 lets go."""
+    def push(self, torque_nm: float, damping_nm_s_rad: float = 0.0) -> None:
+        """Let a hand push with this torque until the next call; 0 lets go.
+
+        With damping it pushes less, the faster the jaws yield: it leads them at a speed.
+        """
 
     @property
     def is_jammed(self) -> bool:

@@ -182,15 +182,22 @@ class SimulatedGripper:
                 raise ValueError("there is no object between the jaws; put one there first")
             self._plant.give_way(way_mm)
 
-    def push(self, torque_nm: float) -> None:
+    def push(self, torque_nm: float, damping_nm_s_rad: float = 0.0) -> None:
         """Push the jaws by hand with this torque (motor's direction) from now on; 0 lets go.
 
-        Raises `ValueError` for a torque that is not finite.
+        With damping the hand has a speed of its own, torque by damping, as of one that leads.
+
+        Raises `ValueError` for a torque that is not finite, or a damping that is not, or negative.
         """
         if not math.isfinite(torque_nm):
             raise ValueError(f"torque_nm must be finite, not {torque_nm!r}")
+        if not math.isfinite(damping_nm_s_rad) or damping_nm_s_rad < 0.0:
+            raise ValueError(
+                f"damping_nm_s_rad must be finite and not negative, not {damping_nm_s_rad!r}"
+            )
         with self._lock:
-            self._plant.push(torque_nm * self.parameters.close_sign)
+            closing_nm = torque_nm * self.parameters.close_sign
+            self._plant.push(closing_nm, damping_nm_s_rad)
 
     def set_comm_loss(self, seconds: float | None) -> None:
         """Let the motor disarm so long after a command; 0 is never, None what TIMEOUT holds.

@@ -159,15 +159,24 @@ class SimMethods:
                 minimum=-10.0,
                 maximum=10.0,
             ),
+            Param(
+                "damping_nm_s_rad",
+                "number",
+                "The hand's own damping: the faster the jaws yield, the less it pushes. It leads"
+                " free jaws at torque_nm / damping_nm_s_rad (default: 0).",
+                minimum=0.0,
+                maximum=10.0,
+            ),
         ),
         role="admin",
     )
     def _push(self, call: Call) -> Answer:
         closing_nm = float(call.params["torque_nm"])
+        damping_nm_s_rad = float(call.params.get("damping_nm_s_rad", 0.0))
 
         def push(gripper: "SimulatedGripper") -> None:
             gripper.free()
-            gripper.push(closing_nm * gripper.parameters.close_sign)
+            gripper.push(closing_nm * gripper.parameters.close_sign, damping_nm_s_rad)
 
         return self._do(push)
 

@@ -66,7 +66,7 @@ class MujocoPlant:
             mujoco.mj_resetDataKeyframe(model, data, start)
         self._friction_nm = (parameters.coulomb_nm, parameters.breakaway_nm)
         self._viscous_nm_s_rad = parameters.viscous_nm_s_rad
-        self.hand_nm = 0.0
+        self._hand_nm = self._hand_damping_nm_s_rad = 0.0
         self.is_jammed = False
         self._torque_nm = 0.0  # the sum over the drive's steps since MuJoCo's last
         self._steps = 0
@@ -118,7 +118,7 @@ class MujocoPlant:
         self._torque_nm += torque_nm
         self._steps += 1
         if self._steps == STEPS:
-            self._data.qfrc_applied[self._dof] = self._torque_nm / STEPS + self.hand_nm
+            self._data.qfrc_applied[self._dof] = self._torque_nm / STEPS + self._hand_nm
             mujoco.mj_step2(self._model, self._data)
             self._prepare()
             self._torque_nm = 0.0
@@ -127,11 +127,25 @@ class MujocoPlant:
 
     def brake(self, damping_nm_s_rad: float) -> None:
         """Let the shaft be braked in proportion to its speed until the next call."""
-        self._model.dof_damping[self._dof] = self._viscous_nm_s_rad + damping_nm_s_rad
+        self._own_damping_nm_s_rad = self._viscous_nm_s_rad + damping_nm_s_rad
+        self._damp()
 
-    def push(self, torque_nm: float) -> None:
-        """Let a hand push with this torque until the next call; 0 lets go."""
-        self.hand_nm = torque_nm
+    @property
+    def hand_nm(self) -> float:
+        """The torque of the hand that pushes the jaws."""
+        return self._hand_nm - self._hand_damping_nm_s_rad * self.speed_rad_s
+
+    def push(self, torque_nm: float, damping_nm_s_rad: float = 0.0) -> None:
+        """Let a hand push with this torque until the next call; 0 lets go.
+
+        With damping it pushes less, the faster the jaws yield: it leads them at a speed.
+        """
+        self._hand_nm, self._hand_damping_nm_s_rad = torque_nm, damping_nm_s_rad
+        self._damp()
+
+    def _damp(self) -> None:
+        damping_nm_s_rad = self._own_damping_nm_s_rad + self._hand_damping_nm_s_rad
+        self._model.dof_damping[self._dof] = damping_nm_s_rad
 
     def jam(self, *, jammed: bool) -> None:
         """Let something block the shaft where it is, whatever the torque; or let go of it."""

@@ -294,7 +294,7 @@ class Plant:
         self._zone_at = self._closed_at - p.close_stick_zone_rad
         self.angle_rad = -p.initial_opening_mm / p.rad_to_mm
         self.speed_rad_s = 0.0
-        self.hand_nm = 0.0
+        self._hand = self._hand_damping = 0.0
         self._object_at = math.inf
         self.jam(jammed=False)
         self.put(None)
@@ -309,14 +309,23 @@ class Plant:
         press_nm = item.stiffness_nm_rad * (self.angle_rad - self._object_at)
         return max(press_nm + item.damping_nm_s_rad * self.speed_rad_s, 0.0)
 
+    @property
+    def hand_nm(self) -> float:
+        """The torque of the hand that pushes the jaws."""
+        return self._hand - self._hand_damping * self.speed_rad_s
+
     def brake(self, damping_nm_s_rad: float) -> None:
         """Let the shaft be braked in proportion to its speed until the next call."""
-        damping_nm_s_rad += self._p.viscous_nm_s_rad
-        self._free_damping = 1.0 + self._gain * damping_nm_s_rad
+        self._own_damping = damping_nm_s_rad + self._p.viscous_nm_s_rad
+        self._free_damping = 1.0 + self._gain * (self._own_damping + self._hand_damping)
 
-    def push(self, torque_nm: float) -> None:
-        """Let a hand push with this torque until the next call; 0 lets go."""
-        self.hand_nm = torque_nm
+    def push(self, torque_nm: float, damping_nm_s_rad: float = 0.0) -> None:
+        """Let a hand push with this torque until the next call; 0 lets go.
+
+        With damping it pushes less, the faster the jaws yield: it leads them at a speed.
+        """
+        self._hand, self._hand_damping = torque_nm, damping_nm_s_rad
+        self._free_damping = 1.0 + self._gain * (self._own_damping + damping_nm_s_rad)
 
     def jam(self, *, jammed: bool) -> None:
         """Let something block the shaft where it is, whatever the torque; or let go of it."""
@@ -345,7 +354,7 @@ class Plant:
 
     def step(self, torque_nm: float) -> tuple[float, float]:
         """Advance by `STEP_S` under this torque; return angle and speed."""
-        s, v, force = self.angle_rad, self.speed_rad_s, torque_nm + self.hand_nm
+        s, v, force = self.angle_rad, self.speed_rad_s, torque_nm + self._hand
         if self._free_from < s < self._free_to:
             drag = self._drags[0] if v else self._drags[1]
             damping = self._free_damping

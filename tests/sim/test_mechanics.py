@@ -151,6 +151,15 @@ def test_standing_jaws_hold_against_a_push_below_the_breakaway(empty: Of) -> Non
     assert abs(driver.gripper.velocity_rad_s) < 1e-4
 
 
+def test_a_hand_with_a_damping_leads_free_jaws_at_its_own_speed(empty: Of) -> None:
+    driver = Driver(gripper_with(empty))
+    own_nm_s_rad, friction_nm = 0.72, 0.15  # the shorted phases and the bearings; see above
+    driver.gripper.push(1.0 + friction_nm, 2.0 - own_nm_s_rad)
+    driver.wait(0.4)
+    assert driver.gripper.velocity_rad_s == pytest.approx(1.0 / 2.0, rel=0.03)
+    assert driver.gripper.hand_nm == pytest.approx(0.5 * own_nm_s_rad + friction_nm, rel=0.03)
+
+
 def test_what_blocks_the_jaws_holds_them_until_it_is_taken_away(empty: Of) -> None:
     driver = armed(empty)
     start_mm = driver.gripper.opening_mm
