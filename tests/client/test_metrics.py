@@ -11,6 +11,7 @@ from prometheus_client.parser import text_string_to_metric_families as classic
 
 from litegrip_client import __version__
 from litegrip_client.ctl import metrics
+from tests.client.ctl_terminal import ROOT
 from tests.client.helpers import Ctl
 from tests.client.rig import Heard
 
@@ -104,6 +105,21 @@ def test_the_older_format_says_of_each_sample_what_it_is_and_means() -> None:
     kinds = dict(re.findall(r"^# TYPE (\S+) (\S+)$", text, re.MULTILINE))
     assert set(kinds.values()) == {"counter", "gauge", "summary"}
     assert all((kind == "counter") == name.endswith("_total") for name, kind in kinds.items())
+
+
+def test_the_dashboard_asks_for_metrics_that_there_are() -> None:
+    whole = (ROOT / "etc/grafana-dashboard.json").read_text(encoding="utf-8")
+    dashboard = json.loads(whole)
+    asked = set(re.findall(r"\blitegripd_\w+", whole))
+    counters = {f"litegripd_{row.name}_total" for row in metrics.ROWS if row.kind == "counter"}
+    gauges = {f"litegripd_{row.name}" for row in metrics.ROWS if row.kind == "gauge"}
+    others = {f"litegripd_{name}" for name, _ in metrics.SUMMARIES.values()}
+    assert asked <= counters | gauges | others | {"litegripd_verdict", "litegripd_bus_up"}
+    for panel in dashboard["panels"]:
+        for target in panel["targets"]:
+            is_rate = target["expr"].startswith("rate(")
+            assert is_rate == any(f"{name}{{" in target["expr"] for name in counters)
+            assert '{channel=~"$channel"' in target["expr"]
 
 
 def test_the_command(heard: Heard, litegripctl: Ctl) -> None:
