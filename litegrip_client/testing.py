@@ -10,8 +10,7 @@
             ...
 
 Each is a process of its own, with its own sockets and files in a temporary folder, so that tests
-may run beside each other. With pytest, `pytest_plugins = ["litegrip_client.testing"]` in a
-`conftest.py` has it as the fixture `simulated_gripper`.
+may run beside each other. With pytest, the fixture `simulated_gripper` is one.
 """
 
 from __future__ import annotations
@@ -194,13 +193,3 @@ def _end(process: subprocess.Popen[bytes]) -> None:
     except subprocess.TimeoutExpired:
         process.kill()
         process.wait()
-
-
-if "pytest" in sys.modules:  # else there is nobody to use a fixture
-    import pytest
-
-    @pytest.fixture
-    def simulated_gripper() -> Iterator[SimulatedDaemon]:
-        """Give a test a daemon on a simulated gripper of its own; nothing is between the jaws."""
-        with simulated() as daemon:
-            yield daemon

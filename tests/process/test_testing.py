@@ -82,8 +82,10 @@ def test_without_the_daemons_program_there_is_a_sentence(monkeypatch: pytest.Mon
         pass
 
 
-def test_the_fixture_is_there_for_pytest(tmp_path: Path) -> None:
-    (tmp_path / "conftest.py").write_text('pytest_plugins = ["litegrip_client.testing"]\n')
+@pytest.mark.parametrize("named", ["", 'pytest_plugins = ["litegrip_client.testing"]\n'])
+def test_the_fixture_is_there_for_pytest(tmp_path: Path, named: str) -> None:
+    """By itself, and also where it is named as version 0.1.0 needed it."""
+    (tmp_path / "conftest.py").write_text(named)
     (tmp_path / "test_mine.py").write_text(
         "def test_mine(simulated_gripper):\n"
         "    with simulated_gripper.gripper() as gripper:\n"
