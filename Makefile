@@ -10,13 +10,15 @@ LEROBOT := .venv-lerobot
 LEROBOT_PYTHON ?= python3.12
 PROPERTIES = $(shell grep -rlE --include='test_*.py' '^from hypothesis' tests)
 
-.PHONY: help run demo test test-through-portal check nightly format pictures bench chaos lerobot deb clean
+.PHONY: help run run-mujoco demo test test-through-portal lowest check nightly format pictures bench chaos lerobot deb clean
 
 help:
 	@echo "make run     the daemon on a simulated gripper and its page, in the foreground"
+	@echo "make run-mujoco  the same, but MuJoCo moves the jaws, above a loose cube"
 	@echo "make demo    that daemon, and two processes that use it; ends by itself"
 	@echo "make test    the tests"
 	@echo "make test-through-portal  the tests of clients again, through a fleet's portal"
+	@echo "make lowest  the tests of what other libraries do, with the lowest versions that are allowed"
 	@echo "make check   format, lint, types, import layers, generated files, tests"
 	@echo "make nightly a million hostile lines and damaged files, longer chaos, property tests with other examples every day"
 	@echo "make format  put all sources into the project's format"
@@ -42,6 +44,10 @@ $(STAMP): pyproject.toml $(RUNS)
 
 run: $(RUNS)
 	@$(BIN)/python examples/run_simulated.py
+
+run-mujoco: $(RUNS)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[mujoco]'
+	@$(BIN)/python examples/run_simulated.py mujoco
 
 demo: $(RUNS)
 	@$(BIN)/python examples/demo.py
@@ -76,7 +82,17 @@ check: $(STAMP)
 	$(BIN)/python docs/generate.py --check
 	$(TESTS)
 
-nightly: $(STAMP) test-through-portal
+# What users may have: each library that pyproject.toml names in the lowest version that it allows.
+LOWEST := .venv-lowest
+
+lowest: $(STAMP)
+	$(BIN)/uv venv --quiet --clear --python $(BIN)/python $(LOWEST)
+	$(BIN)/uv pip install --quiet --python $(LOWEST)/bin/python --resolution lowest-direct --editable '.[dev]'
+	$(LOWEST)/bin/python -m pytest --numprocesses auto tests/client tests/web tests/fleet tests/io
+	$(LOWEST)/bin/python -m pytest -m 'not alone' --numprocesses 4 tests/process
+	$(LOWEST)/bin/python -m pytest -m alone tests/process
+
+nightly: $(STAMP) test-through-portal lowest
 	LITEGRIPD_PROPERTIES=nightly $(BIN)/python -m pytest tests/process/test_released.py
 	LITEGRIPD_CHAOS_MINUTES=30 $(BIN)/python -m pytest tests/faults/test_chaos.py
 	LITEGRIPD_FUZZ_LINES=1000000 LITEGRIPD_FUZZ_SEED=$(SEED) $(BIN)/python -m pytest --timeout=7200 tests/rpc/test_fuzz.py
@@ -103,15 +119,14 @@ chaos: $(STAMP)
 
 # LeRobot in an environment of its own, which is kept. It gets the client as users do, and nothing of
 # the daemon. An old pip would leave out the extra in silence.
-$(LEROBOT)/.installed:
+$(LEROBOT)/.installed: | $(STAMP)
 	$(LEROBOT_PYTHON) -m venv $(LEROBOT)
-	$(LEROBOT)/bin/python -m pip install --quiet --disable-pip-version-check uv
-	$(LEROBOT)/bin/uv pip install --python $(LEROBOT)/bin/python 'lerobot[core_scripts]==0.6.1'
+	$(BIN)/uv pip install --python $(LEROBOT)/bin/python 'lerobot[core_scripts]==0.6.1'
 	@touch $@
 
 lerobot: $(STAMP) $(LEROBOT)/.installed
 	$(BIN)/python packaging/distributions.py --no-isolation $(LEROBOT)/dist
-	$(LEROBOT)/bin/uv pip install --quiet --python $(LEROBOT)/bin/python --reinstall-package litegrip-client \
+	$(BIN)/uv pip install --quiet --python $(LEROBOT)/bin/python --reinstall-package litegrip-client \
 		--reinstall-package lerobot_robot_litegrip --reinstall-package lerobot_robot_trialarm \
 		$(LEROBOT)/dist/litegrip_client-*.whl integrations/lerobot_robot_litegrip tests/integrations/lerobot/rig
 	$(BIN)/python -m tests.integrations.lerobot.trial $(LEROBOT)
@@ -120,4 +135,4 @@ deb:
 	packaging/debian/build
 
 clean:
-	rm -rf $(VENV) $(LEROBOT) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) $(LOWEST) $(LEROBOT) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

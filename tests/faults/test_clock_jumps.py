@@ -30,6 +30,7 @@ LABELS = {
     "trajectories/store.py": "when a trajectory was recorded; whether its file is still the same",
     "teleop/ends.py": "none of its own: who sent a sample, which is in zenoh's time stamp",
     "io/can/bus.py": "none: takes it away from python-can",
+    "sim/mujoco_plant.py": "none: the time of a scene, which begins with it",
     "sim/interface.py": "the time stamps of simulated frames",
 }
 """Who reads the wall clock, or what it left in the file system, and what for."""

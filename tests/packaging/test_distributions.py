@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 import tomli
+from packaging.requirements import Requirement
 
 from docs.manual import PAGES
 from tests.packaging.installed import has
@@ -95,6 +96,7 @@ def test_each_module_is_in_one_wheel_and_each_file_of_the_client_in_both_of_its(
     }
     inside = set(wheel(folder, "litegrip_client").namelist())
     assert {f"litegrip_client/{path}" for path in needed} <= inside
+    assert "litegripd/sim/scene.xml" in wheel(folder, "litegripd").namelist()
     with tarfile.open(folder / f"litegrip_client-{VERSION}.tar.gz") as sdist:
         members = {one.name for one in sdist.getmembers() if one.isfile()}
     assert {f"litegrip_client-{VERSION}/litegrip_client/{path}" for path in needed} <= members
@@ -141,8 +143,9 @@ def test_the_client_needs_nothing_and_the_others_need_it_in_their_version(folder
     taken = set().union(*(requirements(folder, name) for name in NAMES))
     project = tomli.loads((ROOT / "pyproject.toml").read_text())["project"]
     rows = {*project["dependencies"], *project["optional-dependencies"]["web"]}
-    assert {row.partition(";")[0] for row in taken if not row.startswith("litegrip")} == {
-        row.partition(";")[0].strip() for row in rows
+    others = {Requirement(row) for row in taken if not row.startswith("litegrip")}
+    assert {(one.name, one.specifier) for one in others} == {
+        (one.name, one.specifier) for one in map(Requirement, rows)
     }
 
 
