@@ -98,8 +98,7 @@ def action_of(state: GripperState, torque_nm: float) -> dict[str, float]:
     """Return what a leader whose state this is asks its follower for.
 
     LeRobot stores what the leader asks for, not what the follower makes of it: so it is clipped
-    here. Jaws that are pressed open are a little beyond 100 %. Raises `CommandError` while the
-    gripper is not calibrated.
+    here. Raises `CommandError` while the gripper is not calibrated.
     """
     if state.openness is None:
         raise not_calibrated()

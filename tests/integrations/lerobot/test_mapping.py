@@ -90,7 +90,7 @@ def test_stamps_tell_ticks_apart_in_a_data_set_of_a_machine_that_runs_for_months
 
 
 def test_an_observation_is_not_clipped() -> None:
-    """It is what was measured: jaws that press on the stop are a little beyond it."""
+    """It is what the daemon says."""
     assert seen(openness=1.01)[POS] == pytest.approx(101.0)
     assert seen(openness=-0.01)[POS] == pytest.approx(-1.0)
 
