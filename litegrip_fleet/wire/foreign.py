@@ -44,7 +44,7 @@ def facts_of(value: Mapping[str, Any]) -> dict[str, Any]:
         if not {"version", "verdict", "mode"} <= facts.keys():
             return {"error": "an answer without version, verdict and mode"}
         facts = {"owner": None, **facts, "age_s": age_s}
-    if silent:
+    if "silent" in value:
         facts["silent"] = [_shown(user) for user in silent[:_MOST_SILENT]]
     return facts
 
