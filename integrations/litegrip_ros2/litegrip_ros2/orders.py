@@ -1,0 +1,138 @@
+"""How a goal is carried out, and what its end means: pure, in the daemon's words and ROS'.
+
+A goal with an effort that closes the jaws is a grasp: they stop at an object, hold it with that
+force, and go no further than the position. A goal without is a move. What has opened has no use
+for a force.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from litegrip_client import (
+    CancelledError,
+    GraspResult,
+    GripperState,
+    LeaseError,
+    LiteGripError,
+    MoveResult,
+)
+
+from .joints import Target
+
+CLOSES_FROM_MM = 1.0
+"""Jaws that are so near to the position still close on it: they may hold something there."""
+LARGEST_MARGIN = 0.4
+"""Share of the travel that a grasp can leave before the closed stop; the daemon's bound."""
+
+
+class Way(Enum):
+    """How the jaws get to a position."""
+
+    MOVE = "move"
+    GRASP = "grasp"
+    MOVE_THEN_GRASP = "move, then grasp"
+    """Where a grasp cannot end so far open: what blocks the move is squeezed."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """One goal, as the client's calls need it."""
+
+    way: Way
+    opening_mm: float
+    speed_mm_s: float | None
+    force_n: float | None
+    margin: float
+    """Share of the travel before the closed stop at which a grasp finds no object."""
+
+
+def plan(target: Target, opening_mm: float | None, travel_mm: float) -> Plan:
+    """Plan the way to a target inside the travel, from an opening (None if it is not known)."""
+    share = target.opening_mm / travel_mm
+    closes = opening_mm is None or target.opening_mm <= opening_mm + CLOSES_FROM_MM
+    if target.force_n is None or not closes:
+        way = Way.MOVE
+    else:
+        way = Way.GRASP if share <= LARGEST_MARGIN else Way.MOVE_THEN_GRASP
+    margin = min(max(share, 0.0), LARGEST_MARGIN)
+    return Plan(way, target.opening_mm, target.speed_mm_s, target.force_n, margin)
+
+
+class Ending(Enum):
+    """How an action ends in ROS."""
+
+    SUCCEEDED = "succeeded"
+    ABORTED = "aborted"
+    CANCELED = "canceled"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The end of a goal. `why` is for a person, `reason` for a program; empty on success."""
+
+    ending: Ending
+    reached_goal: bool = False
+    stalled: bool = False
+    state: GripperState | None = None
+    why: str = ""
+    reason: str = ""
+
+
+def of_move(result: MoveResult, *, allow_stalling: bool) -> Outcome:
+    """Return the end of a goal that was a move."""
+    if result.ok:
+        return Outcome(Ending.SUCCEEDED, reached_goal=True, state=result.state)
+    stalled = result.stalled or result.outcome == "blocked"
+    ending = Ending.SUCCEEDED if stalled and allow_stalling else Ending.ABORTED
+    why = "something blocks the jaws" if stalled else f"the move ended: {result.outcome}"
+    return Outcome(ending, False, stalled, result.state, why, result.outcome)
+
+
+def of_grasp(result: GraspResult) -> Outcome:
+    """Return the end of a goal that was a grasp: without an object the jaws are at the position."""
+    if result.ok:
+        return Outcome(Ending.SUCCEEDED, stalled=True, state=result.state)
+    if result.outcome == "no_object":
+        return Outcome(Ending.SUCCEEDED, reached_goal=True, state=result.state)
+    why = _GRASP_ENDS.get(result.outcome, f"the grasp ended: {result.outcome}")
+    is_held = result.outcome == "motor_weak"
+    return Outcome(Ending.ABORTED, False, is_held, result.state, why, result.outcome)
+
+
+_GRASP_ENDS = {
+    "motor_weak": "an object is held, but by less than the effort: the motor makes less torque",
+    "object_lost": "the object was lost",
+    "timed_out": "the jaws came neither to an object nor to the position in time",
+}
+
+
+def of_error(error: LiteGripError) -> Outcome:
+    """Return the end of a goal that was refused, or could not run its course."""
+    return Outcome(Ending.ABORTED, why=refusal(error), reason=error.reason or "")
+
+
+_REMEDIES = {
+    "stopped": "call ~/clear, then ~/enable if the motor is off",
+    "sent_before_stop": "look at the gripper, then call ~/clear",
+    "not_enabled": "call ~/enable",
+    "not_calibrated": "calibrate it: litegripctl zero",
+    "motor_fault": "call ~/clear, then ~/enable",
+    "lease_lost": "call ~/enable to ask for it again",
+}
+"""By reason: what somebody does about it in ROS."""
+
+
+def refusal(error: LiteGripError) -> str:
+    """Return a refusal in one line, with the owner of what was asked for, and what to do."""
+    parts = [error.message]
+    owner = error.owner
+    if owner is not None and isinstance(error, LeaseError):
+        program, pid = owner.get("program"), owner.get("pid")
+        if program and str(program) not in error.message:
+            parts.append(f"its owner is {program} (process {pid})")
+    remedy = _REMEDIES.get(error.reason or "")
+    if remedy is not None and not isinstance(error, CancelledError):
+        parts.append(remedy)
+    return "; ".join(part.rstrip(". ").replace("\n", " ") for part in parts)
