@@ -111,12 +111,12 @@ class Driver:
                 async with gripper:
                     await self._serve(gripper)
             except LiteGripError as error:
-                if self._gives_back:
-                    self._gives_back = False
-                elif self._gripper is gripper or not self._away:
+                is_news = self._gripper is gripper or not self._away
+                if is_news and not self._gives_back:
                     self._away = error.message
                     self._listener.warn(f"{error.message}; trying again")
             finally:
+                self._gives_back = False
                 self._gripper = self.state = self.scale = self._stream = None
             if self._away:
                 self._listener.on_diagnosis(diagnosis.of_no_daemon(self._away, self._refused))

@@ -10,6 +10,7 @@ import asyncio
 import os
 import threading
 import time
+import traceback
 from collections.abc import Callable, Coroutine
 from functools import partial
 from typing import Any
@@ -155,7 +156,10 @@ class GripperNode(LifecycleNode):
             try:
                 await self._running
             except asyncio.CancelledError:
-                self._driver.end_all()
+                pass
+            except Exception:  # noqa: BLE001 - a node that only looks alive is worse
+                self.get_logger().fatal(traceback.format_exc())
+                self.context.try_shutdown()
 
         self._thread = threading.Thread(target=asyncio.run, args=(main(),), daemon=True)
         self._thread.start()
