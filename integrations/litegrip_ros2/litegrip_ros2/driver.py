@@ -20,10 +20,12 @@ from litegrip_client.aio import LiteGrip, SetpointStream
 from . import diagnosis, orders
 from .diagnosis import Diagnosis
 from .joints import Scale, Target, within_travel
-from .orders import Ending, Outcome, Plan, Way
+from .orders import Ending, Outcome, Plan
 
 RETRY_S = 0.5
 """Between two attempts to reach a daemon."""
+REACH_S = 2.0
+"""So long a request waits for a connection that is being made."""
 DIAGNOSE_S = 1.0
 SAY_AGAIN_S = 5.0
 """A refusal of set-points for the same reason is reported again after so long."""
@@ -95,6 +97,8 @@ class Driver:
         """Why no daemon answers; empty while one does, and before the first attempt."""
         self._gives_back = False
         """True while `disable` has closed the connection, with which the lease ends."""
+        self._is_decided = asyncio.Event()
+        """Set once it is known whether a daemon answers."""
 
     # The connection
 
@@ -114,6 +118,7 @@ class Driver:
                 is_news = self._gripper is gripper or not self._away
                 if is_news and not self._gives_back:
                     self._away = error.message
+                    self._is_decided.set()
                     self._listener.warn(f"{error.message}; trying again")
             finally:
                 self._gives_back = False
@@ -125,6 +130,7 @@ class Driver:
     async def _serve(self, gripper: LiteGrip) -> None:
         self.scale = Scale.from_info(await gripper.info())
         self._gripper = gripper
+        self._is_decided.set()
         if self._away:
             self._listener.inform(f"the daemon of {gripper.channel} answers again")
         else:
@@ -156,27 +162,35 @@ class Driver:
             )
             await asyncio.sleep(DIAGNOSE_S)
 
-    @property
-    def _connected(self) -> LiteGrip:
+    async def _reach(self) -> LiteGrip:
+        """Return the connected gripper; wait for a connection that is just being made."""
+        with contextlib.suppress(asyncio.TimeoutError):
+            await asyncio.wait_for(self._is_decided.wait(), REACH_S)
         if self._gripper is None:
-            raise ConnectError(f"no daemon: {self._away or 'not connected yet'}", reason="no_daemon")
+            why = self._away or "it does not answer yet"
+            raise ConnectError(f"no daemon: {why}", reason="no_daemon")
         return self._gripper
 
     # Goals
 
-    async def go(self, goal: Goal) -> Outcome:
-        """Carry out a goal in place of the one before; its end in any case."""
+    def accept(self, goal: Goal) -> None:
+        """Let a goal take the place of the one before; `go` then carries it out."""
         before, self._goal = self._goal, goal
         if before is not None:
             self.end(before, Outcome(Ending.ABORTED, why="a newer goal came", reason="replaced"))
+
+    async def go(self, goal: Goal) -> Outcome:
+        """Carry out an accepted goal, once the one before has ended; its end in any case."""
         goal.task = asyncio.current_task()
         try:
-            if goal.ended_by is None:
-                async with self._turn:
-                    return await self._carry_out(goal.target)
+            if goal.ended_by is not None:
+                return goal.ended_by
+            async with self._turn:
+                return await self._carry_out(goal.target)
         except asyncio.CancelledError:
             if goal.ended_by is None:
                 raise
+            return goal.ended_by
         except LiteGripError as error:
             outcome = orders.of_error(error)
             self._refused = outcome.why
@@ -184,7 +198,6 @@ class Driver:
         finally:
             if self._goal is goal:
                 self._goal = None
-        return goal.ended_by or Outcome(Ending.ABORTED)
 
     def end(self, goal: Goal, outcome: Outcome) -> None:
         """End a goal from outside: the jaws hold."""
@@ -205,7 +218,7 @@ class Driver:
             self.end(self._goal, Outcome(Ending.ABORTED, why=why, reason="deactivated"))
 
     async def _carry_out(self, target: Target) -> Outcome:
-        gripper = self._connected
+        gripper = await self._reach()
         await self._end_stream()
         scale = Scale.from_info(await gripper.info())
         if scale is None:  # the daemon says it better
@@ -215,19 +228,16 @@ class Driver:
         )
         opening_mm = (await gripper.get_state()).opening_mm
         plan = orders.plan(target, opening_mm, scale.travel_mm)
-        if plan.way is Way.GRASP:
+        if plan.margin is not None:
             return orders.of_grasp(await self._grasp(gripper, plan))
         if plan.speed_mm_s is None:
             moved = await gripper.goto(plan.opening_mm, duration=None)
         else:
             moved = await gripper.move_at_speed(plan.opening_mm, plan.speed_mm_s)
-        outcome = orders.of_move(moved, allow_stalling=self._settings.allow_stalling)
-        if plan.way is Way.MOVE_THEN_GRASP and outcome.stalled:
-            return orders.of_grasp(await self._grasp(gripper, plan))
-        return outcome
+        return orders.of_move(moved, allow_stalling=self._settings.allow_stalling)
 
     async def _grasp(self, gripper: LiteGrip, plan: Plan) -> GraspResult:
-        gripper.motion_config = MotionConfig(margin=plan.margin)
+        gripper.motion_config.margin = plan.margin or 0.0
         try:
             return await gripper.grasp(plan.force_n, speed_mm_s=plan.speed_mm_s, until="verdict")
         finally:
@@ -286,12 +296,12 @@ class Driver:
 
     async def stop(self) -> str:
         """Stop, whoever moves the gripper, until `clear`."""
-        state = await self._connected.software_stop(self._settings.stop_level, "~/stop in ROS")
+        state = await (await self._reach()).software_stop(self._settings.stop_level, "~/stop in ROS")
         return f"stopped ({(state.stop or {}).get('level')})"
 
     async def clear(self) -> str:
         """Clear a stop, and the motor's fault; enable nothing."""
-        gripper = self._connected
+        gripper = await self._reach()
         state = await gripper.clear_stop()
         if state.mode == "fault":
             await gripper.clear_fault(enable=False)
@@ -299,29 +309,32 @@ class Driver:
 
     async def enable(self) -> str:
         """Enable the motor, which takes the lease."""
-        result = await self._connected.enable()
+        result = await (await self._reach()).enable()
         if not result.ok:
             raise LiteGripError(result.message or "not enabled", reason=result.reason)
         return "enabled"
 
     async def disable(self) -> str:
         """Disable the motor, and give the lease back."""
-        gripper = self._connected
+        gripper = await self._reach()
         if not await gripper.disable():
             raise LiteGripError("the motor did not confirm it", reason="not_confirmed")
         self._gives_back = True
+        self._is_decided.clear()
         await gripper.disconnect()
         return "disabled"
 
     async def release(self) -> str:
         """Open a little, at most to the end of the travel, to let go."""
-        state = await self._connected.get_state()
+        state = await (await self._reach()).get_state()
         if state.opening_mm is None:
             raise LiteGripError("the opening is not known", reason="motor_silent")
         opening_mm = state.opening_mm + self._settings.release_mm
         if self.scale is not None:
             opening_mm = min(opening_mm, self.scale.travel_mm)
-        outcome = await self.go(Goal(Target(opening_mm)))
+        goal = Goal(Target(opening_mm))
+        self.accept(goal)
+        outcome = await self.go(goal)
         if outcome.ending is not Ending.SUCCEEDED:
             raise LiteGripError(outcome.why, reason=outcome.reason)
         return "released"

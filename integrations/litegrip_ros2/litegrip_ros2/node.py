@@ -57,7 +57,7 @@ class GripperNode(LifecycleNode):
         self._loop: asyncio.AbstractEventLoop | None = None
         self._is_active = False
         self._entities: list[Callable[[], None]] = []
-        self._goals: dict[Goal, Any] = {}
+        self._goals: dict[bytes, tuple[Goal, Any, Callable[[JointState], Any]]] = {}
         self._was_held: bool | None = None
 
     # Its life
@@ -91,8 +91,9 @@ class GripperNode(LifecycleNode):
                 self,
                 kind,
                 name,
-                execute_callback=partial(self._execute, reads, writes),
+                execute_callback=partial(self._execute, writes),
                 goal_callback=partial(self._admit, reads),
+                handle_accepted_callback=partial(self._accept, reads, writes),
                 cancel_callback=self._cancel,
             )
             self._entities.append(server.destroy)
@@ -113,8 +114,7 @@ class GripperNode(LifecycleNode):
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Take nothing more; the jaws hold. Lease and motor stay as they are."""
         self._is_active = False
-        if self._loop is not None:
-            self._loop.call_soon_threadsafe(self._driver.end_all)
+        self._tell(self._driver.end_all)
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -185,6 +185,11 @@ class GripperNode(LifecycleNode):
             asyncio.run_coroutine_threadsafe(run(), loop)
         return future
 
+    def _tell(self, act: Callable[..., None], *arguments: Any) -> None:
+        """Call something in the driver's loop, in the order of these calls."""
+        if self._loop is not None:
+            self._loop.call_soon_threadsafe(act, *arguments)
+
     async def _enable_once(self) -> None:
         try:
             self.inform(await self._driver.enable())
@@ -199,7 +204,7 @@ class GripperNode(LifecycleNode):
         if not self._is_active or message is None:
             return
         self._states.publish(message)
-        for handle, feedback in list(self._goals.values()):
+        for _, handle, feedback in list(self._goals.values()):
             handle.publish_feedback(feedback(message))
         is_held = state.is_grasped is True
         if is_held is not self._was_held:
@@ -280,20 +285,26 @@ class GripperNode(LifecycleNode):
             return GoalResponse.REJECT
         return GoalResponse.ACCEPT
 
+    def _accept(self, reads: Callable[[Any], Target], writes: _Writes, handle: Any) -> None:
+        """Note a goal before anything can happen to it: its turn to be executed comes later."""
+        goal = Goal(reads(handle.request))
+        self._goals[bytes(handle.goal_id.uuid)] = goal, handle, writes.feedback
+        self._tell(self._driver.accept, goal)
+        handle.execute()
+
     def _cancel(self, handle: Any) -> CancelResponse:
-        loop = self._loop
-        for goal, (running, _) in self._goals.items():
-            if running.goal_id == handle.goal_id and loop is not None:
-                loop.call_soon_threadsafe(self._driver.cancel, goal)
+        running = self._goals.get(bytes(handle.goal_id.uuid))
+        if running is not None:
+            self._tell(self._driver.cancel, running[0])
         return CancelResponse.ACCEPT
 
-    async def _execute(self, reads: Callable[[Any], Target], writes: _Writes, handle: Any) -> Any:
-        goal = Goal(reads(handle.request))
-        self._goals[goal] = handle, writes.feedback
+    async def _execute(self, writes: _Writes, handle: Any) -> Any:
+        identity = bytes(handle.goal_id.uuid)
+        goal, _, _ = self._goals[identity]
         try:
             outcome: Outcome = await self._post(self._driver.go(goal))
         finally:
-            del self._goals[goal]
+            del self._goals[identity]
         if outcome.ending is Ending.SUCCEEDED:
             handle.succeed()
         elif outcome.ending is Ending.CANCELED and handle.is_cancel_requested:
@@ -309,8 +320,7 @@ class GripperNode(LifecycleNode):
         return message or JointState()
 
     def _on_command(self, message: JointState) -> None:
-        loop = self._loop
-        if not self._is_active or loop is None:
+        if not self._is_active:
             return
         try:
             target = self._joints.target(
@@ -319,7 +329,7 @@ class GripperNode(LifecycleNode):
         except UnusableError as error:
             self.get_logger().warning(f"joint_commands: {error}", throttle_duration_sec=5.0)
             return
-        loop.call_soon_threadsafe(self._driver.follow, target)
+        self._tell(self._driver.follow, target)
 
     async def _serve(
         self,

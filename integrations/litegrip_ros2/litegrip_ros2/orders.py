@@ -23,41 +23,28 @@ from .joints import Target
 
 CLOSES_FROM_MM = 1.0
 """Jaws that are so near to the position still close on it: they may hold something there."""
-LARGEST_MARGIN = 0.4
+LARGEST_MARGIN = 0.95
 """Share of the travel that a grasp can leave before the closed stop; the daemon's bound."""
-
-
-class Way(Enum):
-    """How the jaws get to a position."""
-
-    MOVE = "move"
-    GRASP = "grasp"
-    MOVE_THEN_GRASP = "move, then grasp"
-    """Where a grasp cannot end so far open: what blocks the move is squeezed."""
 
 
 @dataclass(frozen=True)
 class Plan:
     """One goal, as the client's calls need it."""
 
-    way: Way
     opening_mm: float
     speed_mm_s: float | None
-    force_n: float | None
-    margin: float
-    """Share of the travel before the closed stop at which a grasp finds no object."""
+    force_n: float | None = None
+    margin: float | None = None
+    """For a grasp: the share of the travel before the closed stop at which it goes no further."""
 
 
 def plan(target: Target, opening_mm: float | None, travel_mm: float) -> Plan:
     """Plan the way to a target inside the travel, from an opening (None if it is not known)."""
-    share = target.opening_mm / travel_mm
+    margin = target.opening_mm / travel_mm
     closes = opening_mm is None or target.opening_mm <= opening_mm + CLOSES_FROM_MM
-    if target.force_n is None or not closes:
-        way = Way.MOVE
-    else:
-        way = Way.GRASP if share <= LARGEST_MARGIN else Way.MOVE_THEN_GRASP
-    margin = min(max(share, 0.0), LARGEST_MARGIN)
-    return Plan(way, target.opening_mm, target.speed_mm_s, target.force_n, margin)
+    if target.force_n is None or not closes or not 0.0 <= margin <= LARGEST_MARGIN:
+        return Plan(target.opening_mm, target.speed_mm_s)
+    return Plan(target.opening_mm, target.speed_mm_s, target.force_n, margin)
 
 
 class Ending(Enum):

@@ -28,7 +28,7 @@ def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Daemon, N
     node = NodeProcess(folder / "node.log", daemon, "/shared")
     yield daemon, node
     code = node.end()
-    daemon.kill()
+    daemon.end()
     assert code == 0, node.log.read_text()
 
 
@@ -76,5 +76,5 @@ def start(tmp_path: Path, ros: Ros) -> Iterator[Callable[..., tuple[Daemon, Grip
     for daemon, node, gripper in running:
         gripper.close()
         code = node.end()
-        daemon.kill()
+        daemon.end()
         assert code == 0, node.log.read_text()

@@ -66,6 +66,10 @@ class Daemon(SimulatedDaemon):
         self.process.kill()
         self.process.wait()
 
+    def end(self) -> None:
+        self.process.terminate()
+        self.process.wait(WITHIN_S)
+
     def state(self) -> dict[str, Any]:
         return self._call("state.get")
 

@@ -65,12 +65,16 @@ def test_without_an_object_an_effort_reaches_the_position_and_goes_no_further(
     assert near(daemon.state()["opening_mm"], 20.0, 1.0)
 
 
-def test_an_object_wider_than_a_grasp_goes_is_squeezed_where_it_blocks(
+def test_an_effort_closes_no_further_than_the_position_also_far_open(
     gripper: Gripper, daemon: Daemon
 ) -> None:
+    status, result = gripper.go(0.045, effort_n=8.0)
+    assert (status, result.reached_goal, result.stalled) == (SUCCEEDED, True, False)
+    assert near(daemon.state()["opening_mm"], 45.0, 1.5)
+    assert gripper.go(0.06)[0] == SUCCEEDED
     daemon.put_object(50.0)
     status, result = gripper.go(0.045, effort_n=8.0)
-    assert (status, result.stalled) == (SUCCEEDED, True)
+    assert (status, result.reached_goal, result.stalled) == (SUCCEEDED, False, True)
     assert near(result.state.position[0], 0.05, 0.001)
     assert daemon.state()["force_set_n"] == 8.0
 
@@ -109,6 +113,14 @@ def test_a_cancelled_goal_holds_the_jaws(gripper: Gripper, daemon: Daemon) -> No
     assert result.state.position[0] > 0.04
     assert daemon.state()["mode"] == "holding"
     print(f"cancelled after {took_s * 1000:.0f} ms")
+
+
+def test_a_goal_that_is_cancelled_at_once_moves_nothing(gripper: Gripper, daemon: Daemon) -> None:
+    goal = gripper.send(0.0)
+    assert goal is not None
+    goal.cancel()
+    assert goal.end()[0] == CANCELED
+    assert daemon.state()["opening_mm"] > 50.0
 
 
 def test_a_newer_goal_replaces_the_older_one(gripper: Gripper) -> None:

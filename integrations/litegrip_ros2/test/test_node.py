@@ -94,7 +94,7 @@ def test_an_object_that_is_lost_is_told(gripper: Gripper, daemon: Daemon) -> Non
 
 def test_a_fault_of_the_motor_is_told_and_cleared(gripper: Gripper, daemon: Daemon) -> None:
     daemon.fault("overload")
-    gripper.is_healthy(1)
+    gripper.is_healthy(2, "overload")
     status, _ = gripper.go(0.02)
     assert status == ABORTED
     assert gripper.call("clear").success
