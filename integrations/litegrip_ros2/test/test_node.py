@@ -1,22 +1,27 @@
-"""The node among others: the stream of states, set-points, a daemon that dies, two grippers, life."""
+"""The node among others: states, set-points, a daemon that dies, two grippers, its life."""
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
+import sys
 import time
 from importlib.util import module_from_spec, spec_from_file_location
+from itertools import pairwise
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
-from xml.etree import ElementTree
+from xml.etree import ElementTree as ET
 
 import pytest
 from action_msgs.msg import GoalStatus
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
-from processes import Daemon, Gripper, Ros, near
+from processes import Daemon, Gripper, Ros, near, program
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
+
+from litegrip_ros2.node import PARAMETERS
 
 SUCCEEDED, ABORTED = GoalStatus.STATUS_SUCCEEDED, GoalStatus.STATUS_ABORTED
 HERE = Path(__file__).resolve().parent
@@ -40,7 +45,7 @@ def test_states_come_at_their_rate_with_the_motors_time_at_little_cost(gripper: 
     took_s = time.monotonic() - begun_s
     share = (gripper.process.cpu_s() - cpu_s) / took_s
     stamps = [stamp_s(one) for one in gripper.states]
-    assert all(later > earlier for earlier, later in zip(stamps, stamps[1:], strict=False))
+    assert all(later > earlier for earlier, later in pairwise(stamps))
     ages_s.sort()
     print(
         f"{len(stamps) / took_s:.1f} states a second, CPU {share * 100:.1f} % of a core,"
@@ -51,7 +56,7 @@ def test_states_come_at_their_rate_with_the_motors_time_at_little_cost(gripper: 
     assert -0.001 < ages_s[250] < 0.5
 
 
-def test_set_points_are_followed_and_a_goal_comes_first(gripper: Gripper, daemon: Daemon) -> None:
+def test_set_points_are_followed_and_a_goal_comes_first(gripper: Gripper) -> None:
     target_m = 0.06
 
     def lead() -> bool:
@@ -186,17 +191,20 @@ def test_its_end_disables_the_motor_or_holds(start, disables: bool, enabled: boo
     assert daemon.state()["enabled"] is enabled
 
 
-def test_a_wrong_parameter_is_named(tmp_path: Path) -> None:
-    where = subprocess.run(
-        ["bash", "-c", "echo ${AMENT_PREFIX_PATH%%:*}"], capture_output=True, text=True, check=True
-    ).stdout.strip()
-    program = Path(where, "lib/litegrip_ros2/litegrip_node")
-    for wrong, says in (("rate_hz:=500.0", "0.1 to 200"), ("joint_layout:=both", "both")):
-        got = subprocess.run(
-            [str(program), "--ros-args", "-p", wrong], capture_output=True, text=True, timeout=60
-        )
-        assert got.returncode != 0
-        assert says in got.stderr
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        ("rate_hz:=500.0", "0.1 to 200"),
+        ("joint_layout:=both", "opening or slides"),
+        ("closed_position:=0.0", "above 0"),
+        ("stop_level:=softly", "hold, relax or disable"),
+    ],
+)
+def test_a_wrong_parameter_is_named(wrong: str, says: str) -> None:
+    command = [program(), "--ros-args", "-p", wrong]
+    got = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60)
+    assert got.returncode == os.EX_CONFIG
+    assert says in got.stderr
 
 
 def test_the_launch_file_names_what_the_node_has(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -206,7 +214,7 @@ def test_the_launch_file_names_what_the_node_has(monkeypatch: pytest.MonkeyPatch
     def stand_in(name: str, **names: object) -> None:
         module = ModuleType(name)
         vars(module).update(names)
-        monkeypatch.setitem(__import__("sys").modules, name, module)
+        monkeypatch.setitem(sys.modules, name, module)
 
     def node(**arguments: object) -> SimpleNamespace:
         made.append(arguments)
@@ -224,8 +232,6 @@ def test_the_launch_file_names_what_the_node_has(monkeypatch: pytest.MonkeyPatch
     launch = module_from_spec(spec)
     spec.loader.exec_module(launch)
     described = launch.generate_launch_description()
-    from litegrip_ros2.node import PARAMETERS
-
     [arguments] = made
     [given] = arguments["parameters"]  # type: ignore[misc]
     assert set(given) <= set(PARAMETERS)
@@ -247,7 +253,7 @@ def test_the_xacro_names_topics_and_joints_of_the_node(tmp_path: Path) -> None:
         ' prefix="left_"/></robot>'
     )
     made = subprocess.run(["xacro", str(robot)], capture_output=True, text=True, check=True).stdout
-    one, two = ElementTree.fromstring(made).findall("ros2_control")
+    one, two = ET.fromstring(made).findall("ros2_control")
     assert [joint.get("name") for joint in one.findall("joint")] == ["gripper_opening_joint"]
     assert [joint.get("name") for joint in two.findall("joint")] == [
         "left_gripper_slide_joint_right",

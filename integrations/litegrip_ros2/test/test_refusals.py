@@ -35,7 +35,7 @@ def test_a_lease_of_another_program_with_its_owner(gripper: Gripper, daemon: Dae
     assert gripper.call("enable").success
 
 
-def test_a_stop_until_it_is_cleared(gripper: Gripper, daemon: Daemon) -> None:
+def test_a_stop_until_it_is_cleared(gripper: Gripper) -> None:
     goal = gripper.send(0.0, velocity_m_s=0.01)
     assert goal is not None
     assert gripper.call("stop").success
