@@ -34,6 +34,9 @@ if TYPE_CHECKING:  # the names again, for who reads them without running this
     from litegrip_client.line.feeds import (
         Event,
     )
+    from litegrip_client.line.latest import (
+        Latest,
+    )
     from litegrip_client.threads.actions import (
         GripperActions,
         ManualCalibration,
@@ -128,6 +131,7 @@ __all__ = [
     "GripperConfig",
     "GripperState",
     "HardwareError",
+    "Latest",
     "LeaseError",
     "LiteGrip",
     "LiteGripError",
@@ -170,6 +174,7 @@ __all__ = [
 
 _MODULES = {
     "line.feeds": ("Event",),
+    "line.latest": ("Latest",),
     "threads.actions": (
         "GripperActions",
         "ManualCalibration",

@@ -38,7 +38,7 @@ from tests.world import CAN_ID, PERIOD_S, Disk, World, is_command
 
 _CLOCKED = (
     *("core.motion", "core.trajectories", "line.connection", "line.exchange"),
-    *("threads.blocking", "threads.sdk_gripper", "values.results"),
+    *("line.latest", "threads.blocking", "threads.sdk_gripper", "values.results"),
 )
 """The client's modules that read a clock, or wait by it."""
 
@@ -293,6 +293,7 @@ def a_site(
         for module in _CLOCKED:
             patch.setattr(f"litegrip_client.{module}.time", clock)
         patch.setattr("litegrip_client.line.connection.LineStream", site.open_stream)
-        patch.setattr("litegrip_client.line.connection.threading", site.turns.threading)
+        for module in ("connection", "latest"):
+            patch.setattr(f"litegrip_client.line.{module}.threading", site.turns.threading)
         with site.turns:
             yield site

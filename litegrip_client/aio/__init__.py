@@ -21,7 +21,7 @@ Any number of tasks may share one object, but only of one event loop. A task tha
 it waits for a motion, also by a timeout, cancels the motion before it ends.
 """
 
-from litegrip_client.aio.gripper import EventSubscription, LiteGrip, Subscription
+from litegrip_client.aio.gripper import EventSubscription, Latest, LiteGrip, Subscription
 from litegrip_client.core.actions import GripperActions
 from litegrip_client.core.calibrations import ManualCalibration
 from litegrip_client.core.motion import SetpointStream
@@ -30,6 +30,7 @@ from litegrip_client.core.session import Lease
 __all__ = [
     "EventSubscription",
     "GripperActions",
+    "Latest",
     "Lease",
     "LiteGrip",
     "ManualCalibration",

@@ -24,10 +24,12 @@ from litegrip_client.core.session import DaemonSession
 from litegrip_client.line.connection import peer_pid
 from litegrip_client.line.exchange import DEFAULT_TIMEOUT_S, Call, Exchange, no_answer
 from litegrip_client.line.feeds import Event, EventFeed, Feed, StateFeed, some_fields, whole_state
+from litegrip_client.line.latest import BaseLatest, NewestFeed
 from litegrip_client.values.calibration import GripperConfig
 from litegrip_client.values.errors import CommandError, LiteGripError
 from litegrip_client.values.motion_config import MotionConfig
 from litegrip_client.values.results import GripperState
+from litegrip_client.values.terms import Voice
 from litegrip_client.values.warn import leave
 
 
@@ -162,22 +164,22 @@ class LineStream(asyncio.Protocol):
 class Connection(Exchange):
     """A connection to the daemon, for the tasks of the event loop in which it was opened."""
 
-    def __init__(self, path: str, timeout_s: float) -> None:
+    def __init__(self, socket_path: str, timeout_s: float) -> None:
         """Nothing is connected yet; see `open`."""
-        super().__init__(path, timeout_s)
+        super().__init__(socket_path, timeout_s)
         self._loop = asyncio.get_running_loop()
         self._pid = os.getpid()
         self._waiting = Waiting()
         self._stream = LineStream(self._on_lines, self._on_change)
 
     @classmethod
-    async def open(cls, path: str, timeout_s: float = DEFAULT_TIMEOUT_S) -> Connection:
-        """Connect to the socket `path`; raises `OSError`.
+    async def open(cls, socket_path: str, timeout_s: float = DEFAULT_TIMEOUT_S) -> Connection:
+        """Connect to the socket `socket_path`; raises `OSError`.
 
         `timeout_s` limits the connecting, and the calls that do not say otherwise.
         """
-        connection = cls(path, timeout_s)
-        await connection._stream.connect(path, timeout_s)
+        connection = cls(socket_path, timeout_s)
+        await connection._stream.connect(socket_path, timeout_s)
         return connection
 
     @property
@@ -254,7 +256,6 @@ class Connection(Exchange):
 
     async def wait_for(self, feed: Feed[Any], timeout_s: float) -> None:
         """Wait until a feed has something in its inbox."""
-        self._check_loop()
         await self._wait(feed, timeout_s, f"with a {feed.what}")
 
     async def unsubscribe(self, feed: Feed[Any]) -> None:
@@ -269,6 +270,10 @@ class Connection(Exchange):
     def closed(self) -> bool:
         """True if the connection has ended: every further call fails."""
         return self._router.ending is not None or self._loop.is_closed() or not self.is_own
+
+    def check_open(self) -> None:
+        """Raise `ConnectError` when nothing more can come here."""
+        self._router.check()
 
     @property
     def daemon_pid(self) -> int:
@@ -322,13 +327,18 @@ class Connection(Exchange):
 
     async def _wait(self, waited: Call | Feed[Any], timeout_s: float, what: str) -> None:
         """Return when an inbox holds something; raises `ConnectError` when that cannot come."""
+        await self.wait_until(lambda: bool(waited.inbox), timeout_s, what)
+
+    async def wait_until(self, came: Callable[[], bool], timeout_s: float, what: str) -> None:
+        """Return when something has come; raises `ConnectError` when it cannot come."""
+        self._check_loop()
 
         def ready() -> bool:
-            return bool(waited.inbox) or self._router.ending is not None
+            return came() or self._router.ending is not None
 
         if not await self._waiting.until(ready, timeout_s):
             raise no_answer(f"the daemon did not answer {what}", timeout_s)
-        if not waited.inbox:
+        if not came():
             self._router.check()
 
     def _on_lines(self, lines: list[bytes]) -> None:
@@ -417,6 +427,56 @@ class EventSubscription(Subscription[Event]):
         return self
 
 
+class Latest(BaseLatest):
+    """The newest state: `async with gripper.latest() as latest:`.
+
+    It begins with the block, or with the first `wait_newer`. One that is no longer referenced ends
+    when its next state comes.
+    """
+
+    def __init__(self, connection: Connection, feed: NewestFeed) -> None:
+        super().__init__(connection, feed)
+        self._connection = connection
+        self._begun = False
+
+    async def _begin(self) -> None:
+        if not self._begun:
+            self._begun = True
+            try:
+                await self._connection.subscribe(self._feed)
+            except BaseException:
+                self._begun = False
+                raise
+
+    async def wait_newer(self, timeout: float | None = None) -> GripperState:
+        """Wait for a state that is newer than the present one; return it.
+
+        Raises `ConnectError` when none comes within `timeout` seconds (`no_answer`; five and more
+        by default), when the connection has ended, and after `close`.
+        """
+        feed, before = self._feed, self._feed.count
+        limit_s = self._limit_s(timeout)
+        self._check()
+        await self._begin()
+        await self._connection.wait_until(
+            lambda: feed.is_over or feed.count > before, limit_s, f"with a {feed.what}"
+        )
+        return self.state
+
+    async def close(self) -> None:
+        """End the subscription, also for a task that waits. Again does nothing."""
+        if not self._feed.is_over:
+            self._feed.end()
+            await self._connection.unsubscribe(self._feed)
+
+    async def __aenter__(self) -> Latest:
+        await self._begin()
+        return self
+
+    async def __aexit__(self, _kind: object, error: BaseException | None, _: object) -> None:
+        await leave(self.close, error)
+
+
 _Result = TypeVar("_Result")
 
 _KEPT_S = 0.5
@@ -473,6 +533,7 @@ class LiteGrip(Gripper):
         canfd_mode: bool | None = None,
         motor_type: str | None = None,
         config: GripperConfig | None = None,
+        voice: Voice | None = None,
     ) -> None:
         """Raise `CommandError` for what cannot be a channel, a mount or a `MotionConfig`."""
         channel, can_id, expected = expectations(
@@ -484,6 +545,7 @@ class LiteGrip(Gripper):
             socket_path,
             disable_on_disconnect=disable_on_disconnect,
             expected=expected,
+            voice=voice,
         )
         super().__init__(session, mount, motion_config, config)
 
@@ -532,3 +594,11 @@ class LiteGrip(Gripper):
     def events(self, kinds: Sequence[str] | None = None) -> EventSubscription:
         """Iterate over the events from now on, or only those of some `kinds`."""
         return EventSubscription(self._session.connection, EventFeed(kinds))
+
+    def latest(self, hz: float = 50.0) -> Latest:
+        """Keep the newest state at hand, `hz` times a second (0.1 to 200), until closed.
+
+        Its `state` never waits, nor asks the daemon: for a loop of its own rate. Use it as
+        `async with gripper.latest() as latest:`.
+        """
+        return Latest(self._session.connection, NewestFeed(hz))

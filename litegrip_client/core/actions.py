@@ -127,7 +127,7 @@ class GripperActions:
         # Also if the answer never comes: the motor may be enabled.
         session.enabled_here = session.keeps_lease = True
         try:
-            result = EnableResult.from_wire(await wire.run(call, ACTION_TIMEOUT_S))
+            result = EnableResult.from_wire(await wire.run(call, ACTION_TIMEOUT_S), session.voice)
         except LiteGripError:
             if call.answered:
                 await self._undo_enable(*before)
@@ -345,7 +345,8 @@ class GripperActions:
     async def zero_gravity(self, on: bool = True) -> GripperState:
         """Let the jaws be moved freely by hand, the motor enabled but without any torque.
 
-        They are loose until `zero_gravity(False)`, `hold` or any motion.
+        They are loose until `zero_gravity(False)`, `hold` or any motion. Until then the state's
+        `mode` is "relaxed" and `is_zero_gravity` true, as after `stop` and a stop "relax".
         """
         return state_of(await self._command("motion.zero_gravity" if on else "motion.hold", {}))
 
@@ -365,8 +366,10 @@ class GripperActions:
         """Begin a stream of targets; the jaws do not move before the first `set_target`.
 
         `valid_s`: 0.02 to 2 s, after which the jaws hold unless a new target came. `speed_mm_s`
-        is how fast they follow at most (`motion_config.speed_mm_s` by default), `torque_nm`, 0.1
-        to 3 N·m, what they press with at most on what stands in their way (1 by default).
+        is how fast they follow at most: `motion_config.speed_mm_s` if that was set, else as fast
+        as any motion may be, 150 mm/s. While it holds them back, `limited` of the state has
+        "speed". They reach a target when the next one is due. `torque_nm`, 0.1 to 3 N·m, is what
+        they press with at most on what stands in their way (1 by default).
         """
         limits = self._limits() | given_numbers(speed_mm_s=speed_mm_s, torque_nm=torque_nm)
         return SetpointStream(self._session, valid_s, limits, self._end_frames)
@@ -376,9 +379,9 @@ class GripperActions:
     ) -> bool:
         """Send a set-point for the position `q`, in rad, valid for 0.2 s; not a frame on the bus.
 
-        The jaws follow at `motion_config.speed_mm_s` at most, with `kp` (5 to 500 N·m/rad) and
-        `kd` (0.1 to 5 N·m·s/rad, at least kp · 0.002 s) or softer, and press with 1 N·m at most.
-        The velocity of their path is fed forward: `dq` is not used, but checked.
+        The jaws follow as those of a `stream`, with `kp` (5 to 500 N·m/rad) and `kd` (0.1 to 5
+        N·m·s/rad, at least kp · 0.002 s) or softer, and press with 1 N·m at most. The velocity of
+        their path is fed forward: `dq` is not used, but checked.
 
         With `kp` 0 it is a set-point of the torque `tau` (N·m, positive towards larger radians,
         within what `set_force` allows), at a bounded speed; with `tau` 0 the jaws are slack.
@@ -780,7 +783,7 @@ class GripperActions:
         """
         from litegrip_client.core import calibrations  # noqa: PLC0415 - see above
 
-        return await calibrations.use(self._command, data)
+        return await calibrations.use(self._session, self._command, data)
 
     async def load_template(self, name: str) -> bool:
         """Have the daemon use the nominal geometry of a mount, "normal" or "reverse".
@@ -813,7 +816,7 @@ class GripperActions:
         from litegrip_client.values.calibration import CalibrationData  # noqa: PLC0415 - see above
 
         view = await self._command("calibration.rescale", self._stroke(stroke_mm))
-        calibrations.warn_of_doubts(view)
+        calibrations.warn_of_doubts(view, self._session.voice)
         return CalibrationData.from_content(view["content"])
 
     async def zero(

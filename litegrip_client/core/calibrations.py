@@ -42,34 +42,34 @@ async def load(
         if path is not None:
             text = "either a path or a template can be loaded, not both"
             raise ParameterError(text, reason="invalid_params")
-        return await _load(command, {"template": files.check_template(template)})
+        return await _load(session, command, {"template": files.check_template(template)})
     asked = path if path is not None else files.environment_path()
     if asked is None:
         return await _load_found(session, command)
     name = files.template_at(asked)
     if name is not None:
-        return await _load(command, {"template": name})
-    return await _load(command, {"content": await session.run_blocking(files.read, asked)})
+        return await _load(session, command, {"template": name})
+    return await _load(session, command, {"content": await session.run_blocking(files.read, asked)})
 
 
-async def use(command: Command, data: CalibrationData) -> bool:
+async def use(session: DaemonSession, command: Command, data: CalibrationData) -> bool:
     """Have the daemon use a calibration's values."""
     content = {name: getattr(data, name) for name in CALIBRATION_KEYS}
     known = {name: value for name, value in content.items() if value is not None}
-    return await _load(command, {"content": {**known, "calibrated": True}})
+    return await _load(session, command, {"content": {**known, "calibrated": True}})
 
 
-async def _load(command: Command, params: dict[str, Any]) -> bool:
+async def _load(session: DaemonSession, command: Command, params: dict[str, Any]) -> bool:
     answer = await command("calibration.load", params, ACTION_TIMEOUT_S)
-    warn_of_doubts(answer)
+    warn_of_doubts(answer, session.voice)
     return answer["loaded"] is True
 
 
-def warn_of_doubts(view: Mapping[str, Any]) -> None:
-    """Log each reason why a calibration is probably wrong."""
+def warn_of_doubts(view: Mapping[str, Any], voice: Voice | None) -> None:
+    """Log each reason why a calibration is probably wrong, in the words of a voice."""
     from litegrip_client.values.voices import in_python  # noqa: PLC0415 - seldom needed
 
-    for doubt in warnings_in(view, in_python):
+    for doubt in warnings_in(view, voice or in_python):
         warn(doubt)
 
 
@@ -90,7 +90,7 @@ async def _load_found(session: DaemonSession, command: Command) -> bool:
             return True
         raise
     if answer["loaded"] is True and answer["factory"] is not True:
-        warn_of_doubts(answer)
+        warn_of_doubts(answer, session.voice)
         return True
     for reason in answer["skipped"]:
         warn(f"the daemon passed over: {reason}")
@@ -98,7 +98,7 @@ async def _load_found(session: DaemonSession, command: Command) -> bool:
     if found is None:
         return answer["loaded"] is True
     try:
-        return await _load(command, {"content": found[1]})
+        return await _load(session, command, {"content": found[1]})
     except CommandError as error:
         error.message = f"{found[0]}: {error.message}"
         raise

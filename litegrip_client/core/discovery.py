@@ -61,19 +61,19 @@ def check_channel(channel: str) -> str:
 
 
 def socket_paths(
-    channel: str, path: str | None = None, environment: Mapping[str, str] | None = None
+    channel: str, socket_path: str | None = None, environment: Mapping[str, str] | None = None
 ) -> list[str]:
     """Return the paths where the daemon of `channel` may be found, in the order to try.
 
-    An explicit `path` or else `LITEGRIPD_SOCKET` is the only one when given.
+    An explicit `socket_path` or else `LITEGRIPD_SOCKET` is the only one when given.
     """
     check_channel(channel)
-    return sockets.paths(channel, path, os.environ if environment is None else environment)
+    return sockets.paths(channel, socket_path, os.environ if environment is None else environment)
 
 
-def is_socket_given(path: str | None = None) -> bool:
-    """Return True if `path` or `LITEGRIPD_SOCKET` names a socket; its channel is unknown then."""
-    return bool(path if path is not None else os.environ.get(SOCKET_VARIABLE))
+def is_socket_given(socket_path: str | None = None) -> bool:
+    """Return True if this or `LITEGRIPD_SOCKET` names a socket; its channel is unknown then."""
+    return bool(socket_path if socket_path is not None else os.environ.get(SOCKET_VARIABLE))
 
 
 def running_channels(environment: Mapping[str, str] | None = None) -> list[str]:
@@ -125,19 +125,19 @@ def _names(directory: str) -> list[str]:
 
 
 async def reach(
-    channel: str, path: str | None, attempt: Callable[[str], Awaitable[_Connected]]
+    channel: str, socket_path: str | None, attempt: Callable[[str], Awaitable[_Connected]]
 ) -> _Connected:
     """Connect to the daemon of `channel` by `attempt`, which raises `OSError` where none answers.
 
     Raises `ConnectError` that lists the attempts.
     """
     failures: list[tuple[str, OSError]] = []
-    for candidate in socket_paths(channel, path):
+    for candidate in socket_paths(channel, socket_path):
         try:
             return await attempt(candidate)
         except OSError as error:  # noqa: PERF203 - two turns at most
             failures.append((candidate, error))
-    raise _no_daemon(channel, failures, is_by_variable=path is None)
+    raise _no_daemon(channel, failures, is_by_variable=socket_path is None)
 
 
 def _no_daemon(

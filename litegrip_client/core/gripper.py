@@ -86,6 +86,12 @@ class Gripper(GripperActions):
         return self._session.channel
 
     @property
+    def socket_path(self) -> str | None:
+        """The daemon's socket: of the connection, else what the constructor was given, or None."""
+        session = self._session
+        return session.wire.connection.socket_path if session.is_open else session.socket_path
+
+    @property
     def disable_on_disconnect(self) -> bool:
         """True if the end of the connection disables the motor that this object enabled.
 
@@ -109,6 +115,7 @@ class Gripper(GripperActions):
     ) -> Lease:
         """Take the lease, for exclusive control: `async with gripper.lease("sorting", wait_s=10):`.
 
+        Without a block nothing is taken before `acquire` of what is returned, until its `release`.
         `enable` takes the lease automatically, until `disconnect`.
         `wait_s` is how long to wait for another owner. With `ttl_s` the lease is lost when no
         call is made for that time; a longer motion is ended. `on_lost` is what the jaws do when
@@ -131,6 +138,17 @@ class Gripper(GripperActions):
         await self._session.take(why, jaws)
 
     # Stop
+
+    async def cancel(self) -> bool:
+        """Cancel this object's own motion: the jaws hold; true if one was cancelled.
+
+        Who waits for the motion, or sends a stream of targets, gets `CancelledError`. What this
+        object has begun in the background (a replay, a recording, teleoperation) ends as well.
+        Any thread or task may call it, and a signal handler while its thread waits for the motion:
+        there it returns at once, true, and the motion ends a moment later. Nothing is latched, and
+        what other objects and programs move goes on.
+        """
+        return await self._session.cancel_own()
 
     async def stop(self) -> None:
         """Take the torque off the jaws at once; they are slack until the next motion.
@@ -195,7 +213,7 @@ class Gripper(GripperActions):
         figures = await self._session.wire.call("health")
         for name in ("reasons", "notes"):
             if name in figures:
-                figures[name] = told_all(figures, name, in_python)
+                figures[name] = told_all(figures, name, self._session.voice or in_python)
         figures.pop("terms", None)
         return figures
 

@@ -11,10 +11,16 @@ import os
 import time
 from collections.abc import Awaitable, Callable, Mapping
 
-from litegrip_client.core.session import DaemonSession
+from litegrip_client.core.session import DaemonSession, own_jobs
 from litegrip_client.line.exchange import FOREVER_S, Call, Progress
 from litegrip_client.values.checks import given_numbers, number
-from litegrip_client.values.errors import CommandError, ConnectError, LiteGripError, ParameterError
+from litegrip_client.values.errors import (
+    CancelledError,
+    CommandError,
+    ConnectError,
+    LiteGripError,
+    ParameterError,
+)
 from litegrip_client.values.warn import leave, warn
 
 TYPE_CHECKING = False
@@ -86,9 +92,9 @@ class Motion:
         """Find the running job of this connection: no notification has named its number yet."""
         listed = (await self._wire.call("job.list", None, _CANCEL_TIMEOUT_S))["jobs"]
         running = [job for job in listed if job["state"] == "running"]
-        for job in running:
-            if self._is_own(job["owner"]):
-                return int(job["job"])
+        own = own_jobs(self._wire.connection, running)
+        if own:
+            return own[0]
         if running and not call.answered:
             numbers = ", ".join(str(job["job"]) for job in running)
             raise CommandError(
@@ -96,13 +102,6 @@ class Motion:
                 reason="unknown_job",
             )
         return None
-
-    def _is_own(self, owner: Mapping[str, Any]) -> bool:
-        """Return True if a job is of this connection, or, where unknown, of this process."""
-        client = self._wire.connection.client
-        if client is not None and "client" in owner:
-            return bool(owner["client"] == client)
-        return bool(owner["pid"] == os.getpid())
 
 
 _EXPIRED = "set_point_expired"
@@ -117,7 +116,8 @@ class SetpointStream:
 
     The first target, and one after a pause, waits for the daemon's answer; the others are sent
     without. What the daemon refuses of those is raised by one of the next calls, but for one that
-    came too late: the jaws hold until the next one.
+    came too late: the jaws hold until the next one. After `cancel` of the gripper the next call
+    raises `CancelledError`, and the one after that begins anew.
     """
 
     def __init__(
@@ -135,6 +135,7 @@ class SetpointStream:
         self._wire: Wire | None = None
         self._job: int | None = None
         self._sent_s = -math.inf
+        self._cancels = 0
 
     async def set_target(
         self,
@@ -176,6 +177,10 @@ class SetpointStream:
     async def _send(self, params: dict[str, Any]) -> None:
         wire = self._session.wire
         paused_s = time.monotonic() - self._sent_s
+        cancels, self._cancels = self._cancels, self._session.cancels
+        if cancels != self._cancels and self._wire is not None and paused_s < self._valid_s:
+            self._wire = self._job = None
+            raise CancelledError("this stream was cancelled, by cancel()", reason="cancelled")
         if wire is self._wire and paused_s < self._valid_s / 2.0:
             refusal = await wire.take_refusal()
             if refusal is not None:

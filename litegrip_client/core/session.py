@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
-from collections.abc import Callable, Coroutine, Mapping
+from collections.abc import Callable, Coroutine, Iterable, Mapping
 from weakref import WeakSet
 
 from litegrip_client.core.discovery import chosen_channel
@@ -19,6 +19,7 @@ from litegrip_client.values.errors import (
     HardwareError,
     LeaseError,
     LiteGripError,
+    ParameterError,
     ProtocolError,
 )
 from litegrip_client.values.warn import leave, warn
@@ -29,6 +30,7 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, Protocol, TypeVar
 
     from litegrip_client.line.exchange import Call, Exchange
+    from litegrip_client.values.terms import Voice
 
     _Result = TypeVar("_Result")
 
@@ -79,7 +81,8 @@ class DaemonSession:
 
     `enabled_here` is true from this session's enabling on until its disabling; only then does its
     end do anything to the motor. `keeps_lease` is true if it wants the lease until its end,
-    `leased` that it has it, as far as it knows.
+    `leased` that it has it, as far as it knows. `voice` puts the daemon's texts into the words of
+    the program, None into those of Python. `cancels` counts the calls of `cancel_own`.
     """
 
     def __init__(
@@ -90,8 +93,20 @@ class DaemonSession:
         *,
         disable_on_disconnect: bool,
         expected: Mapping[str, Any] | None = None,
+        voice: Voice | None = None,
     ) -> None:
-        """Expect the values of `expected` in the daemon's `GripperConfig`, by its fields."""
+        """Expect the values of `expected` in the daemon's `GripperConfig`, by its fields.
+
+        Raises `CommandError` for a `voice` that cannot be called.
+        """
+        if voice is not None and not callable(voice):
+            raise ParameterError(
+                f"voice is {voice!r:.60}, it must be a function of a method, a parameter and the"
+                " method that was asked",
+                reason="invalid_params",
+                data={"parameter": "voice"},
+            )
+        self.voice = voice
         self._expected = expected or {}
         self.channel = chosen_channel(channel)
         self.can_id = can_id
@@ -103,6 +118,7 @@ class DaemonSession:
         self._grant: int | None = None
         self._wire: Wire | None = None
         self._connect_first: Callable[[], Awaitable[object]] | None = None
+        self.cancels = 0
         _SESSIONS.add(self)
 
     async def _connect(self) -> Wire:
@@ -123,6 +139,17 @@ class DaemonSession:
         """Make a call that must never act after a stop that this program did not know of."""
         wire = self.wire
         return await wire.run(wire.connection.prepare_guarded(method, params), timeout_s)
+
+    async def cancel_own(self) -> bool:
+        """Cancel what moves for this session's connection; return True if anything did."""
+        self.cancels += 1
+        wire = self.wire
+        listed = (await wire.call("job.list"))["jobs"]
+        ended = [
+            await wire.call("job.cancel", {"job": number})
+            for number in own_jobs(wire.connection, listed)
+        ]
+        return any(job["state"] == "cancelled" for job in ended)
 
     async def run_blocking(self, function: Callable[..., _Result], *arguments: Any) -> _Result:
         """Run a function that works with files, and so may block; return its result."""
@@ -174,10 +201,11 @@ class DaemonSession:
         if self.is_open:
             return
         wire = await self._connect()
+        wire.connection.voice = self.voice
         try:
             hello = await wire.call("hello", {"client": _program()})
             wire.connection.accept(hello)
-            self._check(hello, wire.connection.path)
+            self._check(hello, wire.connection.socket_path)
             await begin(wire)
         except GeneratorExit:
             raise
@@ -339,8 +367,9 @@ class DaemonSession:
 class Lease:
     """The lease of one gripper, for `async with`: taken at the start, returned at the end.
 
-    It is kept while another block, or `enable`, of the same gripper object needs it. `token` names
-    it, for another connection of the same program (`lease` of the raw methods).
+    Without a block, `acquire` and `release` do the same. It is kept while another block, or
+    `enable`, of the same gripper object needs it. `token` names it, for another connection of the
+    same program (`lease` of the raw methods).
     """
 
     def __init__(self, session: DaemonSession, options: dict[str, Any]) -> None:
@@ -351,27 +380,56 @@ class Lease:
 
     @property
     def token(self) -> str | None:
-        """The name of the lease, inside the block."""
+        """The name of the lease, until it is released."""
         return self._token
 
-    async def __aenter__(self) -> Lease:
-        granted = await self._session.acquire(**self._options)
-        self._wire = self._session.enter_lease()
+    async def acquire(self) -> None:
+        """Take the lease, until `release`; one that was lost is taken again.
+
+        Raises `LeaseError`, which names the owner, when it is not free within `wait_s` seconds.
+        """
+        session = self._session
+        granted = await session.acquire(**self._options)
+        if self._wire is not session.wire:  # else it is counted already
+            self._wire = session.enter_lease()
         self._token = str(granted["lease"])
-        return self
 
-    async def __aexit__(self, _kind: object, error: BaseException | None, _: object) -> None:
+    async def release(self) -> None:
+        """Give the lease back, unless this gripper object needs it for more; again does nothing.
+
+        The jaws stay as they are.
+        """
         self._token = None
-        await leave(self._leave, error)
-
-    async def _leave(self) -> None:
         wire, self._wire = self._wire, None
         if wire is not None:
             await self._session.leave_lease(wire)
 
+    async def __aenter__(self) -> Lease:
+        await self.acquire()
+        return self
+
+    async def __aexit__(self, _kind: object, error: BaseException | None, _: object) -> None:
+        await leave(self.release, error)
+
     async def renew(self) -> None:
         """Restart `ttl_s`, as every call does. Raises `LeaseError` when the lease is lost."""
         await self._session.wire.call("lease.renew")
+
+
+def own_jobs(connection: Exchange, listed: Iterable[Mapping[str, Any]]) -> list[int]:
+    """Return the numbers of a connection's jobs that have not ended, of those that are listed."""
+    return [
+        int(job["job"])
+        for job in listed
+        if job["state"] in ("running", "queued") and _is_own(connection, job["owner"])
+    ]
+
+
+def _is_own(connection: Exchange, owner: Mapping[str, Any]) -> bool:
+    """Return True if a job is of this connection, or, where unknown, of this process."""
+    if connection.client is not None and "client" in owner:
+        return bool(owner["client"] == connection.client)
+    return bool(owner["pid"] == os.getpid())
 
 
 async def _disable(wire: Wire) -> None:

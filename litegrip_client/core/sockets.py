@@ -28,12 +28,12 @@ def directories(environment: Mapping[str, str]) -> tuple[str, ...]:
     return SYSTEM_DIRECTORY, f"{own}/litegripd"
 
 
-def paths(channel: str, path: str | None, environment: Mapping[str, str]) -> list[str]:
+def paths(channel: str, socket_path: str | None, environment: Mapping[str, str]) -> list[str]:
     """Return the paths where the daemon of `channel` may be found, in the order to try.
 
-    An explicit `path` or else `LITEGRIPD_SOCKET` is the only one when given.
+    An explicit `socket_path` or else `LITEGRIPD_SOCKET` is the only one when given.
     """
-    chosen = path if path is not None else environment.get(SOCKET_VARIABLE)
+    chosen = socket_path if socket_path is not None else environment.get(SOCKET_VARIABLE)
     if chosen:
         return [os.fspath(chosen)]
     folders = directories(environment)

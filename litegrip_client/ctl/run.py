@@ -134,7 +134,9 @@ def connected(options: Namespace) -> Connection:
         is_checked = options.channel_chosen and options.socket is None
         if is_checked and hello["channel"] != options.channel:
             hint = "see the variable LITEGRIPD_SOCKET"
-            raise different("channel", options.channel, hello["channel"], connection.path, hint)
+            raise different(
+                "channel", options.channel, hello["channel"], connection.socket_path, hint
+            )
     except BaseException:
         connection.close()
         raise

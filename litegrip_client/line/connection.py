@@ -211,8 +211,8 @@ class Multiplexer:
         """True in a signal handler that interrupts a call of its own thread."""
         return self._leader == threading.get_ident()
 
-    def check_usable(self) -> None:
-        """Raise when this thread must not wait here, or cannot any more."""
+    def check_open(self) -> None:
+        """Raise when nothing more can come here."""
         if not self.is_own:
             raise ConnectError(
                 f"this connection belongs to process {self._pid}; its forked child "
@@ -220,14 +220,18 @@ class Multiplexer:
                 reason="forked",
                 data={"hint": "connect again in the child"},
             )
-        if self.is_waiting_here:
+        self._router.check()
+
+    def check_usable(self) -> None:
+        """Raise when this thread must not wait here, or cannot any more."""
+        if self.is_own and self.is_waiting_here:
             raise CommandError(
                 "this thread waits for an answer on this connection already, so its signal "
                 "handler cannot use it",
                 reason="reentrant",
                 data={"hint": "use another connection in the handler, or raise an exception"},
             )
-        self._router.check()
+        self.check_open()
 
     def send(self, line: bytes, timeout_s: float) -> None:
         """Send one line. That the daemon is gone shows in `wait`, with what it said before."""
@@ -321,15 +325,15 @@ class Multiplexer:
 
 
 class Connection(Exchange):
-    """A connection to the daemon at the socket `path`.
+    """A connection to the daemon at the socket `socket_path`.
 
     Threads may share it. Processes may not: after a fork the child makes its own.
     """
 
-    def __init__(self, path: str, timeout_s: float = DEFAULT_TIMEOUT_S) -> None:
+    def __init__(self, socket_path: str, timeout_s: float = DEFAULT_TIMEOUT_S) -> None:
         """Connect; raises `OSError`. `timeout_s` is the default time limit of calls."""
-        super().__init__(path, timeout_s)
-        self._multiplexer = Multiplexer(path, timeout_s, self._router)
+        super().__init__(socket_path, timeout_s)
+        self._multiplexer = Multiplexer(socket_path, timeout_s, self._router)
 
     def call(
         self,
@@ -412,17 +416,18 @@ class Connection(Exchange):
         from litegrip_client.line.feeds import EventFeed, EventSubscription  # noqa: PLC0415
 
         feed = EventFeed(kinds)
-        self._begin(feed)
+        self.begin(feed)
         return EventSubscription(self, feed)
 
     def subscribe(self, feed: Feed[_Item]) -> Subscription[_Item]:
         """Begin the subscription of a feed."""
         from litegrip_client.line.feeds import Subscription  # noqa: PLC0415 - see above
 
-        self._begin(feed)
+        self.begin(feed)
         return Subscription(self, feed)
 
-    def _begin(self, feed: Feed[Any]) -> None:
+    def begin(self, feed: Feed[Any]) -> None:
+        """Begin the subscription of a feed: its inbox fills while somebody reads here."""
         if feed.asks_first is not None:
             feed.learn(self.call(feed.asks_first))
         call = self._subscribing(feed)
@@ -452,6 +457,10 @@ class Connection(Exchange):
                 self.call(*feed.ending())
         finally:
             self._router.listeners.pop(feed.key, None)
+
+    def check_open(self) -> None:
+        """Raise `ConnectError` when nothing more can come here."""
+        self._multiplexer.check_open()
 
     @property
     def closed(self) -> bool:

@@ -305,9 +305,9 @@ class Exchange:
     `daemon_version` is for them, too.
     """
 
-    def __init__(self, path: str, timeout_s: float) -> None:
+    def __init__(self, socket_path: str, timeout_s: float) -> None:
         """`timeout_s` limits the calls that do not say otherwise."""
-        self.path = path
+        self.socket_path = socket_path
         self.timeout_s = timeout_s
         self.stop_generation: int | None = None
         self.client: int | None = None
@@ -331,6 +331,10 @@ class Exchange:
     @property
     def daemon_pid(self) -> int:
         """The process id of the other end, 0 if unknown."""
+        raise NotImplementedError
+
+    def check_open(self) -> None:
+        """Raise `ConnectError` when nothing more can come here."""
         raise NotImplementedError
 
     def _post(self, line: bytes) -> None:
@@ -360,6 +364,16 @@ class Exchange:
     def _guarded(self, params: Mapping[str, Any]) -> dict[str, Any]:
         return guarded(params, self.stop_generation, has_clock=self.has_clock)
 
+    def post(
+        self, method: str, params: Mapping[str, Any], on_result: Progress | None = None
+    ) -> None:
+        """Send a request for which nobody waits; `on_result` gets its result where it is read."""
+        call = self.prepare(method, params)
+        if on_result is not None:
+            call.on_result = on_result
+            self._router.calls[call.identity] = call
+        self._post(call.line())
+
     def forget(self, call: Call) -> None:
         """Drop later messages for `call`; for callers that set its `keep`."""
         self._router.calls.pop(call.identity, None)
@@ -375,7 +389,7 @@ class Exchange:
         def take_back(result: Message) -> None:
             request = undo(result)
             if request is not None:
-                self._post(self.prepare(*request).line())
+                self.post(*request)
 
         call.on_result = take_back
         self._router.calls[call.identity] = call
@@ -467,4 +481,4 @@ class Exchange:
         self.abandon(call, lambda result: unsubscribing(feed.notification, result["subscription"]))
 
     def _end_orphan(self, key: Key) -> None:
-        self._post(self.prepare(*unsubscribing(*key)).line())
+        self.post(*unsubscribing(*key))

@@ -7,7 +7,6 @@ slow reader misses. No I/O: an iterator, for threads, waits through its connecti
 from __future__ import annotations
 
 import math
-import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from typing import Any, Generic, Protocol, TypeVar
 from litegrip_client.line.exchange import Key, Message, unsubscribing
 from litegrip_client.values.checks import integer, number
 from litegrip_client.values.errors import ConnectError, ParameterError
+from litegrip_client.values.fields import unix_time
 from litegrip_client.values.results import STATE_FIELDS, GripperState
 from litegrip_client.values.terms import Voice, told
 from litegrip_client.values.voices import in_python
@@ -44,7 +44,7 @@ class Event:
     @property
     def timestamp(self) -> float:
         """The Unix time, by the clocks of this machine, which must be the daemon's, too."""
-        return time.time() - time.monotonic() + self.monotonic_s
+        return unix_time(self.monotonic_s)
 
     @classmethod
     def from_wire(cls, data: Mapping[str, Any], voice: Voice = in_python) -> Event:

@@ -33,8 +33,9 @@ if TYPE_CHECKING:  # importing typing and dataclasses is slow
 class Lease:
     """The lease of one gripper, for `with`: taken at the start, returned at the end.
 
-    It is kept while another block, or `enable`, of the same gripper object needs it. `token` names
-    it, for another connection of the same program (`lease` of the raw methods).
+    Without a block, `acquire` and `release` do the same. It is kept while another block, or
+    `enable`, of the same gripper object needs it. `token` names it, for another connection of the
+    same program (`lease` of the raw methods).
     """
 
     def __init__(self, core: core_session.Lease) -> None:
@@ -42,8 +43,22 @@ class Lease:
 
     @property
     def token(self) -> str | None:
-        """The name of the lease, inside the block."""
+        """The name of the lease, until it is released."""
         return self._core.token
+
+    def acquire(self) -> None:
+        """Take the lease, until `release`; one that was lost is taken again.
+
+        Raises `LeaseError`, which names the owner, when it is not free within `wait_s` seconds.
+        """
+        complete(self._core.acquire())
+
+    def release(self) -> None:
+        """Give the lease back, unless this gripper object needs it for more; again does nothing.
+
+        The jaws stay as they are.
+        """
+        complete(self._core.release())
 
     def __enter__(self) -> Lease:
         complete(self._core.__aenter__())
@@ -101,7 +116,8 @@ class SetpointStream:
 
     The first target, and one after a pause, waits for the daemon's answer; the others are sent
     without. What the daemon refuses of those is raised by one of the next calls, but for one that
-    came too late: the jaws hold until the next one.
+    came too late: the jaws hold until the next one. After `cancel` of the gripper the next call
+    raises `CancelledError`, and the one after that begins anew.
     """
 
     def __init__(self, core: core_motion.SetpointStream) -> None:
@@ -381,7 +397,8 @@ class GripperActions:
     def zero_gravity(self, on: bool = True) -> GripperState:
         """Let the jaws be moved freely by hand, the motor enabled but without any torque.
 
-        They are loose until `zero_gravity(False)`, `hold` or any motion.
+        They are loose until `zero_gravity(False)`, `hold` or any motion. Until then the state's
+        `mode` is "relaxed" and `is_zero_gravity` true, as after `stop` and a stop "relax".
         """
         return complete(self._core.zero_gravity(on))
 
@@ -399,8 +416,10 @@ class GripperActions:
         """Begin a stream of targets; the jaws do not move before the first `set_target`.
 
         `valid_s`: 0.02 to 2 s, after which the jaws hold unless a new target came. `speed_mm_s`
-        is how fast they follow at most (`motion_config.speed_mm_s` by default), `torque_nm`, 0.1
-        to 3 N·m, what they press with at most on what stands in their way (1 by default).
+        is how fast they follow at most: `motion_config.speed_mm_s` if that was set, else as fast
+        as any motion may be, 150 mm/s. While it holds them back, `limited` of the state has
+        "speed". They reach a target when the next one is due. `torque_nm`, 0.1 to 3 N·m, is what
+        they press with at most on what stands in their way (1 by default).
         """
         return SetpointStream(
             self._core.stream(valid_s, speed_mm_s=speed_mm_s, torque_nm=torque_nm)
@@ -411,9 +430,9 @@ class GripperActions:
     ) -> bool:
         """Send a set-point for the position `q`, in rad, valid for 0.2 s; not a frame on the bus.
 
-        The jaws follow at `motion_config.speed_mm_s` at most, with `kp` (5 to 500 N·m/rad) and
-        `kd` (0.1 to 5 N·m·s/rad, at least kp · 0.002 s) or softer, and press with 1 N·m at most.
-        The velocity of their path is fed forward: `dq` is not used, but checked.
+        The jaws follow as those of a `stream`, with `kp` (5 to 500 N·m/rad) and `kd` (0.1 to 5
+        N·m·s/rad, at least kp · 0.002 s) or softer, and press with 1 N·m at most. The velocity of
+        their path is fed forward: `dq` is not used, but checked.
 
         With `kp` 0 it is a set-point of the torque `tau` (N·m, positive towards larger radians,
         within what `set_force` allows), at a bounded speed; with `tau` 0 the jaws are slack.
@@ -873,6 +892,11 @@ class BlockingGripper(GripperActions):
         return self._core.channel
 
     @property
+    def socket_path(self) -> str | None:
+        """The daemon's socket: of the connection, else what the constructor was given, or None."""
+        return self._core.socket_path
+
+    @property
     def disable_on_disconnect(self) -> bool:
         """True if the end of the connection disables the motor that this object enabled.
 
@@ -894,6 +918,7 @@ class BlockingGripper(GripperActions):
     ) -> Lease:
         """Take the lease, for exclusive control: `with gripper.lease("sorting", wait_s=10):`.
 
+        Without a block nothing is taken before `acquire` of what is returned, until its `release`.
         `enable` takes the lease automatically, until `disconnect`.
         `wait_s` is how long to wait for another owner. With `ttl_s` the lease is lost when no
         call is made for that time; a longer motion is ended. `on_lost` is what the jaws do when
@@ -913,6 +938,17 @@ class BlockingGripper(GripperActions):
         the daemon's configuration.
         """
         complete(self._core.take_lease(why, jaws=jaws))
+
+    def cancel(self) -> bool:
+        """Cancel this object's own motion: the jaws hold; true if one was cancelled.
+
+        Who waits for the motion, or sends a stream of targets, gets `CancelledError`. What this
+        object has begun in the background (a replay, a recording, teleoperation) ends as well.
+        Any thread or task may call it, and a signal handler while its thread waits for the motion:
+        there it returns at once, true, and the motion ends a moment later. Nothing is latched, and
+        what other objects and programs move goes on.
+        """
+        return complete(self._core.cancel())
 
     def stop(self) -> None:
         """Take the torque off the jaws at once; they are slack until the next motion.

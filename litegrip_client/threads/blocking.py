@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Coroutine, Mapping
 
 from litegrip_client.core.discovery import reach
-from litegrip_client.core.session import DaemonSession
+from litegrip_client.core.session import DaemonSession, own_jobs
 from litegrip_client.line.connection import Connection
 from litegrip_client.line.exchange import DEFAULT_TIMEOUT_S
 from litegrip_client.values.errors import LiteGripError
@@ -89,14 +89,14 @@ class BlockingWire:
 
 
 def connect(
-    channel: str, path: str | None = None, timeout_s: float = DEFAULT_TIMEOUT_S
+    channel: str, socket_path: str | None = None, timeout_s: float = DEFAULT_TIMEOUT_S
 ) -> Connection:
     """Connect to the daemon of `channel`; raises `ConnectError` that lists the attempts."""
 
     async def attempt(candidate: str) -> Connection:
         return Connection(candidate, timeout_s)
 
-    return complete(reach(channel, path, attempt))
+    return complete(reach(channel, socket_path, attempt))
 
 
 class BlockingSession(DaemonSession):
@@ -114,8 +114,27 @@ class BlockingSession(DaemonSession):
         connection = self.connection
         if not connection.is_waiting_here:
             return connection.call(method, params)
-        with Connection(connection.path) as another:
+        with Connection(connection.socket_path) as another:
+            another.voice = self.voice
             return another.call(method, params)
+
+    async def cancel_own(self) -> bool:
+        """Cancel what moves for this session's connection, also from a signal handler.
+
+        If its thread waits for an answer there, the handler must not wait: then the thread sends
+        the cancelling as soon as it goes on, and this is true.
+        """
+        connection = self.connection
+        if not connection.is_waiting_here:
+            return await super().cancel_own()
+        self.cancels += 1
+
+        def cancel(result: dict[str, Any]) -> None:
+            for number in own_jobs(connection, result["jobs"]):
+                connection.post("job.cancel", {"job": number})
+
+        connection.post("job.list", {}, cancel)
+        return True
 
     async def run_blocking(self, function: Callable[..., _Result], *arguments: Any) -> _Result:
         """Run a function; return its result."""

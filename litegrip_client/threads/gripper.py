@@ -17,9 +17,11 @@ if TYPE_CHECKING:  # importing dataclasses is slow
     from typing import Any, NoReturn, overload
 
     from litegrip_client.line.feeds import EventSubscription, Subscription
+    from litegrip_client.line.latest import Latest
     from litegrip_client.values.calibration import GripperConfig
     from litegrip_client.values.motion_config import MotionConfig
     from litegrip_client.values.results import GripperState
+    from litegrip_client.values.terms import Voice
 
 
 class LiteGrip(SdkGripper):
@@ -40,6 +42,11 @@ class LiteGrip(SdkGripper):
     `zero` and the other calibrations of this object. `canfd_mode` must be false: the motor
     speaks classic CAN.
 
+    Errors, `health` and warnings name calls of this class: "clear it with gripper.clear_stop()".
+    A program whose user has other words gives a `voice`, a function of a method of the protocol, a
+    parameter, and the method that was asked. It returns the user's words, or None to leave the
+    protocol's: `voice=lambda method, parameter, asked: {"stop.clear": "~/clear"}.get(method)`.
+
     `GripperActions` describes all actions.
     """
 
@@ -56,6 +63,7 @@ class LiteGrip(SdkGripper):
         canfd_mode: bool | None = None,
         motor_type: str | None = None,
         config: GripperConfig | None = None,
+        voice: Voice | None = None,
     ) -> None:
         """Raise `CommandError` for what cannot be a channel, a mount or a `MotionConfig`."""
         from litegrip_client.core.gripper import Gripper  # noqa: PLC0415 - see above
@@ -73,6 +81,7 @@ class LiteGrip(SdkGripper):
             socket_path,
             disable_on_disconnect=disable_on_disconnect,
             expected=expected,
+            voice=voice,
         )
         super().__init__(Gripper(self._session, mount, motion_config, config))
 
@@ -139,3 +148,15 @@ class LiteGrip(SdkGripper):
         it as `with gripper.events() as events:`.
         """
         return self._session.connection.subscribe_events(kinds)
+
+    def latest(self, hz: float = 50.0) -> Latest:
+        """Keep the newest state at hand, `hz` times a second (0.1 to 200), until closed.
+
+        Its `state` never waits, nor asks the daemon: for a loop of its own rate. Use it as
+        `with gripper.latest() as latest:`.
+        """
+        from litegrip_client.line.latest import Latest, NewestFeed  # noqa: PLC0415 - see above
+
+        feed = NewestFeed(hz)
+        self._session.connection.begin(feed)
+        return Latest(self._session.connection, feed)

@@ -127,7 +127,7 @@ class LiteGripError(Exception):
 
     @property
     def owner(self) -> dict[str, Any] | None:
-        """The present owner of the requested resource: a mapping with pid, program and so on."""
+        """Who has what was asked for, or has stopped: a mapping with pid, program and so on."""
         owner = self.data.get("owner")
         return owner if isinstance(owner, dict) else None
 

@@ -21,6 +21,23 @@ STILL_RAD_S = 0.05
 """Slower jaws count as still: three steps of the motor's reported velocity (30/2047 rad/s)."""
 
 
+_STEPPED_S = 0.001
+_LEADS_S = [0.0]
+"""By how much the wall clock is ahead of CLOCK_MONOTONIC, as it was last found."""
+
+
+def unix_time(monotonic_s: float) -> float:
+    """Return the Unix time of a CLOCK_MONOTONIC time of this machine, by the clocks as they are.
+
+    They are compared each time. A difference of less than a millisecond is the comparison's own.
+    """
+    before_s, wall_s, after_s = time.monotonic(), time.time(), time.monotonic()
+    leads_s = wall_s - (before_s + after_s) / 2.0
+    if abs(leads_s - _LEADS_S[0]) > _STEPPED_S + (after_s - before_s):
+        _LEADS_S[0] = leads_s
+    return _LEADS_S[0] + monotonic_s
+
+
 class StateNames:
     """Further names of a `GripperState`'s fields."""
 
@@ -33,6 +50,7 @@ class StateNames:
         feedback_s: float | None
         enabled: bool | None
         error_code: int | None
+        mode: str
         motor: str
         velocity_rad_s: float | None
 
@@ -58,10 +76,12 @@ class StateNames:
 
     @property
     def timestamp(self) -> float | None:
-        """The Unix time of the motor's last feedback; None if there never was any."""
-        if self.feedback_s is None:
-            return None
-        return time.time() - time.monotonic() + self.feedback_s
+        """The Unix time of the motor's last feedback, in seconds; None if there never was any.
+
+        By the clocks of this machine, which must be the daemon's, too. It follows a wall clock that
+        is set; until then the same feedback has the same time, and a later one a later.
+        """
+        return None if self.feedback_s is None else unix_time(self.feedback_s)
 
     @property
     def is_enabled(self) -> bool:
@@ -76,6 +96,11 @@ class StateNames:
         is none: enabling clears it.
         """
         return self.motor != "disabled" and self.error_code not in (None, 0, 1)
+
+    @property
+    def is_zero_gravity(self) -> bool:
+        """True if the jaws were let go, by `zero_gravity` or `stop`: the mode is "relaxed"."""
+        return self.mode == "relaxed"
 
     @property
     def is_moving(self) -> bool:

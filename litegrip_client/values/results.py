@@ -9,10 +9,13 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from litegrip_client.values.checks import pick
 from litegrip_client.values.fields import MoveNames, StateNames
+
+if TYPE_CHECKING:
+    from litegrip_client.values.terms import Voice
 
 USABLE_BUS = ("up", "motor_silent")
 """States of a bus on which frames can be exchanged."""
@@ -47,10 +50,12 @@ class GripperState(StateNames):
     Times are CLOCK_MONOTONIC seconds: `monotonic_s` of this state, `feedback_s` of the motor's
     last feedback. `age_s` is the feedback's age when the state was made; `stale` is true if the
     figures are old ones. `error_code` is the motor's status nibble and `status` its name. `enabled`
-    is None while nobody knows: take only False for a motor that is off.
+    is None while nobody knows: take only False for a motor that is off. `mode` is "offline",
+    "disabled", "enabling", "holding", "moving", "relaxed" (zero gravity), "disabling" or "fault".
 
     `command_rad` and `command_torque_nm` are the motor's command, `requested_rad` and
-    `requested_torque_nm` the motion's request; `limited` says why they differ.
+    `requested_torque_nm` the motion's request; `limited` says why they differ, and
+    has "speed" while a stream's speed holds its target back.
     `force_set_n` is the squeezing force that a hold by force aims at, None in any other and
     when the motor is off; `is_grasped` is true if an object is held, and
     None if one was when the motor fell silent, which may have let go by itself.
@@ -175,15 +180,15 @@ class EnableResult(ShortRepr):
         return self.ok
 
     @classmethod
-    def from_wire(cls, data: Mapping[str, Any]) -> EnableResult:
-        """Read the wire's form; raises `ProtocolError`."""
+    def from_wire(cls, data: Mapping[str, Any], voice: Voice | None = None) -> EnableResult:
+        """Read the wire's form, in the words of a voice; raises `ProtocolError`."""
         values = _with_state(data, ("ok", "tries"), "enable result")
         message = data.get("message")
         if message is not None:
             from litegrip_client.values.terms import told  # noqa: PLC0415 - seldom needed
             from litegrip_client.values.voices import in_python  # noqa: PLC0415 - seldom needed
 
-            message = told(data, "message", in_python)
+            message = told(data, "message", voice or in_python)
         return cls(**values, reason=data.get("reason"), message=message)
 
 

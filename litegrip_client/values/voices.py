@@ -206,6 +206,9 @@ MEANT: Mapping[str, str] = {
     "temperature": "get_state().coil_temperature_c",
     "grip": "grasp(force_n=...)",
     "release": "open(), or zero_gravity() for slack jaws",
+    "relax": "zero_gravity()",
+    "slack": "zero_gravity()",
+    "relaxed": "get_state().is_zero_gravity",
     "grasped": "get_state().is_grasped",
     "enabled": "get_state().enabled",
 }

@@ -27,10 +27,12 @@ class StopLatch:
     repeats: Carried[int] = 0
     stopped_by: Carried[tuple[User | None, ...]] = ()
     _latest_s: Carried[float] = float("-inf")
-    NOT_CARRIED = ("on_stop", "_latest_client", "_latest_of_others_s")  # connections end
+    NOT_CARRIED = ("on_stop", "_cleared", "_latest_client", "_latest_of_others_s")
+    # Connections end, and with them what was sent before a stop that is cleared.
 
     def __init__(self) -> None:
         self.on_stop: Callable[[float], None] = lambda _now_s: None
+        self._cleared: Stop | None = None
         self._latest_client: int | None = None
         self._latest_of_others_s = float("-inf")
 
@@ -59,6 +61,7 @@ class StopLatch:
     def clear(self) -> int:
         """Allow requests for motions again; return the number of repeats."""
         repeats, self.repeats = self.repeats, 0
+        self._cleared = self.latched or self._cleared
         self.latched, self.stopped_by = None, ()
         return repeats
 
@@ -67,16 +70,15 @@ class StopLatch:
         stop = self.latched
         if stop is None:
             return None
-        why = "" if stop.why is None else f": {stop.why}"
         return Refusal(
             "stopped",
             sentence(
                 "a stop ({level}) by {who} is latched{why}; clear it with {stop.clear} first",
                 level=stop.level,
                 who=_stopper(stop),
-                why=why,
+                why=_because(stop),
             ),
-            {"level": stop.level, "hint": method_name("stop.clear")},
+            {**_stop_data(stop), "hint": method_name("stop.clear")},
         )
 
     def clearing_refusal(self, lease_held: Refusal) -> Refusal:
@@ -121,16 +123,30 @@ class StopLatch:
             how = f"came {stopped_s - received_s:.3f} s before the latest stop"
         else:
             return None
+        stop = self.latched or self._cleared
+        which = "" if stop is None else f" ({stop.level}) by {_stopper(stop)}"
         return Refusal(
             "sent_before_stop",
-            f"the request {how}: a stop has come since, so it is not carried out; look at the"
-            " state and, when it is safe, send it again",
-            {"stop_generation": self.generation},
+            f"the request {how}: a stop{which} has come since{_because(stop)}; it is not carried"
+            " out: look at the state and, when it is safe, send it again",
+            {**_stop_data(stop), "stop_generation": self.generation},
         )
 
 
 def _stopper(stop: Stop) -> str:
     return "the daemon" if stop.by is None else f"{stop.by.program} (pid {stop.by.pid})"
+
+
+def _because(stop: Stop | None) -> str:
+    return "" if stop is None or stop.why is None else f": {stop.why}"
+
+
+def _stop_data(stop: Stop | None) -> dict[str, object]:
+    """Return what a program may want to know of a stop: how, by whom (or None), and why."""
+    if stop is None:
+        return {}
+    owner = None if stop.by is None else process_of(stop.by)
+    return {"level": stop.level, "owner": owner, "why": stop.why}
 
 
 QUIET_AFTER_S = 2.0

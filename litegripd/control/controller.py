@@ -802,7 +802,13 @@ class Controller:
         bounds = own_bounds or bounds_of(self.in_force.geometry, self.in_force.config)
         grip = self.grip
         change = self.output.send(
-            now_s, command, feedback, bounds, ranges, grips=grip is not None or self._is_pushed
+            now_s,
+            command,
+            feedback,
+            bounds,
+            ranges,
+            grips=grip is not None or self._is_pushed,
+            is_held_back=action is not None and action.is_held_back,
         )
         if change is not None:
             self.events.append(events.heat_changed(change))

@@ -574,10 +574,11 @@ class Output:
         ranges: Ranges,
         *,
         grips: bool,
+        is_held_back: bool = False,
     ) -> HeatChange | None:
         """Limit `command` to what may be sent; return a change of what the heat allows.
 
-        `grips` is true for a hold by force.
+        `grips` is true for a hold by force, `is_held_back` if the motion's own speed limits it.
         """
         self.requested = command
         self.command, self.limited = self._limiter.apply(
@@ -589,6 +590,8 @@ class Output:
             allowance_nm=self.heat.allowance_nm,
             grips=grips,
         )
+        if is_held_back and "speed" not in self.limited:
+            self.limited = ("speed", *self.limited)
         return self.heat.update(now_s, feedback, self._limiter.last_nm)
 
     def unpowered(self, now_s: float, feedback: Feedback | None) -> HeatChange | None:

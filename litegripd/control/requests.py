@@ -42,6 +42,7 @@ from litegripd.model.motion_config import (
     MotionConfig,
     damping_conflict,
     fast_conflict,
+    fastest_mm_s,
     move_conflict,
     slow_conflict,
 )
@@ -318,9 +319,10 @@ class MotionRequests:
         geometry = self._travel(own, terms)
         if isinstance(geometry, Refusal):
             return geometry
-        speed = terms.config.speed_mm_s if speed_mm_s is None else speed_mm_s
+        motor_type = controller.gripper_id.motor_type
+        speed = fastest_mm_s(geometry, motor_type) if speed_mm_s is None else speed_mm_s
         refusal = target_refusal(target, geometry) or conflict_refusal(
-            fast_conflict(speed, geometry, controller.gripper_id.motor_type)
+            fast_conflict(speed, geometry, motor_type)
         )
         if refusal is not None:
             return refusal

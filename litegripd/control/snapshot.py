@@ -51,7 +51,8 @@ class GripperState:
     None while nothing is known, and while the last report of a motor that is silent, or is being
     enabled or disabled, was that it is enabled. `requested_rad` and `requested_torque_nm` are what
     the running motion or hold wanted in this tick, `command_rad` and `command_torque_nm` what the
-    motor got, and `limited` names the limits that make the difference. `force_set_n` is the set
+    motor got, and `limited` names the limits that make the difference; it has "speed", too, while a
+    stream's speed holds a set-point back. `force_set_n` is the set
     force of a hold by force, None without one and when the motor is off; `is_grasped` is true if
     such a hold has something between the jaws, and None if it had when the motor fell silent,
     which may have let go. While it is true, `clamp_n` is the interval of the force on the

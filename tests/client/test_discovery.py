@@ -204,5 +204,5 @@ def test_the_channel_is_the_argument_or_the_environments_or_can0(
 def test_a_daemon_of_the_user_is_found(machine: Path) -> None:
     (machine / "xdg/litegripd").mkdir(parents=True)
     with FakeDaemon(machine / "xdg/litegripd/can4.sock") as daemon, connect("can4") as connection:
-        assert connection.path == daemon.path
+        assert connection.socket_path == daemon.path
         assert connection.greet("test")["daemon"] == "litegripd"

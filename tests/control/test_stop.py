@@ -132,9 +132,18 @@ def test_a_clear_that_was_sent_before_a_stop_does_not_clear_it(mark: str) -> Non
     world.controller.stop("disable", None, "a hand in the jaws", world.now_s)
     error = client.call("stop.clear", **{mark: before[mark]})["error"]
     generation = world.state.stop_generation
-    reported = {"reason": "sent_before_stop", "retryable": False, "stop_generation": generation}
-    assert error["data"] == reported
-    assert "a stop has come since" in error["message"]
+    assert error["data"] == {
+        "reason": "sent_before_stop",
+        "retryable": False,
+        "stop_generation": generation,
+        "level": "disable",
+        "owner": None,
+        "why": "a hand in the jaws",
+    }
+    text = (
+        "a stop (disable) by the daemon has come since: a hand in the jaws; it is not carried out"
+    )
+    assert text in error["message"]
     stop = world.state.stop
     assert stop is not None
     assert stop.level == "disable"

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from litegripd.model.calibration import NOMINAL
+from litegripd.model.gripper import FASTEST_MM_S
 from litegripd.sim.plant import MOUNTS
 from tests.control.states import at_opening
 from tests.world import PERIOD_S, Client, World
@@ -74,7 +75,7 @@ def test_it_expires_into_a_hold_without_a_jump(valid_s: float) -> None:
         world.tick()
         commands.append(world.commands_since(world.now_s)[-1][1])
     assert world.now_s - began_s == pytest.approx(valid_s, abs=2 * PERIOD_S)
-    moved_rad = 50.0 / MM_RAD * PERIOD_S
+    moved_rad = FASTEST_MM_S / MM_RAD * PERIOD_S
     commands += world.track(0.3, lambda: world.commands_since(world.now_s)[-1][1])
     assert all(
         abs(later.position_rad - earlier.position_rad) <= moved_rad + CODE_RAD
@@ -219,7 +220,7 @@ def test_a_stream_does_not_interrupt_a_motion(spoil: str) -> None:
 @pytest.mark.parametrize("level", ["hold", "relax", "disable"])
 def test_a_stop_ends_a_stream_and_what_was_sent_before_it_never_runs(level: str) -> None:
     world, client = at_opening()
-    follow(world, client, 0.2, opening_mm=85.0)
+    follow(world, client, 0.2, opening_mm=85.0, speed_mm_s=50.0)
     sent_s = world.now_s
     world.run(0.02)
     world.client().send("stop", level=level)
@@ -227,20 +228,20 @@ def test_a_stop_ends_a_stream_and_what_was_sent_before_it_never_runs(level: str)
     here_mm = world.gripper.opening_mm
     assert world.controller.jobs.running is None
     for _ in range(5):
-        client.notify("stream.set", opening_mm=85.0)
+        client.notify("stream.set", opening_mm=85.0, speed_mm_s=50.0)
         world.run(0.02)
     assert refusals(client) == ["stopped"]
     client.result("stop.clear")
     if level == "disable":
         client.result("motor.enable")
     for _ in range(5):
-        client.notify("stream.set", opening_mm=85.0, sent_s=sent_s)
-        client.notify("stream.set", opening_mm=85.0, stop_generation=0)
+        client.notify("stream.set", opening_mm=85.0, speed_mm_s=50.0, sent_s=sent_s)
+        client.notify("stream.set", opening_mm=85.0, speed_mm_s=50.0, stop_generation=0)
         world.run(0.02)
     assert refusals(client) == ["stopped", "sent_before_stop"]
     assert world.controller.jobs.running is None
     assert world.gripper.opening_mm == pytest.approx(here_mm, abs=0.5)
-    client.notify("stream.set", opening_mm=85.0, sent_s=world.now_s)
+    client.notify("stream.set", opening_mm=85.0, speed_mm_s=50.0, sent_s=world.now_s)
     world.run(0.1)
     assert world.gripper.opening_mm > here_mm + 2.0
 

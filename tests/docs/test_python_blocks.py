@@ -38,7 +38,7 @@ def run(site: Site, code: str) -> None:
 
 def test_there_are_blocks() -> None:
     assert [name for name, _ in BLOCKS].count("README.md") == 1
-    assert [name for name, _ in BLOCKS].count("docs/python.md") == 4
+    assert [name for name, _ in BLOCKS].count("docs/python.md") == 6
     assert [name for name, _ in BLOCKS].count("docs/tutorial.md") == 1
 
 

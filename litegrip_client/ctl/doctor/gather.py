@@ -466,7 +466,7 @@ def _daemon(
             pid, connection.voice = connection.daemon_pid, in_shell
             hello = connection.greet("litegripctl doctor")
             answers = [connection.call(method) for method in ("info.get", "health", "state.get")]
-            return Daemon(connection.path, hello, *answers), None, None, None
+            return Daemon(connection.socket_path, hello, *answers), None, None, None
     except LiteGripError as error:
         hung_pid = pid if error.reason == "no_answer" else None
         return None, error.message, hung_pid, error.data.get("blocked")

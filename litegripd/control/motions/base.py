@@ -65,6 +65,9 @@ class Action(Protocol):
     by_force: bool
     """True while it drives the jaws by a set torque, and not by a grip that it would leave."""
 
+    is_held_back: bool
+    """True while its speed alone keeps it from where it is sent."""
+
     def step(self, now_s: float, motor: MotorView) -> Step:
         """Advance to `now_s`. A position on a ramp follows from the time, not from the calls."""
 
@@ -104,6 +107,7 @@ class PlainAction:
     needs_power = True
     bounds: Bounds | None = None
     by_force = False
+    is_held_back = False
 
     def idle_after(self) -> Idle | None:
         """Return None: the jaws hold where they are."""

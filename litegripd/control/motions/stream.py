@@ -1,7 +1,9 @@
 """A stream of set-points, for policies and teleoperation at 10 to 200 Hz: the latest one wins.
 
 One of position moves the command towards it at no more than its speed, and presses on whatever the
-jaws meet with no more than its torque.
+jaws meet with no more than its torque. It is reached when the next one is due: jaws that hurried to
+each of 50 a second would stop as often, at 0 to 150 mm/s behind a hand of 66. Its stiffness follows
+from the command's present speed, so that fast streams do not end softly, within what is calm.
 
 One of torque is a `Push`. A torque alone bounds no speed: 4 N·m bring free jaws to 3 rad/s within
 1.5 ms. So it rises slowly enough for the jaws' speed to be seen, and has as much damping as lets
@@ -17,6 +19,7 @@ lapsed, its torque ends while the jaws are held where they were.
 import math
 from dataclasses import dataclass, replace
 
+from litegripd.control.detectors import Lasting
 from litegripd.control.holds import FAINT_NM, RUNNING_RAD_S, Hold, Idle, Slack
 from litegripd.control.limiter import (
     CALM_KD_NM_S_RAD,
@@ -89,6 +92,13 @@ RAMP_NM_S = 16.0
 """Free jaws pass `RUNS_RAD_S` with 1 N·m, 60 ms after their torque has begun to rise. Something of
 10 N·m/rad that is let go opens the jaws by 1.6 rad/s."""
 LEAST_KD_NM_S_RAD = 0.1
+LONGEST_INTERVAL_S = 0.12
+"""Set-points at longer intervals, below 8 Hz, are steps: each is reached as fast as may be."""
+HELD_BACK_S = 0.05
+"""For so long each step is held back a little, until the jaws have its speed."""
+CALM_RAD_S = 0.95
+"""Slower commands are no stiffer than one of this speed, unless the caller's is slower. With what
+jaws at rest might have, 2 N·m·s/rad, some motors swung at 20 rad/s (random plants)."""
 LETS_GO_S = 0.25
 """How long jaws are damped at most that are to be slack: a hand that moves them feels that."""
 FADES_MM = 6.0
@@ -181,6 +191,10 @@ class Stream(PlainAction):
         self._set_points = 0
         self._reference: tuple[float, float] | None = None
         self._velocity_rad_s = 0.0
+        self._is_new = False
+        self._came_s = -math.inf
+        self._pace_rad_s = math.inf
+        self._held_back = Lasting(HELD_BACK_S)
         self._hold: Hold | None = None
         self._pushing: Pushing | None = None
         self._feedback: Feedback | None = None
@@ -189,13 +203,14 @@ class Stream(PlainAction):
         """Follow another set-point from the next tick on."""
         self._point, self.by_force = point, isinstance(point, Push)
         self._set_points += 1
+        self._is_new = True
 
     def step(self, now_s: float, motor: MotorView) -> Step:
         """Return the next command towards the set-point."""
         feedback, point = motor.feedback, self._point
         if feedback is None or point is None:
             return Step()
-        self._feedback = feedback
+        self._feedback, self.is_held_back = feedback, False
         if now_s >= point.valid_until_s:
             return self._lapsed(now_s, feedback, point)
         if isinstance(point, SetPoint):
@@ -207,23 +222,40 @@ class Stream(PlainAction):
                     self._pushing = None
             return Step(command)
         self._reference, self._velocity_rad_s, self._hold = None, 0.0, None
+        self._held_back.reset()
         if self._pushing is None:
             self._pushing = Pushing(self._motor_type, feedback.torque_nm)
         return Step(self._pushing.step(now_s, feedback, point))
 
     def _towards(self, now_s: float, feedback: Feedback, point: SetPoint) -> MitCommand:
-        gains, lead_rad = budgeted(point.torque_nm, point.speed_rad_s, point.gains, self._period_s)
         was_s, was_rad = self._reference or (now_s, feedback.position_rad)
+        if self._is_new:
+            self._is_new = False
+            self._pace_rad_s = self._pace(now_s, abs(point.position_rad - was_rad))
+        most_rad_s = point.speed_rad_s
+        if self._pushing is not None:  # what it has pressed pushes the jaws back as well
+            most_rad_s = min(most_rad_s, CALM_RAD_S)
         elapsed_s = max(now_s - was_s, 0.0)
         faster_rad_s = abs(self._velocity_rad_s) + SPEED_UP_RAD_S2 * elapsed_s
-        step_rad = min(point.speed_rad_s, faster_rad_s) * elapsed_s
+        step_rad = min(most_rad_s, self._pace_rad_s, faster_rad_s) * elapsed_s
         wanted_rad = was_rad + _within(point.position_rad - was_rad, step_rad)
-        reference_rad = clamp_lead(wanted_rad, feedback.position_rad, lead_rad)
         velocity_rad_s = (wanted_rad - was_rad) / elapsed_s if elapsed_s > 0.0 else 0.0
         self._velocity_rad_s = velocity_rad_s
+        speed_rad_s = max(abs(velocity_rad_s), min(point.speed_rad_s, CALM_RAD_S))
+        gains, lead_rad = budgeted(point.torque_nm, speed_rad_s, point.gains, self._period_s)
+        reference_rad = clamp_lead(wanted_rad, feedback.position_rad, lead_rad)
+        is_short = self._pace_rad_s > most_rad_s and wanted_rad != point.position_rad
+        is_short = is_short and reference_rad == wanted_rad  # else something is in the way
+        self.is_held_back = self._held_back.step(is_short, now_s)
         self._reference = (now_s, reference_rad)
         self._hold = Hold(reference_rad, gains, point.torque_nm)
         return gains.at(reference_rad, velocity_rad_s)
+
+    def _pace(self, now_s: float, way_rad: float) -> float:
+        """Return the speed with which a new set-point is reached when the next one is due."""
+        before_s, self._came_s = self._came_s, now_s
+        interval_s = now_s - before_s
+        return way_rad / interval_s if 0.0 < interval_s <= LONGEST_INTERVAL_S else math.inf
 
     def _lapsed(self, now_s: float, feedback: Feedback, point: SetPoint | Push) -> Step:
         """Return the outcome, once the torque of a push on something has ended."""

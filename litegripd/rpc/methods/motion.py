@@ -362,7 +362,11 @@ class MotionMethods:
                 minimum=0.02,
                 maximum=2,
             ),
-            SPEED,
+            config_param(
+                "speed_mm_s",
+                "How fast to follow at most (default: as fast as any motion may be). While it holds"
+                " the jaws back, limited of the state has speed.",
+            ),
             Param(
                 "torque_nm",
                 "number",

@@ -9,6 +9,7 @@ import litegrip_client
 from litegrip_client import aio
 from litegrip_client.aio import LiteGrip
 from litegrip_client.line.feeds import EventSubscription, Subscription
+from litegrip_client.line.latest import Latest
 from litegrip_client.threads.actions import BlockingGripper, Lease
 from litegrip_client.threads.sdk_gripper import SdkGripper
 
@@ -52,6 +53,7 @@ def test_names_and_parameters_are_those_of_the_other_client() -> None:
         (aio.SetpointStream, litegrip_client.SetpointStream),
         (aio.Lease, Lease),
         (aio.Subscription, Subscription),
+        (aio.Latest, Latest),
         (aio.EventSubscription, EventSubscription),
     ],
 )

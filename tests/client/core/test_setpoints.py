@@ -180,6 +180,41 @@ def test_after_a_stop_what_is_sent_next_knows_of_it(
     assert sent(daemon)[-1].params["stop_generation"] == daemon.state.stop_generation
 
 
+@pytest.mark.parametrize("is_cleared", [False, True])
+def test_a_stop_reaches_the_streaming_program_with_all_that_is_known_of_it(
+    daemon: Heard, enabled: LiteGrip, kind: Kind, is_cleared: bool
+) -> None:
+    watcher = daemon.client(pid=4711, uid=1000)
+    with enabled.stream() as stream:
+        stream.set_target(10.0)
+        watcher.result("stop", level="relax", why="a hand in the jaws")
+        if is_cleared:
+            watcher.result("stop.clear")
+        told = until_refused(kind, stream, 10.0)
+        if not is_cleared:
+            with pytest.raises(StoppedError) as caught:
+                stream.set_target(10.0)
+    for error in (told,) if is_cleared else (told, caught.value):
+        assert isinstance(error, StoppedError)
+        assert error.data["level"] == "relax"
+        assert error.data["why"] == "a hand in the jaws"
+        assert error.owner == {"pid": 4711, "uid": 1000, "program": "program4711"}
+        for part in ("(relax)", "program4711 (pid 4711)", "a hand in the jaws"):
+            assert part in error.message
+
+
+def test_a_stop_of_the_daemons_own_has_no_owner(
+    daemon: Heard, enabled: LiteGrip, kind: Kind
+) -> None:
+    with enabled.stream() as stream:
+        stream.set_target(10.0)
+        daemon.controller.stop("hold", None, None, daemon.now_s)
+        told = until_refused(kind, stream, 10.0)
+    assert told.owner is None
+    assert (told.data["level"], told.data["why"]) == ("hold", None)
+    assert "by the daemon" in told.message
+
+
 def test_a_stream_to_a_daemon_that_is_gone_raises(daemon: Heard, kind: Kind) -> None:
     gripper = kind.gripper(disable_on_disconnect=False)
     gripper.connect()

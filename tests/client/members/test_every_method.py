@@ -56,6 +56,11 @@ def an_object(played: Played) -> None:
     played.daemon.gripper.put_object(width_mm=30.0)
 
 
+def at_50_mm_s(played: Played) -> None:
+    """Have a stream follow slowly: fast ones are softer than their `kp`."""
+    played.gripper.motion_config.speed_mm_s = 50.0
+
+
 def half_open(played: Played) -> None:
     assert played.gripper.goto_openness(0.5)
 
@@ -263,6 +268,7 @@ SCENES: dict[str, Scene] = {
     "send_mit_frame": Scene(
         lambda p: (at_30_mm(p), 40.0, 1.0, 0.0, 0.0),
         lambda p: p.result is True and p.kp() == {40} and p.opening_mm < 55.0,
+        at_50_mm_s,
         after_s=0.15,
     ),
     "stop": Scene((), is_slack, a_grip, 0.1),

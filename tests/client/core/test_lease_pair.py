@@ -1,0 +1,113 @@
+"""A lease without a block, for objects that begin and end in different functions."""
+
+import pytest
+
+from litegrip_client import ConnectError, LeaseError, LiteGrip
+from tests.client.rig import Bench, Heard, Kind
+
+
+def owner(daemon: Heard) -> str | None:
+    holder = daemon.client().result("lease.get")["owner"]
+    return None if holder is None else str(holder["purpose"])
+
+
+def test_it_is_taken_and_given_back(daemon: Heard, gripper: LiteGrip) -> None:
+    lease = gripper.lease("a driver")
+    assert owner(daemon) is None
+    lease.acquire()
+    assert owner(daemon) == "a driver"
+    tokens = [lease.token]
+    lease.release()
+    lease.release()
+    tokens.append(lease.token)
+    assert [token is None for token in tokens] == [False, True]
+    assert owner(daemon) is None
+    assert daemon.methods().count("lease.release") == 1
+
+
+def test_one_that_is_acquired_twice_is_released_once(daemon: Heard, gripper: LiteGrip) -> None:
+    lease = gripper.lease("a driver")
+    lease.acquire()
+    lease.acquire()
+    lease.release()
+    assert owner(daemon) is None
+
+
+def test_it_is_kept_while_a_block_needs_it(daemon: Heard, gripper: LiteGrip) -> None:
+    lease = gripper.lease("a driver")
+    lease.acquire()
+    with gripper.lease("a motion"):
+        lease.release()
+        assert owner(daemon) is not None
+    assert owner(daemon) is None
+
+
+def test_one_that_was_lost_is_taken_again_by_acquire(
+    daemon: Heard, gripper: LiteGrip, kind: Kind
+) -> None:
+    lease = gripper.lease("a driver")
+    lease.acquire()
+    assert gripper.enable()
+    with kind.gripper() as other:
+        other.take_lease("maintenance")
+        with pytest.raises(LeaseError) as caught:
+            gripper.open()
+        assert caught.value.reason == "lease_lost"
+        with pytest.raises(LeaseError):
+            lease.acquire()
+    lease.acquire()
+    assert owner(daemon) == "a driver"
+    lease.release()
+    assert owner(daemon) is None
+
+
+def test_it_is_waited_for(site: Bench, daemon: Heard, gripper: LiteGrip, kind: Kind) -> None:
+    other = daemon.client()
+    other.result("lease.acquire", purpose="another")
+    site.after(1.0, lambda: other.send("lease.release"))
+    began_s = site.now_s
+    lease = gripper.lease("a driver", wait_s=5.0)
+    lease.acquire()
+    assert site.now_s - began_s == pytest.approx(1.0, abs=0.05)
+    lease.release()
+
+
+def test_after_a_reconnect_it_is_another_one(daemon: Heard, kind: Kind) -> None:
+    gripper = kind.gripper()
+    gripper.connect()
+    lease = gripper.lease("a driver")
+    lease.acquire()
+    gripper.disconnect()
+    with pytest.raises(ConnectError):
+        lease.acquire()
+    gripper.connect()
+    lease.acquire()
+    assert owner(daemon) == "a driver"
+    lease.release()
+    assert owner(daemon) is None
+    gripper.disconnect()
+
+
+def test_the_sockets_path_has_one_name(daemon: Heard, kind: Kind) -> None:
+    path = "/run/litegripd/can0.sock"
+    gripper = kind.gripper()
+    paths = [gripper.socket_path]
+    with kind.gripper(socket_path=path) as given:
+        assert given.socket_path == path
+    with gripper:
+        paths.append(gripper.socket_path)
+        assert gripper._session.connection.socket_path == path
+    paths.append(gripper.socket_path)
+    assert paths == [None, path, None]
+    assert kind.gripper(socket_path="/tmp/mine.sock").socket_path == "/tmp/mine.sock"
+
+
+def test_the_state_names_what_zero_gravity_does(enabled: LiteGrip) -> None:
+    assert not enabled.get_state().is_zero_gravity
+    state = enabled.zero_gravity()
+    assert (state.is_zero_gravity, state.mode) == (True, "relaxed")
+    assert not enabled.zero_gravity(False).is_zero_gravity
+    enabled.stop()
+    assert enabled.get_state().is_zero_gravity
+    assert not enabled.hold().is_zero_gravity
+    assert enabled.software_stop("relax").is_zero_gravity

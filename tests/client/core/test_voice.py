@@ -1,0 +1,94 @@
+"""Texts of the daemon in the words of the program's own user, by the constructor's `voice`."""
+
+from typing import Any
+
+import pytest
+
+from litegrip_client import BusyError, CommandError, LiteGrip, SetpointStream, StoppedError
+from litegripd.model.sentence import method_name, with_terms
+from tests.client.rig import Heard, Kind, Refuse
+
+WORDS = {"stop.clear": "~/clear", "lease.take": "the button TAKE", "motor.enable": "~/enable"}
+
+
+def ros(method: str | None, parameter: str | None, _asked: str | None) -> str | None:
+    """Name services, as an integration does."""
+    return f"the field {parameter}" if method is None else WORDS.get(method)
+
+
+def keep_sending(stream: SetpointStream, kind: Kind) -> None:
+    for _ in range(9):
+        stream.set_target(50.0)
+        kind.pause(0.02)
+
+
+def test_errors_name_what_the_programs_user_can_do(daemon: Heard, kind: Kind) -> None:
+    daemon.client().result("stop", why="look at stop.clear")
+    with kind.gripper(voice=ros) as gripper, pytest.raises(StoppedError) as caught:
+        gripper.enable()
+    assert "look at stop.clear; clear it with ~/clear first" in str(caught.value)
+    assert caught.value.hint == "~/clear"
+
+
+def test_the_refusals_of_a_stream_do_as_well(daemon: Heard, kind: Kind) -> None:
+    with kind.gripper(voice=ros) as gripper:
+        gripper.enable()
+        with gripper.stream() as stream:
+            stream.set_target(50.0)
+            daemon.client().result("stop")
+            with pytest.raises(StoppedError):
+                keep_sending(stream, kind)
+            with pytest.raises(StoppedError, match="clear it with ~/clear first"):
+                stream.set_target(50.0)
+
+
+def test_what_it_has_no_word_for_is_named_as_in_the_protocol(daemon: Heard, kind: Kind) -> None:
+    with kind.gripper() as owner, kind.gripper(voice=ros) as gripper:
+        owner.enable()
+        with pytest.raises(BusyError) as caught:
+            gripper.open()
+    assert "the button TAKE" in caught.value.message
+    assert "gripper." not in str(caught.value)
+    assert "lease.acquire" in caught.value.message
+
+
+def test_parameters_are_named_by_it(gripper: LiteGrip, kind: Kind) -> None:
+    with kind.gripper(voice=ros) as speaking, pytest.raises(CommandError) as caught:
+        speaking.grasp(400.0)
+    assert caught.value.message.startswith("the field force_n is 400")
+    with pytest.raises(CommandError) as caught:
+        gripper.grasp(400.0)
+    assert caught.value.message.startswith("force_n is 400")
+
+
+def test_results_and_health_are_told_in_it(daemon: Heard, kind: Kind) -> None:
+    message = method_name("motor.enable")
+    told: dict[str, Any] = {"reason": "enable_failed", "message": message}
+    failed = {"ok": False, "tries": 3, "state": daemon.wire_state, **told}
+    daemon.instead["motor.enable"] = with_terms(failed)
+    daemon.instead["health"] = with_terms({"verdict": "degraded", "reasons": [message]})
+    with kind.gripper(voice=ros) as gripper:
+        assert gripper.enable().message == "~/enable"
+        assert gripper.health()["reasons"] == ["~/enable"]
+    with kind.gripper() as gripper:
+        assert gripper.health()["reasons"] == ["gripper.enable()"]
+
+
+def test_events_are_told_in_it(daemon: Heard, kind: Kind) -> None:
+    with kind.gripper(voice=ros) as gripper:
+        daemon.client().result("stop")
+        with gripper.events(["stop"]) as events:
+            assert "clear it with ~/clear first" in events.recent[-1].message
+
+
+def test_a_voice_that_cannot_speak_is_refused(kind: Kind) -> None:
+    with pytest.raises(CommandError, match="voice is 'ros', it must be a function"):
+        kind.gripper(voice="ros")
+
+
+def test_a_hint_for_the_connection_is_told_in_it_before_the_daemon_is_known(
+    daemon: Heard, kind: Kind
+) -> None:
+    daemon.instead["hello"] = Refuse("too_many", -32000, method_name("motor.enable"))
+    with pytest.raises(Exception, match="~/enable"):
+        kind.gripper(voice=ros).connect()
