@@ -110,6 +110,7 @@ class Driver:
                 settings.channel,
                 socket_path=settings.socket_path,
                 disable_on_disconnect=settings.disable_on_disconnect,
+                voice=orders.in_ros,
             )
             try:
                 async with gripper:

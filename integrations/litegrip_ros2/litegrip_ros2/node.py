@@ -310,7 +310,8 @@ class GripperNode(LifecycleNode):
             handle.canceled()
         else:
             handle.abort()
-            self.warn(f"goal aborted: {outcome.why}")
+            say = self.inform if outcome.reason == "replaced" else self.warn
+            say(f"goal aborted: {outcome.why}")
         return writes.result(outcome, self._joints_at(outcome.state or self._driver.state))
 
     def _joints_at(self, state: GripperState | None) -> JointState:

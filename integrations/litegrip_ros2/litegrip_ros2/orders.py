@@ -10,14 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from litegrip_client import (
-    CancelledError,
-    GraspResult,
-    GripperState,
-    LeaseError,
-    LiteGripError,
-    MoveResult,
-)
+from litegrip_client import GraspResult, GripperState, LiteGripError, MoveResult
+from litegrip_client.values.voices import in_shell
 
 from .joints import Target
 
@@ -100,26 +94,23 @@ def of_error(error: LiteGripError) -> Outcome:
     return Outcome(Ending.ABORTED, why=refusal(error), reason=error.reason or "")
 
 
-_REMEDIES = {
-    "stopped": "call ~/clear, then ~/enable if the motor is off",
-    "sent_before_stop": "look at the gripper, then call ~/clear",
-    "not_enabled": "call ~/enable",
-    "not_calibrated": "calibrate it: litegripctl zero",
-    "motor_fault": "call ~/clear, then ~/enable",
-    "lease_lost": "call ~/enable to ask for it again",
+SERVICES = {
+    "stop": "~/stop",
+    "stop.clear": "~/clear",
+    "motor.clear_fault": "~/clear",
+    "motor.enable": "~/enable",
+    "motor.disable": "~/disable",
 }
-"""By reason: what somebody does about it in ROS."""
+"""By the daemon's method: the node's service that does it."""
+
+
+def in_ros(method: str | None, parameter: str | None, asked: str | None) -> str | None:
+    """Name what the daemon's texts name, for who sits before ROS: a service, else a command."""
+    if method is None:  # a parameter of the call that was asked: those of a command differ
+        return None
+    return SERVICES.get(method) or in_shell(method, parameter, asked)
 
 
 def refusal(error: LiteGripError) -> str:
-    """Return a refusal in one line, with the owner of what was asked for, and what to do."""
-    parts = [error.message]
-    owner = error.owner
-    if owner is not None and isinstance(error, LeaseError):
-        program, pid = owner.get("program"), owner.get("pid")
-        if program and str(program) not in error.message:
-            parts.append(f"its owner is {program} (process {pid})")
-    remedy = _REMEDIES.get(error.reason or "")
-    if remedy is not None and not isinstance(error, CancelledError):
-        parts.append(remedy)
-    return "; ".join(part.rstrip(". ").replace("\n", " ") for part in parts)
+    """Return a refusal in one line: what was wrong, whose it is, and what to do."""
+    return "; ".join(line.strip().rstrip(".") for line in str(error).splitlines())
