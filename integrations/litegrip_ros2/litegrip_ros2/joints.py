@@ -7,7 +7,7 @@ in both layouts. The gripper's opening is in mm, 0 at the closed stop.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -157,10 +157,10 @@ class Scale:
     nm_per_n: float
 
     @classmethod
-    def from_info(cls, info: dict[str, object]) -> Scale | None:
+    def from_info(cls, info: Mapping[str, object]) -> Scale | None:
         """Read the answer of the client's `info()`; None while the gripper is not calibrated."""
         gripper = info.get("gripper")
-        if not isinstance(gripper, dict) or not gripper.get("calibrated"):
+        if not isinstance(gripper, Mapping) or not gripper.get("calibrated"):
             return None
         opens = gripper["open_rad"] - gripper["closed_rad"]
         return cls(

