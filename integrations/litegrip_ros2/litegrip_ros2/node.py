@@ -68,10 +68,10 @@ class GripperNode(LifecycleNode):
         try:
             self._joints = self._read_joints()
             settings = self._read_settings()
+            self._channel = chosen_channel(settings.channel)
         except (ValueError, LiteGripError) as error:
             self.get_logger().error(str(error))
             return TransitionCallbackReturn.FAILURE
-        self._channel = chosen_channel(settings.channel)
         self._states = self.create_lifecycle_publisher(JointState, "~/joint_states", 10)
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._held = self.create_lifecycle_publisher(Bool, "~/object_held", latched)
@@ -138,6 +138,7 @@ class GripperNode(LifecycleNode):
         self._is_active = False
         loop, self._loop = self._loop, None
         if loop is not None:
+            loop.call_soon_threadsafe(self._driver.end_all)
             loop.call_soon_threadsafe(self._running.cancel)
             self._thread.join(END_WITHIN_S)
         for destroy in self._entities:
@@ -159,8 +160,9 @@ class GripperNode(LifecycleNode):
             except asyncio.CancelledError:
                 pass
             except Exception:  # noqa: BLE001 - a node that only looks alive is worse
-                self.get_logger().fatal(traceback.format_exc())
-                self.context.try_shutdown()
+                if self.context.ok():  # else it was interrupted while it published
+                    self.get_logger().fatal(traceback.format_exc())
+                    self.context.try_shutdown()
 
         self._thread = threading.Thread(target=asyncio.run, args=(main(),), daemon=True)
         self._thread.start()
@@ -174,7 +176,9 @@ class GripperNode(LifecycleNode):
         async def run() -> None:
             try:
                 future.set_result(await coroutine)
-            except BaseException as error:  # noqa: BLE001 - whoever awaits it gets it
+            except asyncio.CancelledError:
+                future.set_exception(LiteGripError("the node is ending"))
+            except Exception as error:  # noqa: BLE001 - whoever awaits it gets it
                 future.set_exception(error)
             if executor is not None:
                 executor.wake()  # nothing else tells it that the future is done
@@ -240,7 +244,8 @@ class GripperNode(LifecycleNode):
         joints = self._joints
         count = len(joints.names)
         age_ns = time.monotonic_ns() - round(state.feedback_s * 1e9)
-        stamp = Time(nanoseconds=self.get_clock().now().nanoseconds - age_ns)
+        now_ns = self.get_clock().now().nanoseconds  # 0 until a simulated clock ticks
+        stamp = Time(nanoseconds=max(now_ns - age_ns, 0))
         velocity_m_s = joints.velocity_m_s(scale.opening_mm_s(state.velocity_rad_s or 0.0))
         message = JointState(
             name=list(joints.names),

@@ -151,7 +151,10 @@ def test_release_opens_a_little(gripper: Gripper, daemon: Daemon) -> None:
 
 def test_the_joints_of_the_vendors_urdf(start) -> None:
     names = ("gripper_slide_joint_right", "gripper_slide_joint_left")
-    daemon, gripper = start(names=names, joint_layout="slides")
+    _, gripper = start("/named_by_layout", names=names, joint_layout="slides")
+    assert tuple(gripper.new_state().name) == names
+    names = ("right_jaw", "left_jaw")
+    daemon, gripper = start(names=names, joint_layout="slides", joint_names="[right_jaw, left_jaw]")
     state = gripper.new_state()
     assert tuple(state.name) == names
     opening_mm = daemon.state()["opening_mm"]

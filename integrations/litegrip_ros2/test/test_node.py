@@ -181,6 +181,12 @@ def test_its_life_is_managed(start, ros: Ros) -> None:
         assert to(Transition.TRANSITION_CLEANUP) == "unconfigured"
         assert daemon.state()["enabled"] is False
         gripper.states.clear()
+    assert to(Transition.TRANSITION_CONFIGURE) == "inactive"
+    assert to(Transition.TRANSITION_ACTIVATE) == "active"
+    assert gripper.call("enable").success
+    assert gripper.send(0.06, velocity_m_s=0.005) is not None
+    assert to(Transition.TRANSITION_ACTIVE_SHUTDOWN) == "finalized"
+    assert daemon.state()["enabled"] is False
 
 
 @pytest.mark.parametrize(("disables", "enabled"), [(True, False), (False, True)])
