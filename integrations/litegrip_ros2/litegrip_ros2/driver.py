@@ -123,7 +123,7 @@ class Driver:
                     self._listener.warn(f"{error.message}; trying again")
             finally:
                 self._gives_back = False
-                self._gripper = self.state = self.scale = self._stream = None
+                self._gripper = self.state = self.scale = self._stream = self._setpoint = None
             if self._away:
                 self._listener.on_diagnosis(diagnosis.of_no_daemon(self._away, self._refused))
                 await asyncio.sleep(RETRY_S)
@@ -156,7 +156,9 @@ class Driver:
             async for event in events:
                 if event.kind == "calibration":
                     self.scale = Scale.from_info(await gripper.info())
-                self._listener.warn(event.message)
+                    self._listener.inform(event.message)
+                else:
+                    self._listener.warn(event.message)
 
     async def _diagnose(self, gripper: LiteGrip) -> None:
         while True:
@@ -248,9 +250,14 @@ class Driver:
     # Set-points
 
     def follow(self, target: Target) -> None:
-        """Take a set-point; the newest wins. While a goal runs it counts for nothing."""
-        self._setpoint = target
-        self._has_setpoint.set()
+        """Take a set-point; the newest wins.
+
+        It counts for nothing while a goal runs, and without a daemon: one that comes back later
+        must not move the jaws by it.
+        """
+        if self._gripper is not None:
+            self._setpoint = target
+            self._has_setpoint.set()
 
     async def _follow(self, gripper: LiteGrip) -> None:
         while True:
