@@ -30,6 +30,7 @@ from std_srvs.srv import Trigger
 from litegrip_client import GripperState, LiteGripError
 from litegrip_client.core.discovery import chosen_channel
 from litegrip_client.core.sockets import STOP_LEVELS
+from litegrip_client.values.fields import unix_time
 
 from . import orders
 from .diagnosis import Diagnosis
@@ -243,9 +244,12 @@ class GripperNode(LifecycleNode):
             return None
         joints = self._joints
         count = len(joints.names)
-        age_ns = time.monotonic_ns() - round(state.feedback_s * 1e9)
-        now_ns = self.get_clock().now().nanoseconds  # 0 until a simulated clock ticks
-        stamp = Time(nanoseconds=max(now_ns - age_ns, 0))
+        clock = self.get_clock()
+        if clock.ros_time_is_active:  # simulated: 0 until it ticks
+            age_ns = time.monotonic_ns() - round(state.feedback_s * 1e9)
+            stamp = Time(nanoseconds=max(clock.now().nanoseconds - age_ns, 0))
+        else:
+            stamp = Time(nanoseconds=round(unix_time(state.feedback_s) * 1e9))
         velocity_m_s = joints.velocity_m_s(scale.opening_mm_s(state.velocity_rad_s or 0.0))
         message = JointState(
             name=list(joints.names),

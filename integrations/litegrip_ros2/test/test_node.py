@@ -156,36 +156,33 @@ def test_its_life_is_managed(start, ros: Ros) -> None:
     change = ros.node.create_client(ChangeState, f"{name}/change_state")
     get = ros.node.create_client(GetState, f"{name}/get_state")
     ros.spin_until(change.service_is_ready, "the node is there")
-    ros.spin_until(get.service_is_ready, "the node is there")
 
-    def to(transition: int) -> str:
-        request = ChangeState.Request(transition=Transition(id=transition))
-        assert ros.result(change.call_async(request), "the change is made").success
-        answer = ros.result(get.call_async(GetState.Request()), "its state")
-        return str(answer.current_state.label)
+    def to(transition: int, label: str) -> None:
+        change.call_async(ChangeState.Request(transition=Transition(id=transition)))
+        ros.spin_until(lambda: ros.ask(get, GetState.Request()).current_state.label == label, label)
 
     for _ in range(2):  # a node that was cleaned up works again
-        assert to(Transition.TRANSITION_CONFIGURE) == "inactive"
+        to(Transition.TRANSITION_CONFIGURE, "inactive")
         gripper.is_healthy(0)
         assert not gripper.states
         assert gripper.send(0.02) is None
-        assert to(Transition.TRANSITION_ACTIVATE) == "active"
+        to(Transition.TRANSITION_ACTIVATE, "active")
         gripper.new_state()
         assert gripper.call("enable").success
         assert gripper.go(0.03)[0] == SUCCEEDED
         goal = gripper.send(0.06, velocity_m_s=0.005)
         assert goal is not None
-        assert to(Transition.TRANSITION_DEACTIVATE) == "inactive"
+        to(Transition.TRANSITION_DEACTIVATE, "inactive")
         assert goal.end()[0] == ABORTED
         assert daemon.state()["mode"] == "holding"
-        assert to(Transition.TRANSITION_CLEANUP) == "unconfigured"
+        to(Transition.TRANSITION_CLEANUP, "unconfigured")
         assert daemon.state()["enabled"] is False
         gripper.states.clear()
-    assert to(Transition.TRANSITION_CONFIGURE) == "inactive"
-    assert to(Transition.TRANSITION_ACTIVATE) == "active"
+    to(Transition.TRANSITION_CONFIGURE, "inactive")
+    to(Transition.TRANSITION_ACTIVATE, "active")
     assert gripper.call("enable").success
     assert gripper.send(0.06, velocity_m_s=0.005) is not None
-    assert to(Transition.TRANSITION_ACTIVE_SHUTDOWN) == "finalized"
+    to(Transition.TRANSITION_ACTIVE_SHUTDOWN, "finalized")
     assert daemon.state()["enabled"] is False
 
 
