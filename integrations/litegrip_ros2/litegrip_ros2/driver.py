@@ -24,6 +24,7 @@ from .orders import Ending, Outcome, Plan
 
 RETRY_S = 0.5
 """Between two attempts to reach a daemon."""
+STOP_LEVELS = ("hold", "relax", "disable")
 REACH_S = 2.0
 """So long a request waits for a connection that is being made."""
 DIAGNOSE_S = 1.0

@@ -27,14 +27,12 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
-from litegrip_client import GripperState, LiteGripError
-from litegrip_client.core.discovery import chosen_channel
-from litegrip_client.core.sockets import STOP_LEVELS
-from litegrip_client.values.fields import unix_time
+from litegrip_client import ConnectError, GripperState, LiteGripError
+from litegrip_client.aio import LiteGrip
 
 from . import orders
 from .diagnosis import Diagnosis
-from .driver import Driver, Goal, Settings
+from .driver import RETRY_S, STOP_LEVELS, Driver, Goal, Settings
 from .joints import CLOSED_M, DEFAULT_NAMES, Joints, Layout, Scale, Target, UnusableError
 from .orders import Ending, Outcome
 
@@ -69,7 +67,7 @@ class GripperNode(LifecycleNode):
         try:
             self._joints = self._read_joints()
             settings = self._read_settings()
-            self._channel = chosen_channel(settings.channel)
+            self._channel = LiteGrip(settings.channel).channel
         except (ValueError, LiteGripError) as error:
             self.get_logger().error(str(error))
             return TransitionCallbackReturn.FAILURE
@@ -197,10 +195,17 @@ class GripperNode(LifecycleNode):
             self._loop.call_soon_threadsafe(act, *arguments)
 
     async def _enable_once(self) -> None:
-        try:
-            self.inform(await self._driver.enable())
-        except LiteGripError as error:
-            self.warn(f"enable_on_activate: {orders.refusal(error)}")
+        """Enable the motor, as soon as there is a daemon."""
+        while self._is_active:
+            try:
+                self.inform(await self._driver.enable())
+            except ConnectError:  # noqa: PERF203 - twice a second
+                await asyncio.sleep(RETRY_S)
+            except LiteGripError as error:
+                self.warn(f"enable_on_activate: {orders.refusal(error)}")
+                return
+            else:
+                return
 
     # From the driver, in its thread
 
@@ -240,16 +245,15 @@ class GripperNode(LifecycleNode):
 
     def _joint_state(self, state: GripperState, scale: Scale | None) -> JointState | None:
         """Return the joints as the motor last reported them; None where nothing is known."""
-        if state.opening_mm is None or state.feedback_s is None or scale is None:
+        stamp_s = state.timestamp
+        if state.opening_mm is None or stamp_s is None or scale is None:
             return None
         joints = self._joints
         count = len(joints.names)
         clock = self.get_clock()
+        stamp_ns = round(stamp_s * 1e9)
         if clock.ros_time_is_active:  # simulated: 0 until it ticks
-            age_ns = time.monotonic_ns() - round(state.feedback_s * 1e9)
-            stamp = Time(nanoseconds=max(clock.now().nanoseconds - age_ns, 0))
-        else:
-            stamp = Time(nanoseconds=round(unix_time(state.feedback_s) * 1e9))
+            stamp_ns = max(clock.now().nanoseconds - (time.time_ns() - stamp_ns), 0)
         velocity_m_s = joints.velocity_m_s(scale.opening_mm_s(state.velocity_rad_s or 0.0))
         message = JointState(
             name=list(joints.names),
@@ -257,7 +261,7 @@ class GripperNode(LifecycleNode):
             velocity=[velocity_m_s] * count,
             effort=[state.force_n or 0.0] * count,
         )
-        message.header.stamp = stamp.to_msg()
+        message.header.stamp = Time(nanoseconds=stamp_ns).to_msg()
         return message
 
     # From ROS, in the executor's thread

@@ -17,7 +17,7 @@ import pytest
 from action_msgs.msg import GoalStatus
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
-from processes import Daemon, Gripper, Ros, near, program
+from processes import Daemon, Gripper, NodeProcess, Ros, near, program, wait
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
 
@@ -192,6 +192,21 @@ def test_its_end_disables_the_motor_or_holds(start, disables: bool, enabled: boo
     gripper.ros.spin_until(lambda: daemon.state()["enabled"], "the motor is enabled")
     assert gripper.process.end() == 0
     assert daemon.state()["enabled"] is enabled
+
+
+def test_it_may_start_before_the_daemon(tmp_path: Path) -> None:
+    daemon = Daemon(tmp_path / "daemon", f"late{os.getpid()}")
+    daemon.kill()
+    node = NodeProcess(tmp_path / "node.log", daemon, "/late", enable_on_activate=True)
+    wait(lambda: node.said("trying again"), "it looks for the daemon")
+    daemon.start()
+    wait(lambda: daemon.state()["enabled"], "the motor is enabled")
+    daemon.kill()
+    daemon.start()
+    wait(lambda: node.said("answers again")[1:], "it is connected again")
+    assert daemon.state()["enabled"] is False
+    assert node.end() == 0
+    daemon.end()
 
 
 @pytest.mark.parametrize(
