@@ -55,6 +55,8 @@ class GripperNode(LifecycleNode):
         for name, default in PARAMETERS.items():
             self.declare_parameter(name, default)
         self._loop: asyncio.AbstractEventLoop | None = None
+        self.has_failed = False
+        """True once the driver has ended by a mistake of ours."""
         self._is_active = False
         self._entities: list[Callable[[], None]] = []
         self._goals: dict[bytes, tuple[Goal, Any, Callable[[JointState], Any]]] = {}
@@ -160,6 +162,7 @@ class GripperNode(LifecycleNode):
                 pass
             except Exception:  # noqa: BLE001 - a node that only looks alive is worse
                 if self.context.ok():  # else it was interrupted while it published
+                    self.has_failed = True
                     self.get_logger().fatal(traceback.format_exc())
                     self.context.try_shutdown()
 
@@ -468,4 +471,4 @@ def main(arguments: list[str] | None = None) -> int:
         executor.shutdown()
         node.destroy_node()
         rclpy.try_shutdown()
-    return 0
+    return os.EX_SOFTWARE if node.has_failed else 0

@@ -194,6 +194,11 @@ def test_its_end_disables_the_motor_or_holds(start, disables: bool, enabled: boo
     assert daemon.state()["enabled"] is enabled
 
 
+def test_by_a_simulated_clock_states_come_also_before_it_ticks(start) -> None:
+    _, gripper = start(use_sim_time=True)
+    assert stamp_s(gripper.new_state()) == 0.0
+
+
 def test_it_may_start_before_the_daemon(tmp_path: Path) -> None:
     daemon = Daemon(tmp_path / "daemon", f"late{os.getpid()}")
     daemon.kill()
