@@ -161,6 +161,7 @@ class GripperNode(LifecycleNode):
             except asyncio.CancelledError:
                 pass
             except Exception:  # noqa: BLE001 - a node that only looks alive is worse
+                self._loop = None
                 if self.context.ok():  # else it was interrupted while it published
                     self.has_failed = True
                     self.get_logger().fatal(traceback.format_exc())
