@@ -8,13 +8,15 @@ RUNS := $(VENV)/.runs
 SEED ?= $(shell date -u +%Y%m%d)
 PROPERTIES = $(shell grep -rlE --include='test_*.py' '^from hypothesis' tests)
 
-.PHONY: help run demo test test-through-portal check nightly format pictures bench chaos ros deb clean
+.PHONY: help run run-mujoco demo test test-through-portal lowest check nightly format pictures bench chaos ros deb clean
 
 help:
 	@echo "make run     the daemon on a simulated gripper and its page, in the foreground"
+	@echo "make run-mujoco  the same, but MuJoCo moves the jaws, above a loose cube"
 	@echo "make demo    that daemon, and two processes that use it; ends by itself"
 	@echo "make test    the tests"
 	@echo "make test-through-portal  the tests of clients again, through a fleet's portal"
+	@echo "make lowest  the tests of what other libraries do, with the lowest versions that are allowed"
 	@echo "make check   format, lint, types, import layers, generated files, tests"
 	@echo "make nightly a million hostile lines and damaged files, longer chaos, property tests with other examples every day"
 	@echo "make format  put all sources into the project's format"
@@ -40,6 +42,10 @@ $(STAMP): pyproject.toml $(RUNS)
 
 run: $(RUNS)
 	@$(BIN)/python examples/run_simulated.py
+
+run-mujoco: $(RUNS)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[mujoco]'
+	@$(BIN)/python examples/run_simulated.py mujoco
 
 demo: $(RUNS)
 	@$(BIN)/python examples/demo.py
@@ -74,7 +80,17 @@ check: $(STAMP)
 	$(BIN)/python docs/generate.py --check
 	$(TESTS)
 
-nightly: $(STAMP) test-through-portal
+# What users may have: each library that pyproject.toml names in the lowest version that it allows.
+LOWEST := .venv-lowest
+
+lowest: $(STAMP)
+	$(BIN)/uv venv --quiet --clear --python $(BIN)/python $(LOWEST)
+	$(BIN)/uv pip install --quiet --python $(LOWEST)/bin/python --resolution lowest-direct --editable '.[dev]'
+	$(LOWEST)/bin/python -m pytest --numprocesses auto tests/client tests/web tests/fleet tests/io
+	$(LOWEST)/bin/python -m pytest -m 'not alone' --numprocesses 4 tests/process
+	$(LOWEST)/bin/python -m pytest -m alone tests/process
+
+nightly: $(STAMP) test-through-portal lowest
 	LITEGRIPD_PROPERTIES=nightly $(BIN)/python -m pytest tests/process/test_released.py
 	LITEGRIPD_CHAOS_MINUTES=30 $(BIN)/python -m pytest tests/faults/test_chaos.py
 	LITEGRIPD_FUZZ_LINES=1000000 LITEGRIPD_FUZZ_SEED=$(SEED) $(BIN)/python -m pytest --timeout=7200 tests/rpc/test_fuzz.py
@@ -110,4 +126,4 @@ deb:
 	packaging/debian/build
 
 clean:
-	rm -rf $(VENV) .ros-venv-* build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) $(LOWEST) .ros-venv-* build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

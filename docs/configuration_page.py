@@ -116,6 +116,8 @@ SIMULATOR = {
     " out: never.",
     "motor_type": f"The type of its motor, {' or '.join(MOTOR_TYPES)}; {DM4310.name} unless given."
     " Say the same in `[motor]`.",
+    "mechanics": '"mujoco", or "mujoco:" and the absolute path of a scene: MuJoCo moves the jaws'
+    " ([mujoco.md](mujoco.md)), and there is no `object_mm`. Left out: the simulator's own.",
 }
 """What a simulated gripper can be given in `[bus]`."""
 

@@ -1,7 +1,8 @@
 """Run the daemon of a simulated gripper and its page; say what to type next once both serve.
 
 The channel is sim0, or the next name that is free where another user's daemon has it. The page has
-the same address and secret each time, so that a bookmark works.
+the same address and secret each time, so that a bookmark works. With the argument `mujoco`, MuJoCo
+moves the jaws.
 """
 
 import os
@@ -26,7 +27,7 @@ IN_USE = 3
 """The daemon's exit code when another one has its channel."""
 
 PROGRAMS = Path(sys.executable).parent
-CONFIG = Path(__file__).with_name("simulated.toml")
+CONFIGS = Path(__file__).parent
 
 WORDS = """\
 
@@ -40,14 +41,25 @@ In another terminal:
   litegripctl state            what the gripper does now
   litegripctl enable           energise the motor
   litegripctl open             and: close, hold, disable
-  litegripctl grasp --force 10 there is an object of 40 mm between the jaws
-  litegripctl sim object none  take it away; also: sim push, sim fault
+{world}
   litegripctl watch            live, in a third terminal
   litegripctl stop             anybody may; then: litegripctl clear
   litegripctl health
 
 Ctrl-C ends both and disables the motor.
 """
+
+
+WORLDS = {
+    "simulated": """\
+  litegripctl grasp --force 10 there is an object of 40 mm between the jaws
+  litegripctl sim object none  take it away; also: sim push, sim fault""",
+    "mujoco": """\
+  litegripctl grasp --force 10 there is a loose cube of 30 mm between the jaws
+  python examples/mujoco_view.py   look at them; needs a display
+  litegripctl sim push -0.5    a hand opens the jaws, 0 lets go; also: sim hold, sim fault""",
+}
+"""What is around the jaws, by the name of the configuration."""
 
 
 @contextmanager
@@ -139,6 +151,9 @@ def already_runs(channel: str, pid: int, note: Path, more: str) -> None:
 
 def main() -> int:
     """Run both until a signal comes, or until the daemon ends; return the daemon's exit code."""
+    world = sys.argv[1] if len(sys.argv) > 1 else "simulated"
+    if world not in WORLDS:
+        sys.exit(f"run_simulated: {world!r} is none of {', '.join(WORLDS)}")
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: sys.exit(0))
     os.environ.pop("LITEGRIPD_SOCKET", None)  # it would be the one socket of all channels
@@ -158,7 +173,7 @@ def main() -> int:
                 return 0
             print(f"Channel {channel} is another user's: its daemon is process {pid}.")
             continue
-        command = (str(PROGRAMS / "litegripd"), channel, "--config", str(CONFIG))
+        command = (str(PROGRAMS / "litegripd"), channel, "--config", str(CONFIGS / f"{world}.toml"))
         with running(*command) as daemon:
             if not serves(daemon, channel):
                 if daemon.returncode == IN_USE:
@@ -169,8 +184,8 @@ def main() -> int:
                 note.touch(0o600)
                 note.write_text(page, "utf-8")
                 try:
-                    words = WORDS.format(channel=channel, page=page, prepare=prepare(channel, more))
-                    print(words, flush=True)
+                    words = {"channel": channel, "page": page, "prepare": prepare(channel, more)}
+                    print(WORDS.format(world=WORLDS[world], **words), flush=True)
                     return daemon.wait()
                 finally:
                     note.unlink()

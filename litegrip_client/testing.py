@@ -17,6 +17,7 @@ may run beside each other. With pytest, `pytest_plugins = ["litegrip_client.test
 from __future__ import annotations
 
 import itertools
+import json
 import os
 import shutil
 import subprocess
@@ -36,7 +37,7 @@ _CONFIG = """\
 [bus]
 interface = "litegrip_sim"
 watchdog_s = {watchdog_s}
-{object_line}
+{more}
 
 [gripper]
 mount = "{mount}"
@@ -122,13 +123,15 @@ def simulated(
     mount: str = "normal",
     object_mm: float | None = None,
     motor_type: str = "DM4310",
+    mechanics: str | None = None,
     within_s: float = 20.0,
 ) -> Iterator[SimulatedDaemon]:
     """Run a daemon on a simulated gripper until the end of the block.
 
     The jaws are 60 mm open and the motor is disabled; `object_mm` is the width of what is between
-    them. Raises `ConnectError` when the program `litegripd` is missing, or when the daemon does not
-    serve clients `within_s`; its log is then in the message.
+    them. `mechanics` is "mujoco", or "mujoco:" and the absolute path of a scene. Raises
+    `ConnectError` when the program `litegripd` is missing, or when the daemon does not serve
+    clients `within_s`; its log is then in the message.
     """
     program = shutil.which("litegripd", path=str(Path(sys.executable).parent)) or shutil.which(
         "litegripd"
@@ -139,10 +142,15 @@ def simulated(
     with tempfile.TemporaryDirectory(prefix="litegripd-") as folder:
         channel, path = f"sim{os.getpid()}-{next(_numbers)}", Path(folder) / "rpc.sock"
         config, log = Path(folder) / "config.toml", Path(folder) / "log"
+        given = {"object_mm": object_mm, "mechanics": mechanics}
         config.write_text(
             _CONFIG.format(
                 watchdog_s=_WATCHDOG_S,
-                object_line="" if object_mm is None else f"object_mm = {object_mm}",
+                more="\n".join(
+                    f"{key} = {json.dumps(value)}"
+                    for key, value in given.items()
+                    if value is not None
+                ),
                 mount=mount,
                 motor_type=motor_type,
             ),

@@ -66,6 +66,7 @@ DISTRIBUTIONS = {
         "litegripd",
         "A daemon that owns a LiteGrip gripper's CAN bus and lets many processes use it",
         dependencies=("eclipse-zenoh", "mcap", "python-can", "tomli"),
+        extras=("mujoco",),
         takes={
             "fleet": "litegrip-fleet",
             "metrics": f"{CLIENT}[metrics]",

@@ -1,4 +1,4 @@
-"""The figures of `health` as OpenMetrics text, for Prometheus and what reads its format.
+"""The figures of `health` as OpenMetrics text or Prometheus' own, for what reads these formats.
 
 The one module of the client that needs more than the standard library: `prometheus_client`, of
 the extra `metrics`. Nobody imports it but the command that prints the text. The table below is the
@@ -12,13 +12,16 @@ from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
 from prometheus_client import CollectorRegistry
+from prometheus_client import exposition as prometheus
 from prometheus_client.metrics_core import Metric
-from prometheus_client.openmetrics.exposition import CONTENT_TYPE_LATEST, generate_latest
+from prometheus_client.openmetrics import exposition as openmetrics
 from prometheus_client.registry import Collector
 
 from litegrip_client.values.results import USABLE_BUS
 
-CONTENT_TYPE = CONTENT_TYPE_LATEST
+FORMATS = {"openmetrics": openmetrics, "text": prometheus}
+"""By the name of a format: what writes it, as `generate_latest`, with `CONTENT_TYPE_LATEST`."""
+
 VERDICTS = ("ok", "degraded", "down")
 
 _PREFIX = "litegripd"
@@ -158,11 +161,11 @@ SUMMARIES = {
 """Quantiles, each from a mapping of `health`: name and meaning."""
 
 
-def text(health: Mapping[str, Any], *, channel: str, version: str) -> str:
-    """Return the figures of `health` as OpenMetrics text; what is not known is left out."""
+def text(health: Mapping[str, Any], form: str, *, channel: str, version: str) -> str:
+    """Return the figures of `health` in one of `FORMATS`; what is not known is left out."""
     registry = CollectorRegistry()
     registry.register(_Figures(list(_metrics(health, channel, version))))
-    exposed: bytes = generate_latest(registry)
+    exposed: bytes = FORMATS[form].generate_latest(registry)
     return exposed.decode()
 
 

@@ -10,6 +10,7 @@ from litegrip_client.threads.blocking import connect
 from litegrip_client.values.errors import LiteGripError
 from litegrip_fleet.admin.config import PortalConfig
 from litegrip_fleet.far.daemon import how_it_is
+from litegrip_fleet.wire.foreign import facts_of
 from litegrip_fleet.wire.keys import Place
 from litegrip_fleet.wire.site import About, Stopped
 
@@ -29,9 +30,10 @@ def look(portal: PortalConfig, site: str) -> list[About]:
                 hello = connection.call("hello", {"client": "litegripd-fleet"})
                 after_s = time.monotonic() - begun_s
                 health, state = connection.call("health"), connection.call("state.get")
-                facts = how_it_is(hello, health, state, connection.call("lease.get"))
-        except (LiteGripError, KeyError) as error:
-            after_s, facts = time.monotonic() - begun_s, {"error": str(error)}
+                facts = facts_of(how_it_is(hello, health, state, connection.call("lease.get")))
+        except (LiteGripError, KeyError, TypeError) as error:
+            after_s = time.monotonic() - begun_s
+            facts = facts_of({"error": str(error)})
         return About(place, after_s, facts)
 
     return _of_each(sorted(portal.of_site(site)), about)

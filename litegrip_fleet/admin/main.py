@@ -12,7 +12,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Coroutine, Iterator, Sequence
-from concurrent import futures
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
@@ -20,9 +20,8 @@ from typing import Any, NoReturn
 import zenoh
 
 from litegrip_client.core.sockets import SOCKET_VARIABLE
-from litegrip_client.core.stop import WHY_CHARACTERS, stop_params
+from litegrip_client.core.stop import WHY_CHARACTERS
 from litegrip_client.ctl.findings import as_data, as_text, is_well
-from litegrip_client.line.exchange import request_line
 from litegrip_client.values.repeats import RepeatsHandler, poll_handlers
 from litegrip_fleet.admin import by_portal
 from litegrip_fleet.admin.access import rules
@@ -37,21 +36,22 @@ from litegrip_fleet.admin.options import (
     EXIT_USAGE,
     make_parser,
 )
+from litegrip_fleet.admin.stopping import stop_site
 from litegrip_fleet.far.dead_man import DeadMansSwitch
 from litegrip_fleet.far.gateway import Gateway
 from litegrip_fleet.near.portal import Portal
 from litegrip_fleet.wire.keys import BadNameError, check_name
 from litegrip_fleet.wire.network import (
-    CONNECT_WITHIN_S,
     Network,
     NetworkError,
     close,
     log_routers,
     opened,
     opening,
+    reached,
     session_in,
 )
-from litegrip_fleet.wire.site import About, Stopped, alive, look, stop_all
+from litegrip_fleet.wire.site import About, Stopped, look
 
 _NOT_SENT = "; no stop was sent: use the switch that cuts the power"
 _LOOK = "look with: litegripd-fleet check"
@@ -289,35 +289,27 @@ def _stop(config: FleetConfig, arguments: argparse.Namespace) -> int:
     site, part, why = _site(arguments.site), config.portal, (arguments.why or "")[:WHY_CHARACTERS]
     if part is None:
         raise FleetConfigError(f"{config.source}: a stop needs the [portal], whose user it is of")
-    if _only_by_portal(config) is not None:
-        stopped = by_portal.stop_all(part, site, arguments.level, why or None)
-        return _report(stopped, arguments)
-    line = request_line(1, "stop", stop_params(arguments.level, why or None))
-    with _connected(config, otherwise=_NOT_SENT) as session:
-
-        async def stop() -> Stopped:
-            # Stopping comes first: who else is there is asked for meanwhile.
-            looking = asyncio.create_task(asyncio.to_thread(alive, session, site))
-            stopped = await stop_all(session, site, part.user, part.of_site(site), line)
-            for place in await looking:
-                if place not in stopped.confirmed and place not in stopped.failed:
-                    stopped.silent.append(place)
-            return stopped
-
-        stopped = asyncio.run(stop())
-        # Before the session is closed: a network that does not answer holds that up.
-        code = _report(stopped, arguments)
-        sys.stdout.flush()
+    endpoints = config.network.connect if _only_by_portal(config) is None else ()
+    networks = [replace(config.network, connect=[endpoint]) for endpoint in endpoints]
+    stopped, sessions = stop_site(networks, part, site, arguments.level, why or None)
+    # Before the sessions are closed: a network that does not answer holds that up.
+    code = _report(stopped, arguments)
+    sys.stdout.flush()
+    sessions.close()
     return code
 
 
 def _report(stopped: Stopped, arguments: argparse.Namespace) -> int:
+    for text in stopped.lost:
+        print(f"litegripd-fleet: {text}", file=sys.stderr)
     if arguments.json:
         data = {
             "ok": stopped.ok,
             "confirmed": {str(place): after_s for place, after_s in stopped.confirmed.items()},
             "failed": {str(place): problem for place, problem in stopped.failed.items()},
             "silent": [str(place) for place in sorted(set(stopped.silent))],
+            "lost": list(stopped.lost),
+            "is_whole": stopped.is_whole,
         }
         print(json.dumps(data))
         return EXIT_OK if stopped.ok else EXIT_FAILED
@@ -329,6 +321,8 @@ def _report(stopped: Stopped, arguments: argparse.Namespace) -> int:
         print(f"{place}: NOT confirmed: silent")
     if not stopped.confirmed and not stopped.failed and not stopped.silent:
         print("no gripper was found")
+    if not stopped.is_whole:
+        print("NOT stopped: other grippers of the site, if there are any beside this portal's")
     if not stopped.ok:
         print("This is no emergency stop: use the switch that cuts the power.", file=sys.stderr)
     return EXIT_OK if stopped.ok else EXIT_FAILED
@@ -364,19 +358,9 @@ def _site(text: str) -> str:
 
 
 @contextlib.contextmanager
-def _connected(config: FleetConfig, *, otherwise: str = "") -> Iterator[zenoh.Session]:
-    """Yield a session; raises `NetworkError` where none is possible, or no router answers in time.
-
-    `otherwise` is said then, too.
-    """
-    try:
-        session = opening(config.network).result(CONNECT_WITHIN_S)
-    except futures.TimeoutError:
-        where = _where(config)
-        text = f"no router answers at {where} within {CONNECT_WITHIN_S:g} s; {_LOOK}{otherwise}"
-        raise NetworkError(text) from None
-    except NetworkError as error:
-        raise NetworkError(f"{error}{otherwise}") from error
+def _connected(config: FleetConfig) -> Iterator[zenoh.Session]:
+    """Yield a session; raises `NetworkError` where none is possible, or no router answers."""
+    session = reached(config.network)
     try:
         yield session
     finally:

@@ -10,18 +10,17 @@ from litegrip_client.core.sockets import stop_path
 from litegrip_client.line.exchange import request_line
 from litegrip_client.values.errors import LiteGripError, from_error_object
 from litegrip_fleet.wire.answers import UNREACHABLE, error_object
+from litegrip_fleet.wire.daemon_lines import MAX_ANSWER_BYTES
 
 ANSWER_WITHIN_S = 2.0
 STOP_WITHIN_S = 1.0
-
-_LONGEST_LINE_BYTES = 16 * 1024 * 1024
 
 
 async def connected(channel: str) -> tuple[str, asyncio.StreamReader, asyncio.StreamWriter]:
     """Connect to a daemon; return its socket's path, too. Raises `ConnectError` without one."""
 
     async def attempt(path: str) -> tuple[str, asyncio.StreamReader, asyncio.StreamWriter]:
-        return (path, *await asyncio.open_unix_connection(path, limit=_LONGEST_LINE_BYTES))
+        return (path, *await asyncio.open_unix_connection(path, limit=MAX_ANSWER_BYTES))
 
     return await reach(channel, None, attempt)
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from litegrip_client.values import strict_json
 from litegrip_fleet.wire.answers import UNREACHABLE, error_line, error_object
-from litegrip_fleet.wire.daemon_lines import is_id
+from litegrip_fleet.wire.daemon_lines import MAX_ANSWER_BYTES, is_id
 from litegrip_fleet.wire.lateness import RemoteClock
 from litegrip_fleet.wire.messages import Ask, Push, Reply
 from litegrip_fleet.wire.rows import Inbox, Outbox
@@ -75,7 +75,7 @@ class NearSession:
         self._inbox = Inbox()
         self._outbox: Outbox[tuple[Ask, bytes, float]] = Outbox()
         self._unconfirmed_bytes = 0
-        self._pieces: list[bytes] = []
+        self._line = bytearray()
         self._behind_since_s: float | None = None
         self._introductions: dict[str | int, str] = {}
 
@@ -170,9 +170,12 @@ class NearSession:
         self._unconfirmed_bytes += len(piece)
         if self._unconfirmed_bytes > CONFIRM_BYTES and self._lives:  # a message is a sign of life
             self._show_life(now_s)
-        self._pieces.append(piece)
-        if not push.more:
-            line, self._pieces = b"".join(self._pieces), []
+        self._line += piece
+        if len(self._line) > MAX_ANSWER_BYTES:
+            text = f"the gripper's machine sends a line of more than {MAX_ANSWER_BYTES} bytes"
+            self._end(error_object(UNREACHABLE, text, limit=MAX_ANSWER_BYTES))
+        elif not push.more:
+            line, self._line = bytes(self._line), bytearray()
             self._to_client(self._amended(line) if self._introductions else line)
 
     def _show_life(self, now_s: float, *, again: bool = False) -> None:
@@ -209,17 +212,25 @@ class NearSession:
                 self._introductions[identity] = request["method"]
 
     def _amended(self, line: bytes) -> bytes:
-        """Return an answer; one that says where the gripper is, says where it is met here."""
-        answer = json.loads(line)
-        identity = answer.get("id")
-        if identity not in self._introductions:
+        """Return an answer; one that says where the gripper is, says where it is met here.
+
+        What is no answer goes to the client as it came, which knows what to say of that.
+        """
+        try:
+            answer = json.loads(line)
+        except (ValueError, RecursionError):
             return line
-        method = self._introductions.pop(identity)
-        if "result" in answer and method == "health":
-            answer["result"]["remote"] = {name: self._about.get(name) for name in PROTECTION}
-        elif "result" in answer:
-            remote = {**self._about, "channel": answer["result"].get("channel")}
-            answer["result"] |= {
+        identity = answer.get("id") if isinstance(answer, dict) else None
+        if not is_id(identity) or identity not in self._introductions:
+            return line
+        method, result = self._introductions.pop(identity), answer.get("result")
+        if not isinstance(result, dict):
+            return line
+        if method == "health":
+            result["remote"] = {name: self._about.get(name) for name in PROTECTION}
+        else:
+            remote = {**self._about, "channel": result.get("channel")}
+            result |= {
                 "channel": self._channel,
                 "stop_socket": self._stop_socket,
                 "remote": remote,

@@ -13,6 +13,7 @@ import secrets
 import select
 import socket
 import stat
+import threading
 import time
 from collections.abc import Callable, Coroutine, Sequence
 from functools import partial
@@ -34,11 +35,12 @@ from litegrip_fleet.wire.answers import (
     error_object,
 )
 from litegrip_fleet.wire.daemon_lines import MAX_LINE_BYTES, TOO_LONG, generation_in, is_sample
+from litegrip_fleet.wire.foreign import stop_problem
 from litegrip_fleet.wire.keys import Place
 from litegrip_fleet.wire.lateness import RemoteClock
 from litegrip_fleet.wire.messages import Ask, BadMessageError, Push, Reply, packed, unpacked
 from litegrip_fleet.wire.network import Answered, ask, hand_over, the_newest
-from litegrip_fleet.wire.site import TWO_GATEWAYS, problem_in
+from litegrip_fleet.wire.site import TWO_GATEWAYS
 
 _log = logging.getLogger(__name__)
 
@@ -52,6 +54,9 @@ _ASK_AGAIN_S = 0.4
 _CONGESTED_BYTES = 65_536
 MOST_UNREAD_BYTES = 4 * 1024 * 1024
 _BACKLOG = 100
+MOST_PUSHES = 64
+"""So many of a gripper's pushes wait for the event loop at most: others get their turn between."""
+
 MOST_CLIENTS = MOST_STOP_CLIENTS = 64
 """At the sockets of each gripper: nobody uses up the portal's descriptors."""
 
@@ -98,6 +103,7 @@ class Portal:
         self._clients: dict[str, _Client] = {}
         self._beat_s = time.monotonic()
         self._subscriber: Any = None
+        self._room = threading.Semaphore(MOST_PUSHES)
         self._serving: set[asyncio.Task[None]] = set()
         self._idle: dict[socket.socket, None] = {}  # at the socket for stops; the longest first
 
@@ -238,13 +244,15 @@ class Portal:
         loop = asyncio.get_running_loop()
         key = self.place.to(self.user, f"{self._identity}-*").replace("-*", "-$*")
         self._subscriber = session.declare_subscriber(key, the_newest())
-        hand_over(
-            self._subscriber,
-            lambda sample: loop.call_soon_threadsafe(self._pushed, sample),
-            f"portal {self.place}",
-        )
+
+        def take(sample: zenoh.Sample) -> None:
+            self._room.acquire()
+            loop.call_soon_threadsafe(self._pushed, sample)
+
+        hand_over(self._subscriber, take, f"portal {self.place}")
 
     def _pushed(self, sample: zenoh.Sample) -> None:
+        self._room.release()
         client = self._clients.get(str(sample.key_expr).rpartition("/")[2])
         attached = sample.attachment
         if client is None or client.near is None:
@@ -356,7 +364,7 @@ async def stop_one(
             answers = await ask(session, key, line, None, loop, within_s=within_s, is_stop=True)
             said = [answer.payload for answer in answers if answer.payload]
             if said:  # of two gateways, both have to confirm it
-                return next((payload for payload in said if problem_in(payload)), said[0])
+                return next((payload for payload in said if stop_problem(payload)), said[0])
         await asyncio.sleep(min(0.05, max(0.0, ends_s - loop.time())))
     return None
 

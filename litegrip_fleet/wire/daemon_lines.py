@@ -8,6 +8,9 @@ from litegrip_fleet.wire.answers import LINE_TOO_LONG, error_object
 MAX_LINE_BYTES = 16_384
 """As the daemon's; without the newline."""
 
+MAX_ANSWER_BYTES = 16 * 1024 * 1024
+"""Of a line of the daemon's, whatever it answers."""
+
 MAX_ID_CHARACTERS = 128
 """As the daemon's."""
 

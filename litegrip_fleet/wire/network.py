@@ -125,6 +125,16 @@ def opening(network: Network) -> futures.Future[zenoh.Session]:
     return future
 
 
+def reached(network: Network) -> zenoh.Session:
+    """Return a session; raises `NetworkError` where none is possible, or no router answers."""
+    try:
+        return opening(network).result(CONNECT_WITHIN_S)
+    except futures.TimeoutError:
+        where = ", ".join(network.connect)
+        text = f"no router answers at {where} within {CONNECT_WITHIN_S:g} s"
+        raise NetworkError(f"{text}; look with: litegripd-fleet check") from None
+
+
 def session_in(connecting: "futures.Future[zenoh.Session]") -> zenoh.Session | None:
     """Return the session, None while it is being opened, or if that has failed."""
     is_there = connecting.done() and connecting.exception() is None

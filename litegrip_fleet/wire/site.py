@@ -1,14 +1,14 @@
 """A whole site at once: who is there, and a stop for all."""
 
 import asyncio
-import json
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import zenoh
 
+from litegrip_fleet.wire.foreign import facts_in, stop_problem
 from litegrip_fleet.wire.keys import PREFIX, Place, place_in
 from litegrip_fleet.wire.network import Answered, ask
 
@@ -42,7 +42,7 @@ async def look(session: zenoh.Session, site: str = "*") -> list[About]:
     key = f"{PREFIX}/{site}/*/hello"
     found: dict[Place, About] = {}
     for answer in await ask(session, key, b"", None, loop, within_s=LOOK_WITHIN_S):
-        place, facts = place_in(answer.key), _facts_in(answer.payload)
+        place, facts = place_in(answer.key), facts_in(answer.payload)
         if place in found:
             facts = {"error": TWO_GATEWAYS}
         if place is not None:
@@ -53,14 +53,6 @@ async def look(session: zenoh.Session, site: str = "*") -> list[About]:
     return [found[place] for place in sorted(found)]
 
 
-def _facts_in(payload: bytes) -> Mapping[str, Any]:
-    try:
-        facts = json.loads(payload)
-    except ValueError:
-        facts = None
-    return facts if isinstance(facts, dict) else {"error": f"{payload[:60]!r} is no answer"}
-
-
 @dataclass(frozen=True, slots=True)
 class Stopped:
     """What became of a stop of a site: who has confirmed it, who has refused, who is silent."""
@@ -69,11 +61,15 @@ class Stopped:
     """By the time that it took, in seconds."""
     failed: dict[Place, str]
     silent: list[Place]
+    lost: Sequence[str] = ()
+    """Why a way to the site could not be gone."""
+    is_whole: bool = True
+    """False if the site may have other grippers, which nobody could be asked for."""
 
     @property
     def ok(self) -> bool:
-        """True if every gripper that was expected, and one at least, has stopped."""
-        return bool(self.confirmed) and not self.failed and not self.silent
+        """True if every gripper of the site, and one at least, has stopped."""
+        return self.is_whole and bool(self.confirmed) and not self.failed and not self.silent
 
 
 async def stop_all(
@@ -112,14 +108,5 @@ def _problems_in(answers: Iterable[Answered]) -> dict[Place, str | None]:
     for answer in answers:
         place = place_in(answer.key)
         if place is not None:
-            problems[place] = problems.get(place) or problem_in(answer.payload)
+            problems[place] = problems.get(place) or stop_problem(answer.payload)
     return problems
-
-
-def problem_in(payload: bytes) -> str | None:
-    """Return why a gripper did not stop; None if it did."""
-    try:
-        answer = json.loads(payload)
-        return None if "result" in answer else str(answer["error"]["message"])
-    except (ValueError, KeyError, TypeError):
-        return f"an answer that is none: {payload[:60]!r}"

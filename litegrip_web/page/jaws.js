@@ -3,13 +3,16 @@
    A millimetre is a unit of the drawing. Nothing is drawn before the daemon has told the travel.
    In a simulated world the object can be dragged in and out, and the jaws pushed. */
 
+import { figure } from "./format.js";
+
 const SVG = "http://www.w3.org/2000/svg";
 const FINGER = 12;
 const DEPTH = 46;
 const TOP = 14;
-const TRAY = 82;
-const HEIGHT = 78;
-const HEIGHT_WITH_TRAY = 108;
+const SAID = 80;
+const TRAY = 91;
+const HEIGHT = 87;
+const HEIGHT_WITH_TRAY = 117;
 
 function shape(kind, attributes, parent) {
   const node = document.createElementNS(SVG, kind);
@@ -19,13 +22,12 @@ function shape(kind, attributes, parent) {
 }
 
 export class Jaws {
-  /* `hands` has `onObject(isIn)` and `onPush(side, mm)`: what a pointer does in a simulated world. */
+  /* `hands` has `onObject(isIn)` and `onJaw(mm)`: what a pointer does in a simulated world. */
   #travel = null;
   #work = null;
   #nodes = {};
   #isHandy = false;
   #opening = null;
-  #hand = null;
 
   constructor(place, hands) {
     this.svg = shape("svg", { class: "jaws", role: "img" }, place);
@@ -54,8 +56,10 @@ export class Jaws {
     if (work !== null) this.#drawWork(work);
     const tray = shape("g", { class: "tray" }, svg);
     shape("rect", { x: -half + 2, y: TRAY - 3, width: 2 * half - 4, height: 26, rx: 3 }, tray);
-    const words = shape("text", { class: "scale", x: 0, y: TRAY + 12 }, tray);
-    words.textContent = "drag the object in, or out to here";
+    for (const [side, words] of [[-1, "drag it in"], [1, "or out"]]) {
+      const x = side * (half - 17); // beside an object that lies there
+      shape("text", { class: "scale", x, y: TRAY + 12 }, tray).textContent = words;
+    }
     this.#nodes = {
       tray,
       item: shape("rect", { class: "item", y: 24, height: 28, rx: 3 }, svg),
@@ -63,6 +67,8 @@ export class Jaws {
       right: shape("rect", { class: "jaw", y: TOP, width: FINGER, height: DEPTH, rx: 2 }, svg),
       low: shape("path", { class: "command", d: "M0 62 l-2.5 5 h5 z" }, svg),
       high: shape("path", { class: "command", d: "M0 62 l-2.5 5 h5 z" }, svg),
+      span: shape("path", { class: "span" }, svg),
+      said: shape("text", { class: "said", x: 0, y: SAID + 6.5 }, svg),
     };
     this.#listen();
   }
@@ -80,7 +86,6 @@ export class Jaws {
   show({ opening, command, isGrasped, isStale }) {
     if (this.#travel === null) return;
     this.#opening = opening;
-    this.#push();
     const { left, right, low, high } = this.#nodes;
     const known = opening ?? this.#travel;
     left.setAttribute("x", -known / 2 - FINGER);
@@ -94,10 +99,21 @@ export class Jaws {
       if (command !== null) mark.setAttribute("transform", `translate(${(side * command) / 2} 0)`);
     }
     if (!this.#isHandy) this.#drawItem(isGrasped ? opening : null, true);
+    this.#say(opening, isStale);
     const text = opening === null ? "unknown" : `${opening.toFixed(1)} mm`;
     const held = isGrasped ? ", something is held" : "";
     const work = this.#work === null ? "" : `, open goes to ${this.#work} mm`;
     this.svg.setAttribute("aria-label", `The jaws: opening ${text}${held}${work}`);
+  }
+
+  /* Say the opening at the ruler, as a drawing does: from jaw to jaw. */
+  #say(opening, isStale) {
+    const { span, said } = this.#nodes;
+    const half = (opening ?? 0) / 2;
+    span.setAttribute("d", `M${-half} ${SAID - 2} v4 m0 -2 h${2 * half} m0 -2 v4`);
+    span.style.display = opening === null ? "none" : "";
+    said.textContent = figure(opening, 1, "mm");
+    for (const node of [span, said]) node.classList.toggle("unknown", opening === null || isStale);
   }
 
   /* Show the object of a simulated world: its width in mm, and whether it is between the jaws. */
@@ -138,23 +154,10 @@ export class Jaws {
     });
     for (const [jaw, side] of [[left, 1], [right, -1]]) {
       this.#drag(jaw, {
-        move: (dx) => {
-          this.#hand ??= { from: this.#opening, closes: 0 };
-          this.#hand.closes = side * dx;
-          this.#push();
-        },
-        end: () => {
-          this.#hand = null;
-          this.hands.onPush(0);
-        },
+        move: (dx) => this.hands.onJaw(side * dx),
+        end: () => this.hands.onJaw(null),
       });
     }
-  }
-
-  /* Push by how far the hand is ahead of the jaw: so the jaw follows it, at the hand's speed. */
-  #push() {
-    if (this.#hand === null || this.#opening === null) return;
-    this.hands.onPush(this.#hand.closes - (this.#hand.from - this.#opening) / 2);
   }
 
   /* Follow a pointer that drags `node`: how far, in mm. */

@@ -18,7 +18,8 @@ const HEALTH = { ok: "Healthy", degraded: "Impaired", down: "Out of order" };
 const UNSEEN =
   "No software sees what else pushes the jaws, a hand or a weight, nor a motor that makes other than it reports.";
 
-export class Panel {
+/* Dispatches "state" when a new one has been shown. */
+export class Panel extends EventTarget {
   #nodes = {};
   #offsetS = 0;
   #doubt;
@@ -26,11 +27,13 @@ export class Panel {
   #health = null;
   #lost = null;
   #isLate = false;
+  #operates = false;
   #facts = new Map();
   gripper = null;
   state = null;
 
   constructor(channel, secret, place) {
+    super();
     const article = document.getElementById("gripper").content.cloneNode(true).firstElementChild;
     article.setAttribute("aria-label", `Gripper ${channel}`);
     article.dataset.channel = channel;
@@ -68,6 +71,11 @@ export class Panel {
     delete this.#nodes.outcome.dataset.stop;
   }
 
+  /* Say no more what was said of a connection that has ended; what came of a STOP stays. */
+  #hush() {
+    if (!this.#nodes.outcome.dataset.stop) this.tell("");
+  }
+
   /* Say what is wrong, until it has been read. */
   complain(text) {
     this.tell(text);
@@ -87,6 +95,7 @@ export class Panel {
   async #begin({ operate, history }) {
     for (const node of this.article.querySelectorAll("[data-acts]")) node.hidden = !operate;
     this.#nodes["read-only"].hidden = operate;
+    this.#operates = operate;
     try {
       const hello = await this.wire.hello();
       this.#offsetS = Date.now() / 1000 - hello.monotonic_s;
@@ -99,7 +108,7 @@ export class Panel {
       this.#lost = null;
       for (const event of events.events) this.#noteLoss(event);
       const states = await this.wire.call("state.subscribe", { hz: HZ });
-      this.tell("");
+      this.#hush();
       this.#show(states.state);
       this.control.begin(operate, ranges);
       this.world.begin(hello.simulated, operate);
@@ -126,11 +135,13 @@ export class Panel {
 
   #end(message) {
     this.state = null;
+    this.#hush();
     this.#lease = this.#health = null;
     this.#nodes.mode.textContent = "no daemon";
     this.#nodes.mode.dataset.mode = "offline";
     this.#nodes.why.textContent = message;
-    this.#nodes.stopped.hidden = this.#nodes.doubted.hidden = this.#nodes.lost.hidden = true;
+    this.#nodes.stopped.hidden = this.#nodes.doubted.hidden = true;
+    this.#showLoss(false);
     this.#doubt = undefined;
     this.#isLate = false;
     this.article.classList.remove("late");
@@ -184,22 +195,35 @@ export class Panel {
     return this.gripper.travel_mm ?? this.gripper.stroke_mm;
   }
 
+  /* The change of the opening for a rad of the motor that opens, in mm; null without a calibration. */
+  get mmPerRad() {
+    const { closed_rad: closed, open_rad: open, travel_mm: travel } = this.gripper ?? {};
+    if (![closed, open, travel].every(isNumber) || open === closed) return null;
+    return travel / Math.abs(open - closed);
+  }
+
   /* Return the opening in mm at a motor position; null without a calibration. */
   #openingAt(rad) {
-    const { closed_rad: closed, open_rad: open, travel_mm: travel } = this.gripper ?? {};
-    if (![rad, closed, open, travel].every(isNumber) || open === closed) return null;
-    return ((rad - closed) / (open - closed)) * travel;
+    if (!isNumber(rad) || this.mmPerRad === null) return null;
+    const { closed_rad: closed, open_rad: open } = this.gripper;
+    return (rad - closed) * Math.sign(open - closed) * this.mmPerRad;
   }
 
   /* A lost object is said until the next motion. */
   #noteLoss(event) {
-    const { lost, "lost-text": text } = this.#nodes;
+    const text = this.#nodes["lost-text"];
     if (event.kind === "object_lost") this.#lost = event;
     else if (event.kind === "job_started") this.#lost = null;
-    lost.hidden = this.#lost === null;
+    this.#showLoss(this.#lost !== null);
     if (this.#lost === null) return;
     const message = inPageWords(this.#lost.message, this.#lost.terms?.message);
     text.textContent = `At ${time(this.#lost.monotonic_s + this.#offsetS)}: ${message}.`;
+  }
+
+  #showLoss(isLost) {
+    this.#nodes.lost.hidden = !isLost;
+    this.article.classList.toggle("has-lost", isLost);
+    if (!isLost) this.#nodes["lost-text"].textContent = "";
   }
 
   #show(state) {
@@ -211,7 +235,9 @@ export class Panel {
     if (!this.#isLate) this.#showMode(state);
     this.#showDoubt(state.scale_doubt);
     this.control.show(state);
+    this.world.show(state);
     this.#showFacts();
+    this.dispatchEvent(new Event("state"));
   }
 
   #showJaws(state) {
@@ -251,7 +277,7 @@ export class Panel {
     const when = time(since + this.#offsetS);
     text.textContent =
       `Stopped (${level}) at ${when} by ${by ?? "somebody unknown"}${reason ? `: ${reason}` : ""}. ` +
-      "Nothing moves until it is cleared: here by who has control, or with 'litegripctl clear'.";
+      `Nothing moves until it is cleared: ${this.#operates ? "by who has control" : "'litegripctl clear'"}.`;
   }
 
   /* Say that the millimetres are probably wrong, as long as the daemon doubts them. */
@@ -298,12 +324,12 @@ export class Panel {
     this.#fact("Force", figure(state?.force_n, 1, "N"));
     this.#fact("Set force", figure(state?.force_set_n, 1, "N"));
     const felt = clamp ? `${clamp[0].toFixed(1)} to ${clamp[1].toFixed(1)} N by the motor` : "--";
-    this.#fact("On the object", felt, "", UNSEEN);
     this.#fact("Coil", figure(state?.coil_temperature_c, 0, "°C"));
     this.#fact("Driver", figure(state?.driver_temperature_c, 0, "°C"));
     this.#fact("Time to the heat limit", isNumber(toLimit) ? figure(toLimit, 0, "s") : heat ? "none" : "--");
     this.#fact("Tick lateness (99 %)", figure(this.#health?.control?.lateness.p99_us, 0, "µs"));
     this.#showHealth();
+    this.#fact("On the object", felt, "wide", UNSEEN);
     this.#fact("Lease", held ? `${owner(held)}${purpose}` : lease ? "free" : "--", "wide");
   }
 
@@ -331,9 +357,10 @@ export class Panel {
     if (node === undefined) {
       const term = document.createElement("dt");
       term.textContent = name;
+      term.className = kind;
       node = document.createElement("dd");
       node.className = kind;
-      node.title = hint;
+      if (hint) node.title = hint;
       this.#nodes.facts.append(term, node);
       this.#facts.set(name, node);
     }

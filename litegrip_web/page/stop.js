@@ -2,16 +2,19 @@
 
 const CONFIRMED_WITHIN_MS = 500;
 const CUT = "Cut the motor's power.";
+const STOPPED = "Stopped. Nothing moves until it is cleared.";
 
 export class Stop {
   /* `panels` are stopped together; what came of it is shown in each of `places`. */
   #panels;
   #places;
   #count = 0;
+  #toldMs = 0;
 
   constructor(panels, places) {
     this.#panels = panels;
     this.#places = places;
+    for (const panel of panels) panel.addEventListener("state", () => this.#compare());
   }
 
   /* Stop all. */
@@ -26,7 +29,7 @@ export class Stop {
     const show = () => {
       const failed = [...wrong].map(([channel, why]) => `${channel} (${why})`);
       if (failed.length) tell(`STOP did not reach ${failed.join(", ")}. ${CUT}`, "failed");
-      else if (open.size === 0) tell("Stopped. Nothing moves until it is cleared.", "done");
+      else if (open.size === 0) tell(STOPPED, "done");
       else tell(`STOP not confirmed by ${[...open].join(", ")}. ${CUT}`, "failed");
     };
     const timer = setTimeout(show, CONFIRMED_WITHIN_MS);
@@ -41,8 +44,28 @@ export class Stop {
     }
   }
 
+  /* Nothing is said any more that a state contradicts, which was measured after it was said. */
+  #compare() {
+    const saidS = (performance.now() - this.#toldMs) / 1000;
+    const is = ({ state, wire }, isStopped) => {
+      const ageS = state === null ? null : wire.age(state.monotonic_s);
+      return ageS !== null && ageS < saidS && (state.stop !== null) === isStopped;
+    };
+    if (this.#panels.some((panel) => is(panel, false))) this.#replace("done", "", "");
+    if (this.#panels.every((panel) => is(panel, true))) this.#replace("failed", STOPPED, "done");
+  }
+
   #tell(text, kind) {
+    this.#toldMs = performance.now();
     for (const place of this.#places) {
+      place.textContent = text;
+      place.dataset.stop = kind;
+    }
+  }
+
+  #replace(old, text, kind) {
+    for (const place of this.#places) {
+      if (place.dataset.stop !== old) continue;
       place.textContent = text;
       place.dataset.stop = kind;
     }

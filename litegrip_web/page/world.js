@@ -1,18 +1,19 @@
 /* The world of a simulated gripper: an object to drag in and out, a hand at the jaws, faults. */
 
 import { figure, isNumber } from "./format.js";
+import { Hand } from "./hand.js";
 
 const LOOK_EVERY_MS = 500;
 const PUSH_NM = 0.8;
-const MOST_NM = 0.8;
-const NM_PER_MM = 0.04;
 
 export class World {
   #panel;
   #isOn = false;
   #operates = false;
   #width = null;
-  #pushing = null;
+  #hand = null;
+  #isPushing = false;
+  #next = null;
 
   constructor(panel) {
     this.#panel = panel;
@@ -25,8 +26,15 @@ export class World {
     on("reset", () => this.#do("sim.reset"));
     for (const [name, torque] of [["push-open", -PUSH_NM], ["push-close", PUSH_NM]]) {
       const button = panel.node(name);
-      const push = () => this.#push(torque);
-      const letGo = () => this.#push(0);
+      let isPushing = false;
+      const push = () => {
+        isPushing = true;
+        this.#push(torque);
+      };
+      const letGo = () => {
+        if (isPushing) this.#push(0);
+        isPushing = false;
+      };
       button.onpointerdown = push;
       button.onpointerup = button.onpointercancel = button.onpointerleave = letGo;
       button.onkeydown = (event) => {
@@ -46,6 +54,7 @@ export class World {
 
   end() {
     this.#isOn = false;
+    this.#letGo();
   }
 
   /* An object is dragged in, or away. */
@@ -55,17 +64,43 @@ export class World {
     else if (node.reportValidity()) this.#do("sim.object", { width_mm: Number(node.value) });
   }
 
-  /* A jaw is pushed by a pointer that is so many mm ahead of it, in the direction that closes. */
-  onPush(mm) {
-    const torque = Math.max(-MOST_NM, Math.min(MOST_NM, mm * NM_PER_MM));
-    this.#push(torque);
+  /* A jaw is led by a pointer that has closed it by so many mm since it took it; null: let go. */
+  onJaw(mm) {
+    if (mm === null) this.#letGo();
+    else if (this.#operates) {
+      this.#hand ??= this.#take();
+      this.#hand?.move(mm);
+    }
   }
 
-  #push(torque) {
-    const rounded = Math.round(torque * 20) / 20;
-    if (!this.#operates || rounded === (this.#pushing ?? 0)) return;
-    this.#pushing = rounded;
-    this.#do("sim.push", { torque_nm: rounded });
+  /* What a state says of the jaws that are led. */
+  show(state) {
+    this.#hand?.see(state.opening_mm, this.#panel.wire.age(state.monotonic_s));
+  }
+
+  #take() {
+    const { opening_mm: opening } = this.#panel.state ?? {};
+    const mmPerRad = this.#panel.mmPerRad;
+    if (!isNumber(opening) || mmPerRad === null) return null;
+    return new Hand(opening, mmPerRad, (torque, damping) => this.#push(torque, damping));
+  }
+
+  #letGo() {
+    this.#hand?.letGo();
+    this.#hand = null;
+  }
+
+  /* One push is on its way at a time, so that a slow link is not filled with old ones. */
+  async #push(torque, damping = 0) {
+    this.#next = { torque_nm: torque, damping_nm_s_rad: damping };
+    if (this.#isPushing) return;
+    this.#isPushing = true;
+    while (this.#next !== null && this.#operates && this.#panel.wire.isUp) {
+      const params = this.#next;
+      this.#next = null;
+      await this.#do("sim.push", params);
+    }
+    this.#isPushing = false;
   }
 
   async #do(method, params = {}) {

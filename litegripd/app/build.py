@@ -19,7 +19,7 @@ from secrets import token_urlsafe
 
 from litegrip_client.socketcan.link import BITRATE, rate_text
 from litegrip_client.values.repeats import RepeatsHandler
-from litegripd.app.config import Config
+from litegripd.app.config import Config, ConfigError
 from litegripd.app.machine import Machine
 from litegripd.control.controller import Controller
 from litegripd.control.heat import HeatGuard
@@ -150,6 +150,26 @@ def simulated_gripper(config: Config) -> GripperOf | None:
     from litegripd.sim.interface import gripper_on  # noqa: PLC0415 - the plant takes time to import
 
     return lambda: gripper_on(config.bus.channel)
+
+
+def check_mechanics(config: Config) -> None:
+    """Raise `ConfigError` if a simulated gripper cannot have the mechanics that are named for it.
+
+    Where it can, its package is imported by now: that takes longer than a tick.
+    """
+    name = config.bus.options.get("mechanics")
+    if config.bus.interface != SIMULATOR or name is None:
+        return
+    from litegripd.sim.gripper import named_mechanics  # noqa: PLC0415 - it takes time to import
+    from litegripd.sim.plant import SimulatorParameters  # noqa: PLC0415
+
+    scene = str(name).partition(":")[2]
+    if scene and not scene.startswith("/"):
+        raise ConfigError(f"[bus] mechanics is {name!r}, its scene must be an absolute path")
+    try:
+        named_mechanics(str(name), SimulatorParameters())
+    except ValueError as error:
+        raise ConfigError(f"[bus] mechanics: {error}") from None
 
 
 def make_bus(config: Config, period_s: float, spawner: Spawner) -> FrameBus:

@@ -622,22 +622,29 @@ def _listed(names: Any) -> str:
     return ", ".join(names)
 
 
+OWN_MECHANICS = "own"
+"""Those that the simulator has by itself."""
+
+
 def override(
-    config: Config, *, socket: str | None, interface: str | None, simulate: bool
+    config: Config, *, socket: str | None, interface: str | None, simulate: str | None
 ) -> Config:
     """Return the configuration with the command line applied, which wins over the file.
 
     `simulate` replaces the bus by a simulated gripper: interface `litegrip_sim`, with the
-    configured type of motor. If no mount is configured, it is the simulated gripper's.
+    configured type of motor, and with the mechanics that it names. If no mount is configured, it is
+    the simulated gripper's.
     """
     if socket is not None:
         config = dataclasses.replace(config, rpc=dataclasses.replace(config.rpc, socket=socket))
-    if simulate:
+    if simulate is not None:
         mount = config.gripper.mount or "normal"
         gripper = dataclasses.replace(config.gripper, mount=mount)
         options = {"mount": mount} if mount in TEMPLATES else {}
         if config.motor.type != DM4310.name:
             options["motor_type"] = config.motor.type
+        if simulate != OWN_MECHANICS:
+            options["mechanics"] = simulate
         bus = BusSettings(SIMULATOR, config.channel, config.bus.bitrate, options)
         return dataclasses.replace(config, bus=bus, gripper=gripper)
     if interface is not None:

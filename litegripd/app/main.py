@@ -12,10 +12,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from litegrip_client.values.version import installed_version
-from litegripd.app.config import Config, ConfigError, find, load, override
+from litegripd.app.config import OWN_MECHANICS, Config, ConfigError, find, load, override
 from litegripd.handover.predecessor import SUCCESSOR_OPTION
 from litegripd.io.log import BoundedHandler, PriorityFormatter, goes_to_journal
 from litegripd.io.sockets import InUseError
+from litegripd.model.motor import MUJOCO
 
 _log = logging.getLogger(__name__)
 
@@ -46,7 +47,7 @@ _MAX_CHANNEL = 64
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the daemon; return its exit code."""
     given = sys.argv[1:] if argv is None else list(argv)
-    arguments = make_parser().parse_args(given)
+    arguments = make_parser().parse_args(_spelt_out(given))
 
     from litegripd.app.build import named_calibration  # noqa: PLC0415
     from litegripd.app.daemon import Daemon, succeed  # noqa: PLC0415
@@ -87,13 +88,17 @@ def _log_to_standard_error() -> None:
 
 def _config(arguments: argparse.Namespace) -> Config:
     """Return the configuration; raises `ConfigError`."""
+    from litegripd.app.build import check_mechanics  # noqa: PLC0415
+
     path = arguments.config or find(arguments.channel)
-    return override(
+    config = override(
         load(arguments.channel, path),
         socket=arguments.socket,
         interface=arguments.interface,
         simulate=arguments.simulate,
     )
+    check_mechanics(config)
+    return config
 
 
 def make_parser() -> argparse.ArgumentParser:
@@ -108,7 +113,15 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument("--config", type=Path, metavar="FILE", help="this configuration file only")
     parser.add_argument("--socket", metavar="PATH", help="where clients connect")
     parser.add_argument("--interface", metavar="NAME", help="python-can interface (socketcan)")
-    parser.add_argument("--simulate", action="store_true", help="a simulated gripper, no hardware")
+    parser.add_argument(
+        "--simulate",
+        nargs="?",
+        const=OWN_MECHANICS,
+        type=_mechanics,
+        metavar="MECHANICS",
+        help="a simulated gripper, no hardware; with MuJoCo's mechanics where they are named:"
+        " mujoco, or mujoco:SCENE.xml for a scene of your own",
+    )
     parser.add_argument(
         "--check",
         action="store_true",
@@ -120,6 +133,29 @@ def make_parser() -> argparse.ArgumentParser:
         "--version", action="version", version=f"litegripd {installed_version('litegripd')}"
     )
     return parser
+
+
+def _spelt_out(given: Sequence[str]) -> list[str]:
+    """Return the command line with each `--simulate` that names no mechanics spelt out.
+
+    The parser would take the word behind it, which is mostly the channel.
+    """
+    return [
+        f"{word}={OWN_MECHANICS}" if word == "--simulate" and not _is_mujoco(after) else word
+        for word, after in zip(given, [*given[1:], ""], strict=False)
+    ]
+
+
+def _is_mujoco(text: str) -> bool:
+    return text == MUJOCO or text.startswith(f"{MUJOCO}:")
+
+
+def _mechanics(text: str) -> str:
+    """Return the name of mechanics, with the absolute path of a scene."""
+    if text != OWN_MECHANICS and not _is_mujoco(text):
+        raise argparse.ArgumentTypeError(f"{text!r}: it is mujoco, mujoco:SCENE.xml, or left out")
+    name, separator, scene = text.partition(":")
+    return f"{name}:{Path(scene).absolute()}" if separator else text
 
 
 def _channel(text: str) -> str:

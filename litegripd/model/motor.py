@@ -24,6 +24,8 @@ class CanFrame:
 
 
 SIMULATOR = "litegrip_sim"
+MUJOCO = "mujoco"
+"""The mechanics that a simulated gripper may have in place of its own."""
 DIRECT_INTERFACES = ("socketcan", "virtual", SIMULATOR)
 """python-can interfaces whose send and recv(0) never block."""
 

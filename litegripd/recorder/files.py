@@ -3,7 +3,8 @@
 Only the helper process runs this. The copy of the memory may be made at any moment, even while a
 record is being written. A file has one message per tick and one per event, as JSON with its schema.
 The fields have the names of the state; unknown ones are left out. Events have the schema
-`foxglove.Log`, which viewers show as a log.
+`foxglove.Log`, which viewers show as a log, and what was measured is there a second time, as
+`foxglove.JointStates`, which viewers draw without being told what it is.
 
 A bounded amount is kept. Dumps that a client asked for are counted apart from the others: no
 request may remove the record of a fault. A number in the name gives the order. The time of day in
@@ -13,6 +14,7 @@ the name is for people: the clock may have been set since.
 import contextlib
 import io
 import json
+import math
 import re
 import time
 from collections.abc import Mapping
@@ -179,6 +181,27 @@ EVENT_SCHEMA: Mapping[str, Any] = {
         "data": {"type": "object"},
     },
 }
+_JOINT = {
+    "type": "object",
+    "properties": {"name": _TEXT, **dict.fromkeys(("position", "velocity", "effort"), _NUMBER)},
+}
+JOINTS_SCHEMA: Mapping[str, Any] = {
+    "title": "foxglove.JointStates",
+    "type": "object",
+    "properties": {"timestamp": _TIME, "joints": {"type": "array", "items": _JOINT}},
+}
+"""As Foxglove publishes it: rad, rad/s and N·m, of the sliding fingers m and m/s."""
+
+_MOTOR_JOINT = "motor"
+_FINGER_JOINTS = ("gripper_slide_joint_left", "gripper_slide_joint_right")
+"""The fingers, by their names in the vendor's URDF: 0 is open."""
+
+_CLOSED_M = 0.042726
+"""Where a finger is closed, there."""
+
+_JOINTS_EVERY_S = 0.018
+"""50 times a second is enough for an eye; each tick would make files larger by two thirds."""
+
 _INFO, _WARNING = 2, 3
 # Looking up a name in an enumeration is slow, and a dump has tens of thousands of them.
 _PHASE_NAMES = {
@@ -205,9 +228,15 @@ def to_mcap(recording: Recording, cause: str, note: str, offset_ns: int) -> byte
     channel = str(recording.about["channel"])
     ticks = _channel(writer, f"/litegrip/{channel}/tick", TICK_SCHEMA)
     events = _channel(writer, f"/litegrip/{channel}/event", EVENT_SCHEMA)
+    joints = _channel(writer, f"/litegrip/{channel}/joints", JOINTS_SCHEMA)
+    joints_at_s = -math.inf
     for tick in recording.ticks:
         at_ns = round(tick.at_s * 1e9) + offset_ns
         _add(writer, ticks, at_ns, tick.number, tick_fields(tick, recording.programs))
+        if tick.flags & recorder.HAS_FEEDBACK and tick.at_s > joints_at_s + _JOINTS_EVERY_S:
+            joints_at_s = tick.at_s
+            states = {"timestamp": _time(at_ns), "joints": _joints(tick)}
+            _add(writer, joints, at_ns, tick.number, states)
     for event in recording.events:
         at_ns = round(event.at_s * 1e9) + offset_ns
         _add(writer, events, at_ns, event.number, _event_fields(event, at_ns))
@@ -300,9 +329,8 @@ def _finite(fields: Mapping[str, float | None]) -> dict[str, float]:
 def _event_fields(event: RecordedEvent, at_ns: int) -> dict[str, Any]:
     content = event.content
     kind, data = content["kind"], content.get("data", {})
-    sec, nsec = divmod(at_ns, 1_000_000_000)
     return {
-        "timestamp": {"sec": sec, "nsec": nsec},
+        "timestamp": _time(at_ns),
         "level": _WARNING if is_warning(kind, data) else _INFO,
         "message": content["message"],
         "name": kind,
@@ -312,6 +340,27 @@ def _event_fields(event: RecordedEvent, at_ns: int) -> dict[str, Any]:
         "monotonic_s": event.at_s,
         "data": data,
     }
+
+
+def _joints(tick: Tick) -> list[dict[str, Any]]:
+    """Return the motor and, with a calibration, the fingers that it moves."""
+    measured: dict[str, float | None] = {
+        "position": tick.position_rad,
+        "velocity": tick.velocity_rad_s,
+        "effort": tick.torque_nm,
+    }
+    found: list[dict[str, Any]] = [{"name": _MOTOR_JOINT, **_finite(measured)}]
+    opening_mm = tick.opening_mm(tick.position_rad)
+    if opening_mm is not None:
+        opens_m_s = tick.velocity_rad_s * tick.mm_per_rad / 2000.0
+        finger = _finite({"position": _CLOSED_M - opening_mm / 2000.0, "velocity": -opens_m_s})
+        found += [{"name": name, **finger} for name in _FINGER_JOINTS]
+    return found
+
+
+def _time(at_ns: int) -> dict[str, int]:
+    sec, nsec = divmod(at_ns, 1_000_000_000)
+    return {"sec": sec, "nsec": nsec}
 
 
 def _channel(writer: Writer, topic: str, schema: Mapping[str, Any]) -> int:

@@ -1,5 +1,6 @@
 """The OpenRPC document: methods, notifications and errors, and the form of each type in JSON."""
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, NewType, TypedDict, get_args
@@ -156,12 +157,17 @@ def document(methods: Iterable[Method]) -> Discovered:
             {
                 "name": kind.name,
                 "summary": kind.summary,
-                "params": {"name": "params", "schema": schemas.of(kind.params)},
+                "params": {
+                    "name": "params",
+                    "schema": _titled(schemas.of(kind.params), _title(kind.name)),
+                },
             }
             for kind in NOTIFICATIONS
         ],
         "components": {
-            "schemas": schemas.definitions,
+            "schemas": {
+                name: _titled(schema, _title(name)) for name, schema in schemas.definitions.items()
+            },
             "errors": {
                 kind.reason: {
                     "code": kind.code,
@@ -193,13 +199,40 @@ def _method(method: Method, schemas: Schemas) -> dict[str, Any]:
                 "name": param.name,
                 "description": param.description,
                 "required": param.required,
-                "schema": param.json_schema(),
+                "schema": _titled(param.json_schema(), _title(f"{method.name}.param.{param.name}")),
             }
             for param in method.declared.values()
         ],
         "result": {
             "name": "result",
             "description": method.result,
-            "schema": result_schema(method, schemas),
+            "schema": _titled(result_schema(method, schemas), _title(f"{method.name}.result")),
         },
     }
+
+
+def _title(name: str) -> str:
+    """Return a name as types are written: `motion.grasp` is `MotionGrasp`."""
+    return "".join(word[:1].upper() + word[1:] for word in re.split("[._-]", name))
+
+
+def _titled(schema: Mapping[str, Any], title: str) -> Schema:
+    """Return a schema with its title, and with titles of all in it that go on from there.
+
+    Of these, programs that write clients make the names of types. What only refers has none: the
+    schema that it refers to has.
+    """
+    if "$ref" in schema:
+        return dict(schema)
+    made: Schema = {"title": title, **schema}
+    for key, ending in (("items", "Item"), ("additionalProperties", "Value")):
+        if isinstance(made.get(key), Mapping):
+            made[key] = _titled(made[key], title + ending)
+    if "properties" in made:
+        members = made["properties"].items()
+        made["properties"] = {name: _titled(one, title + _title(name)) for name, one in members}
+    if "anyOf" in made:
+        made["anyOf"] = [
+            _titled(one, f"{title}{number}") for number, one in enumerate(made["anyOf"], 1)
+        ]
+    return made

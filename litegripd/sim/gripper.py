@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import copy
 import math
+import sys
 import threading
 from dataclasses import replace
+from pathlib import Path
 
 from litegripd.model.gripper import DM4310, MOTOR_TYPES, why_not_driven
-from litegripd.model.motor import CanFrame
+from litegripd.model.motor import MUJOCO, CanFrame
+from litegripd.sim.drive import Drive, Mechanics, Scene
 from litegripd.sim.motor import FAULTS, SimulatedMotor
 from litegripd.sim.plant import (
     UNASKED_MAX_HZ,
@@ -26,24 +29,31 @@ from litegripd.sim.plant import (
 class SimulatedGripper:
     """A simulated gripper: the same inputs at the same times give the same outputs.
 
-    `seed` gives the reports a noise of at most one code; without one they are exact. Every method
-    may be called from any thread.
+    `seed` gives the reports a noise of at most one code; without one they are exact. `mechanics`
+    are what the motor turns, in place of the simulator's own. Every method may be called from any
+    thread.
     """
 
     def __init__(
-        self, parameters: SimulatorParameters | None = None, *, seed: int | None = None
+        self,
+        parameters: SimulatorParameters | None = None,
+        *,
+        seed: int | None = None,
+        mechanics: Mechanics | None = None,
     ) -> None:
         self.parameters = SimulatorParameters() if parameters is None else parameters
         """The figures that this gripper was built from."""
-        self._plant = Plant(self.parameters)
-        self._motor = SimulatedMotor(self._plant, self.parameters, seed=seed)
+        self._plant: Mechanics = Plant(self.parameters) if mechanics is None else mechanics
+        self._drive = Drive(self.parameters, self._plant)
+        self._motor = SimulatedMotor(self._drive, self.parameters, seed=seed)
         self._lock = threading.RLock()
 
     def fork(self) -> SimulatedGripper:
         """Return a gripper in the same state, which goes its own way from now on."""
         other = SimulatedGripper(self.parameters)
         with self._lock:
-            other._plant, other._motor = copy.deepcopy((self._plant, self._motor))
+            parts = copy.deepcopy((self._plant, self._drive, self._motor))
+        other._plant, other._drive, other._motor = parts
         return other
 
     @property
@@ -54,22 +64,22 @@ class SimulatedGripper:
     @property
     def position_rad(self) -> float:
         """True mechanical position; the motor reports it shifted by its own zero."""
-        return self._plant.position_rad
+        return self.parameters.closed_rad + self.parameters.close_sign * self._plant.angle_rad
 
     @property
     def velocity_rad_s(self) -> float:
         """True velocity in motor radians per second."""
-        return self._plant.velocity_rad_s
+        return self.parameters.close_sign * self._plant.speed_rad_s
 
     @property
     def opening_mm(self) -> float:
         """True opening, 0 at the calibrated closed limit."""
-        return self._plant.opening_mm
+        return -self._plant.angle_rad * self.parameters.rad_to_mm
 
     @property
     def motor_torque_nm(self) -> float:
         """Torque that the motor makes now, before the filter of its report."""
-        return self._plant.motor_torque_nm
+        return self._drive.motor_torque_nm
 
     @property
     def clamp_nm(self) -> float:
@@ -89,12 +99,17 @@ class SimulatedGripper:
     @property
     def made_share(self) -> float:
         """The share of the commanded torque that the motor makes."""
-        return self._plant.made_share
+        return self._drive.made_share
 
     @property
     def is_held(self) -> bool:
         """True if something blocks the jaws where they are."""
         return self._plant.is_jammed
+
+    def scene(self) -> Scene:
+        """Return where the bodies of MuJoCo's scene are; raises `ValueError` without one."""
+        with self._lock:
+            return self._plant.scene()
 
     def receive(self, now_s: float, frame: CanFrame) -> list[CanFrame]:
         """Hand one frame of the bus to the motor at `now_s`; return its immediate answers."""
@@ -167,15 +182,22 @@ class SimulatedGripper:
                 raise ValueError("there is no object between the jaws; put one there first")
             self._plant.give_way(way_mm)
 
-    def push(self, torque_nm: float) -> None:
+    def push(self, torque_nm: float, damping_nm_s_rad: float = 0.0) -> None:
         """Push the jaws by hand with this torque (motor's direction) from now on; 0 lets go.
 
-        Raises `ValueError` for a torque that is not finite.
+        With damping the hand has a speed of its own, torque by damping, as of one that leads.
+
+        Raises `ValueError` for a torque that is not finite, or a damping that is not, or negative.
         """
         if not math.isfinite(torque_nm):
             raise ValueError(f"torque_nm must be finite, not {torque_nm!r}")
+        if not math.isfinite(damping_nm_s_rad) or damping_nm_s_rad < 0.0:
+            raise ValueError(
+                f"damping_nm_s_rad must be finite and not negative, not {damping_nm_s_rad!r}"
+            )
         with self._lock:
-            self._plant.push(torque_nm)
+            closing_nm = torque_nm * self.parameters.close_sign
+            self._plant.push(closing_nm, damping_nm_s_rad)
 
     def set_comm_loss(self, seconds: float | None) -> None:
         """Let the motor disarm so long after a command; 0 is never, None what TIMEOUT holds.
@@ -255,7 +277,7 @@ class SimulatedGripper:
         if not 0.0 <= made_share <= 1.0:
             raise ValueError(f"made_share must be 0 to 1, not {made_share!r}")
         with self._lock:
-            self._plant.made_share = made_share
+            self._drive.made_share = made_share
 
     def jam(self) -> None:
         """Let the rotor be stuck where it is, whatever pushes it."""
@@ -301,11 +323,13 @@ def build_gripper(
     idle_loss_s: float = 0.0,
     unasked_hz: float = 0.0,
     motor_type: str = DM4310.name,
+    mechanics: str | None = None,
 ) -> SimulatedGripper:
     """Build a gripper of the nominal geometry from the few figures that a user chooses.
 
     With an object of `object_mm` the jaws start at least 10 mm wider than it, as far as the travel
-    allows. Raises `ValueError` for a figure that is out of range.
+    allows. `mechanics` names others than the simulator's own, as `named_mechanics` has them; they
+    start as their scene does. Raises `ValueError` for a figure that is out of range.
     """
     closed_rad, open_rad = limits_of_mount(mount)
     if motor_type not in MOTOR_TYPES:
@@ -329,7 +353,27 @@ def build_gripper(
         idle_loss_s=idle_loss_s,
         unasked_hz=unasked_hz,
     )
-    gripper = SimulatedGripper(parameters, seed=seed)
+    plant = None if mechanics is None else named_mechanics(mechanics, parameters)
+    gripper = SimulatedGripper(parameters, seed=seed, mechanics=plant)
     if object_mm is not None:
         gripper.put_object(width_mm=object_mm, stiffness_nm_rad=object_stiffness_nm_rad)
     return gripper
+
+
+def named_mechanics(name: str, parameters: SimulatorParameters) -> Mechanics:
+    """Return MuJoCo's mechanics: "mujoco", or "mujoco:SCENE.xml" for a scene of one's own.
+
+    Raises `ValueError` for another name, for a scene that cannot be used, and where the package is
+    missing.
+    """
+    kind, separator, scene = name.partition(":")
+    if kind != MUJOCO or (separator and not scene):
+        raise ValueError(f"mechanics must be {MUJOCO} or {MUJOCO}:SCENE.xml, not {name!r}")
+    try:
+        from litegripd.sim.mujoco_plant import SCENE, MujocoPlant  # noqa: PLC0415 - takes time
+    except ImportError as error:
+        raise ValueError(
+            f"MuJoCo's mechanics need its package ({error}): install litegripd with its extra"
+            f" mujoco, or: {sys.executable} -m pip install mujoco"
+        ) from error
+    return MujocoPlant(parameters, Path(scene) if scene else SCENE)

@@ -287,6 +287,7 @@ class _Options:
     idle_loss_s: float | None
     unasked_hz: float | None
     motor_type: str | None
+    mechanics: str | None
 
     def build(self) -> SimulatedGripper:
         return build_gripper(
@@ -301,10 +302,11 @@ class _Options:
             idle_loss_s=self.idle_loss_s or 0.0,
             unasked_hz=self.unasked_hz or 0.0,
             motor_type=self.motor_type or DM4310.name,
+            mechanics=self.mechanics,
         )
 
 
-_NO_OPTIONS = _Options(*[None] * 9)
+_NO_OPTIONS = _Options(*[None] * 10)
 
 
 @dataclass(frozen=True, slots=True)
@@ -331,6 +333,7 @@ class SimulatedBus(can.BusABC):
     - `idle_loss_s`: that after which it latches the same while it is disabled, 0 unless given
     - `unasked_hz`: how often it reports by itself while it is enabled, 0 unless given
     - `motor_type`: the type of the motor, DM4310 unless given
+    - `mechanics`: "mujoco" or "mujoco:SCENE.xml", in place of the simulator's own
     - `gripper`: a ready-made `SimulatedGripper` instead of the options above
     - `monotonic_fn`: the clock, `time.monotonic` unless given; seconds, never backwards
     - `receive_own_messages`: also receive what this node sends
@@ -354,6 +357,7 @@ class SimulatedBus(can.BusABC):
         idle_loss_s: object = None,
         unasked_hz: object = None,
         motor_type: str | None = None,
+        mechanics: str | None = None,
         gripper: SimulatedGripper | None = None,
         monotonic_fn: Callable[[], float] | None = None,
         receive_own_messages: bool = False,
@@ -364,7 +368,8 @@ class SimulatedBus(can.BusABC):
             raise ValueError(
                 f"unknown option {', '.join(sorted(unknown))}; litegrip_sim takes mount, seed, "
                 f"object_mm, object_stiffness_nm_rad, watchdog_s, comm_loss_s, idle_loss_s, "
-                f"unasked_hz, motor_type, gripper, monotonic_fn, receive_own_messages and bitrate"
+                f"unasked_hz, motor_type, mechanics, gripper, monotonic_fn, receive_own_messages "
+                f"and bitrate"
             )
         if not isinstance(channel, str) or not channel:
             raise ValueError(f"channel must be a name like 'sim0', not {channel!r}")
@@ -380,6 +385,7 @@ class SimulatedBus(can.BusABC):
             idle_loss_s=_number("idle_loss_s", idle_loss_s),
             unasked_hz=_number("unasked_hz", unasked_hz),
             motor_type=motor_type,
+            mechanics=mechanics,
         )
         self._node = Node(receive_own=bool(receive_own_messages))
         self._name = channel

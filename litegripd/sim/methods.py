@@ -55,6 +55,14 @@ class SimulatedWorld(TypedDict):
     watchdog_s: float
 
 
+class SimulatedScene(TypedDict):
+    """Where the bodies of MuJoCo's scene are, to draw them."""
+
+    file: str
+    time_s: float
+    qpos: list[float]
+
+
 class SimMethods:
     """The simulator's methods."""
 
@@ -74,6 +82,16 @@ class SimMethods:
     )
     def _get(self, _call: Call) -> Answer:
         return self._do(lambda _gripper: None)
+
+    @Method(
+        "sim.scene",
+        "Return where the bodies of MuJoCo's scene are, to draw them.",
+        "The scene's file; its time; and its qpos, the positions of all joints as MuJoCo orders"
+        " them. Refused where the simulator's own mechanics are at work, which have no bodies.",
+        SimulatedScene,
+    )
+    def _scene(self, _call: Call) -> Answer:
+        return self._answer(scene_of)
 
     @Method(
         "sim.object",
@@ -141,15 +159,24 @@ class SimMethods:
                 minimum=-10.0,
                 maximum=10.0,
             ),
+            Param(
+                "damping_nm_s_rad",
+                "number",
+                "The hand's own damping: the faster the jaws yield, the less it pushes. It leads"
+                " free jaws at torque_nm / damping_nm_s_rad (default: 0).",
+                minimum=0.0,
+                maximum=10.0,
+            ),
         ),
         role="admin",
     )
     def _push(self, call: Call) -> Answer:
         closing_nm = float(call.params["torque_nm"])
+        damping_nm_s_rad = float(call.params.get("damping_nm_s_rad", 0.0))
 
         def push(gripper: "SimulatedGripper") -> None:
             gripper.free()
-            gripper.push(closing_nm * gripper.parameters.close_sign)
+            gripper.push(closing_nm * gripper.parameters.close_sign, damping_nm_s_rad)
 
         return self._do(push)
 
@@ -222,14 +249,32 @@ class SimMethods:
 
     def _do(self, change: "Callable[[SimulatedGripper], None]") -> Answer:
         """Change the world and return it, or a refusal that says why it cannot be."""
+
+        def changed(gripper: "SimulatedGripper") -> dict[str, Any]:
+            change(gripper)
+            return world_of(gripper)
+
+        return self._answer(changed)
+
+    def _answer(self, told: "Callable[[SimulatedGripper], dict[str, Any]]") -> Answer:
         gripper = self._gripper_of()
         if gripper is None:
             return Refusal("bus_down", "the simulated bus is not open")
         try:
-            change(gripper)
+            return told(gripper)
         except ValueError as error:
             return Refusal("out_of_limits", str(error))
-        return world_of(gripper)
+
+
+def scene_of(gripper: "SimulatedGripper") -> dict[str, Any]:
+    """Return the scene around a gripper as it travels; raises `ValueError` without one."""
+    found = gripper.scene()
+    scene: SimulatedScene = {
+        "file": str(found.file),
+        "time_s": found.time_s,
+        "qpos": found.qpos,
+    }
+    return dict(scene)
 
 
 def world_of(gripper: "SimulatedGripper") -> dict[str, Any]:

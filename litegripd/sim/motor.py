@@ -6,7 +6,7 @@ control modes 2 to 4 into such laws. Each mode has its own id for commands and i
 It behaves as field reports say that the real one does, including what surprises drivers: a
 set-point stored while disabled, a watchdog that register traffic does not feed, positions that
 wrap. It answers what it is asked; while it is enabled it may also report by itself. The mechanics
-are in `plant`; buses and clocks are elsewhere, time is an argument.
+are behind `drive`; buses and clocks are elsewhere, time is an argument.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from typing import NamedTuple
 
 from litegripd.model.motor import CanFrame
 from litegripd.sim import registers as reg
-from litegripd.sim.plant import STEP_S, STEPS_PER_S, Plant, SimulatorParameters
+from litegripd.sim.drive import Drive
+from litegripd.sim.plant import STEP_S, STEPS_PER_S, SimulatorParameters
 from litegripd.sim.registers import (
     MitCommand,
     SetPoint,
@@ -103,7 +104,7 @@ class Cascade:
     - KP_ASR and KI_ASR are gains of the speed error at the rotor, in N·m·s/rad and N·m/rad; at the
       output they are Gr² times as large.
 
-    It computes the law's figures once in `PERIOD_STEPS` steps; `plant` follows them in every step.
+    It computes the law's figures once in `PERIOD_STEPS` steps; `drive` follows them in every step.
     """
 
     def __init__(self, registers: reg.Registers) -> None:
@@ -172,9 +173,9 @@ class SimulatedMotor:
     """
 
     def __init__(
-        self, plant: Plant, parameters: SimulatorParameters, *, seed: int | None = None
+        self, drive: Drive, parameters: SimulatorParameters, *, seed: int | None = None
     ) -> None:
-        self._plant = plant
+        self._drive = drive
         self._driver_trip_c = parameters.driver_trip_c
         self._registers = reg.Registers(
             can_id=parameters.can_id,
@@ -237,7 +238,7 @@ class SimulatedMotor:
     @property
     def reported_position_rad(self) -> float:
         """Position as the firmware counts it, before it is coded (and wrapped)."""
-        return self._plant.measured_position_rad + self._offset_rad
+        return self._drive.measured_position_rad + self._offset_rad
 
     def advance(self, now_s: float) -> None:
         """Let time pass until `now_s`; the first call sets where time begins.
@@ -258,13 +259,13 @@ class SimulatedMotor:
                 self._unasked_step,
                 self._cascade_step,
             )
-            self._plant.run(stop - self._step)
+            self._drive.run(stop - self._step)
             self._step = stop
             if stop == self._watchdog_step:
                 self._trip(self._fault or COMMUNICATION_LOST)
             if stop == self._heat_step:
                 self._heat_step += _HEAT_STEPS
-                self._thermal.step(self._plant.take_mean_square_torque(_HEAT_STEPS * STEP_S))
+                self._thermal.step(self._drive.take_mean_square_torque(_HEAT_STEPS * STEP_S))
                 self._check_limits()
             if stop == self._cascade_step:
                 self._run_cascade()
@@ -320,7 +321,7 @@ class SimulatedMotor:
     def set_supply(self, volts: float) -> None:
         """Set the voltage of the power stage; the logic has its own supply and keeps answering."""
         self._supply_v = volts
-        self._plant.set_supply(volts)
+        self._drive.set_supply(volts)
         self._check_limits()
 
     def latch_fault(self, status: int) -> None:
@@ -397,7 +398,7 @@ class SimulatedMotor:
             self._disarm()
         elif code == ZERO:
             if not self._enabled:
-                self._offset_rad = -self._plant.measured_position_rad
+                self._offset_rad = -self._drive.measured_position_rad
         else:
             self._fault = 0
             self._disarm()
@@ -435,17 +436,17 @@ class SimulatedMotor:
     def _heed_registers(self) -> None:
         """Let the values of the registers count that are not looked up when they are used."""
         self._ranges = self._registers.ranges
-        self._plant.set_speed_filter(self._registers[reg.V_BW])
+        self._drive.set_speed_filter(self._registers[reg.V_BW])
 
     def _apply(self) -> None:
         command = self._stored
         if isinstance(command, SetPoint):
             if self._cascade_step == _NEVER:
-                self._cascade.reset(self._plant.measured_velocity_rad_s)
+                self._cascade.reset(self._drive.measured_velocity_rad_s)
                 self._run_cascade()
             return
         self._cascade_step = _NEVER
-        self._plant.drive(
+        self._drive.drive(
             position_rad=command.position_rad - self._offset_rad,
             velocity_rad_s=command.velocity_rad_s,
             kp_nm_rad=command.kp_nm_rad,
@@ -463,10 +464,10 @@ class SimulatedMotor:
         law = self._cascade.step(
             set_point,
             position_rad=self.reported_position_rad,
-            velocity_rad_s=self._plant.measured_velocity_rad_s,
+            velocity_rad_s=self._drive.measured_velocity_rad_s,
             most_nm=most_nm,
         )
-        self._plant.drive(
+        self._drive.drive(
             position_rad=0.0,
             velocity_rad_s=law.velocity_rad_s,
             kp_nm_rad=0.0,
@@ -511,7 +512,7 @@ class SimulatedMotor:
         self._enabled = False
         self._unasked_step = self._cascade_step = _NEVER
         self._plan_idle_loss()
-        self._plant.brake()
+        self._drive.brake()
 
     def _check_limits(self) -> None:
         """Latch the first limit that is exceeded; a latched fault stays until it is cleared."""
@@ -527,13 +528,13 @@ class SimulatedMotor:
             self._trip(COIL_HOT)
 
     def _feedback(self) -> CanFrame:
-        plant, ranges = self._plant, self._ranges
+        drive, ranges = self._drive, self._ranges
         codes = (
             position_code(self.reported_position_rad, ranges.position_rad),
             to_code(
-                plant.measured_velocity_rad_s, -ranges.velocity_rad_s, ranges.velocity_rad_s, 12
+                drive.measured_velocity_rad_s, -ranges.velocity_rad_s, ranges.velocity_rad_s, 12
             ),
-            to_code(plant.measured_torque_nm, -ranges.torque_nm, ranges.torque_nm, 12),
+            to_code(drive.measured_torque_nm, -ranges.torque_nm, ranges.torque_nm, 12),
         )
         if self._noise is not None:
             codes = self._with_noise(self._noise, codes)

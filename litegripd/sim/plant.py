@@ -1,18 +1,18 @@
-"""The mechanics of the gripper and the torque that its motor makes, with their parameters.
+"""The mechanics of the gripper, and the parameters of its mechanics and its drive.
 
 One frozen `SimulatorParameters` describes one gripper: its mechanics, its drive, its heat and its
 geometry, each figure with where it comes from.
 
 Time advances in fixed steps of 0.25 ms, so that the result never depends on how a caller slices
-time. Inside, everything is counted in the closing direction (`s`, 0 at the calibrated closed limit,
-negative towards open), which makes both mounts one and the same; callers see motor radians. This
-module knows no frames, registers or faults: those belong to `motor`.
+time. `Plant` is the mechanics that the simulator has by itself; `drive` says what any mechanics
+have, and makes the torque. Nothing here knows frames, registers or faults: those belong to `motor`.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields, replace
+from typing import NoReturn
 
 from litegripd.model.gripper import DM4310, MotorType
 
@@ -240,10 +240,8 @@ def limits_of_mount(mount: str) -> tuple[float, float]:
 STEP_S = 0.25e-3
 STEPS_PER_S = 4000
 
-# Below this difference the current loop counts as settled; 1e-9 N·m moves nothing.
-_SETTLED_NM = 1e-9
-# Below this speed the jaws stand; what they would still creep is far below 1e-6 rad.
-_STILL_RAD_S = 1e-6
+STILL_RAD_S = 1e-6
+"""Below this speed the jaws stand; what they would still creep is far below 1e-6 rad."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -277,7 +275,7 @@ class GrippedObject:
 
 
 class Plant:
-    """Jaws, friction, ends, object and hand, and the lagging torque of the motor.
+    """Jaws, friction, ends, object and hand: what the motor's torque moves; see `drive.Mechanics`.
 
     Semi-implicit Euler with implicit damping and a friction that can only stop motion, never
     reverse it: the integration is stable for every gain that a command frame can carry. A damping
@@ -286,10 +284,7 @@ class Plant:
 
     def __init__(self, parameters: SimulatorParameters) -> None:
         p = self._p = parameters
-        self._sign = p.close_sign
         self._gain = STEP_S / p.inertia_kg_m2
-        self._current_decay = _decay(p.current_lag_s)
-        self._filter_decay = _decay(p.torque_filter_s)
         # Where the ends begin: pressed with the press torque, the jaws stand at the limits.
         useful_nm = p.press_torque_nm - p.coulomb_nm
         travel_rad = abs(p.closed_rad - p.open_rad)
@@ -297,134 +292,52 @@ class Plant:
         self._closed_at = -useful_nm / self._closed_k
         self._open_at = -travel_rad + useful_nm / p.open_stiffness_nm_rad
         self._zone_at = self._closed_at - p.close_stick_zone_rad
-        self._s = -p.initial_opening_mm / p.rad_to_mm
-        self._v = self._torque = self._measured = self._hand = 0.0
-        self._filtered = self._speed_decay = 0.0  # the speed as the firmware knows it
-        self._seen = self._s  # the position as the firmware knows it
-        if p.encoder_counts_per_rad:
-            self._seen, _ = self._count(self._s, self._s, 0.0)
-        self._most = math.inf
-        self.made_share = 1.0
-        """The motor makes, and reports, this share of the commanded torque."""
-        self._heat_nm2 = 0.0
+        self.angle_rad = -p.initial_opening_mm / p.rad_to_mm
+        self.speed_rad_s = 0.0
+        self._hand = self._hand_damping = 0.0
         self._object_at = math.inf
         self.jam(jammed=False)
         self.put(None)
-        self.brake()
-        self.set_supply(p.rated_supply_v)
-        self.set_speed_filter(p.speed_filter_hz)
-
-    @property
-    def position_rad(self) -> float:
-        """Mechanical position in motor radians, in the frame of the calibrated limits."""
-        return self._p.closed_rad + self._sign * self._s
-
-    @property
-    def velocity_rad_s(self) -> float:
-        """Velocity in motor radians per second."""
-        return self._sign * self._v
-
-    @property
-    def measured_position_rad(self) -> float:
-        """Position as the encoder counts it, in the frame of `position_rad`."""
-        return self._p.closed_rad + self._sign * self._seen
-
-    @property
-    def measured_velocity_rad_s(self) -> float:
-        """Velocity as the firmware measures it: by the encoder's steps, and filtered."""
-        return self._sign * self._filtered
-
-    @property
-    def opening_mm(self) -> float:
-        """Opening, 0 at the calibrated closed limit, positive towards open."""
-        return -self._s * self._p.rad_to_mm
-
-    @property
-    def motor_torque_nm(self) -> float:
-        """Torque that the motor makes now, in the motor's direction."""
-        return self._sign * self._torque * self._p.torque_factor
-
-    @property
-    def measured_torque_nm(self) -> float:
-        """The torque by the motor's own account, through the filter of its report."""
-        return self._sign * self._measured
+        self.brake(0.0)
 
     @property
     def clamp_nm(self) -> float:
         """What the object feels, as torque at the output; 0 where the jaws do not press on one."""
-        item = self._object
-        if item is None or self._s <= self._object_at:
+        item = self.gripped_object
+        if item is None or self.angle_rad <= self._object_at:
             return 0.0
-        press_nm = item.stiffness_nm_rad * (self._s - self._object_at)
-        return max(press_nm + item.damping_nm_s_rad * self._v, 0.0)
-
-    @property
-    def gripped_object(self) -> GrippedObject | None:
-        """What is between the jaws, as it was put there."""
-        return self._object
+        press_nm = item.stiffness_nm_rad * (self.angle_rad - self._object_at)
+        return max(press_nm + item.damping_nm_s_rad * self.speed_rad_s, 0.0)
 
     @property
     def hand_nm(self) -> float:
-        """The torque of the hand that pushes the jaws, positive when it closes them."""
-        return self._hand
+        """The torque of the hand that pushes the jaws."""
+        return self._hand - self._hand_damping * self.speed_rad_s
 
-    @property
-    def is_jammed(self) -> bool:
-        """True if something blocks the rotor."""
-        return self._jammed
+    def brake(self, damping_nm_s_rad: float) -> None:
+        """Let the shaft be braked in proportion to its speed until the next call."""
+        self._own_damping = damping_nm_s_rad + self._p.viscous_nm_s_rad
+        self._free_damping = 1.0 + self._gain * (self._own_damping + self._hand_damping)
 
-    def take_mean_square_torque(self, duration_s: float) -> float:
-        """Return the mean of the squared torque over the last `duration_s`, and restart."""
-        mean = self._heat_nm2 * STEP_S / duration_s
-        self._heat_nm2 = 0.0
-        return mean
+    def push(self, torque_nm: float, damping_nm_s_rad: float = 0.0) -> None:
+        """Let a hand push with this torque until the next call; 0 lets go.
 
-    def drive(
-        self,
-        *,
-        position_rad: float,
-        velocity_rad_s: float,
-        kp_nm_rad: float,
-        kd_nm_s_rad: float,
-        torque_nm: float,
-        most_nm: float = math.inf,
-    ) -> None:
-        """Follow the torque law kp·(q - q_measured) + kd·(dq - dq_measured) + tau from now on.
-
-        The torque is at most `most_nm` in both directions, whatever the law and the drive allow.
+        With damping it pushes less, the faster the jaws yield: it leads them at a speed.
         """
-        sign = self._sign
-        self._position = sign * (position_rad - self._p.closed_rad)
-        self._velocity = sign * velocity_rad_s
-        self._kp = kp_nm_rad
-        self._kd = kd_nm_s_rad
-        self._feed_forward = sign * torque_nm
-        self._most = most_nm
-        self._free_damping = 1.0 + self._gain * self._p.viscous_nm_s_rad
-
-    def brake(self) -> None:
-        """Make no torque and short the phases, which brakes in proportion to the speed."""
-        self._position = self._velocity = self._kp = self._kd = self._feed_forward = 0.0
-        self._torque = 0.0
-        self._most = math.inf
-        damping_nm_s_rad = self._p.viscous_nm_s_rad + self._p.braking_nm_s_rad
-        self._free_damping = 1.0 + self._gain * damping_nm_s_rad
-
-    def push(self, torque_nm: float) -> None:
-        """Let a hand push with this torque (motor's direction) until the next call; 0 lets go."""
-        self._hand = self._sign * torque_nm
+        self._hand, self._hand_damping = torque_nm, damping_nm_s_rad
+        self._free_damping = 1.0 + self._gain * (self._own_damping + damping_nm_s_rad)
 
     def jam(self, *, jammed: bool) -> None:
-        """Let something block the rotor where it is, whatever the torque; or let go of it."""
-        self._jammed = jammed
-        self._yielding = False
+        """Let something block the shaft where it is, whatever the torque; or let go of it."""
+        self.is_jammed = jammed
+        self.can_rest = True
         friction = (math.inf, math.inf) if jammed else (self._p.coulomb_nm, self._p.breakaway_nm)
         self._drags = (self._gain * friction[0], self._gain * friction[1])
         self._bound_free_travel()
 
     def put(self, item: GrippedObject | None) -> None:
         """Put an object between the jaws in place of the present one; None takes it away."""
-        self._object = item
+        self.gripped_object = item
         self._object_at = math.inf if item is None else -item.width_mm / self._p.rad_to_mm
         self._bound_free_travel()
 
@@ -433,103 +346,36 @@ class Plant:
         self._object_at += way_mm / self._p.rad_to_mm
         self._bound_free_travel()
 
-    def set_supply(self, volts: float) -> None:
-        """Set what the supply allows: the no-load speed and the torque on the way there.
+    def scene(self) -> NoReturn:
+        """Raise `ValueError`: here are numbers, and no bodies."""
+        raise ValueError(
+            "the simulator's own mechanics have no bodies to draw; litegripd --simulate mujoco has"
+        )
 
-        A brushless drive makes at most V/√3 across a phase, so that the torque falls linearly
-        from kt·V/(√3·R) at standstill to nothing at the no-load speed.
-        """
-        p = self._p
-        stall_nm = p.torque_constant_nm_a * volts / (math.sqrt(3.0) * p.phase_resistance_ohm)
-        self._limit = min(p.torque_limit_nm, stall_nm)
-        self._speed_limit = p.no_load_speed_rad_s * volts / p.rated_supply_v
-        self._speed_slope = stall_nm / self._speed_limit if volts > 0 else 0.0
-        # Beyond this speed the supply bounds the torque, below it the current limit does.
-        self._knee = self._speed_limit - self._limit / self._speed_slope if volts > 0 else 0.0
-
-    def set_speed_filter(self, corner_hz: float) -> None:
-        """Filter the measured speed in first order with this corner from now on; 0 is no filter."""
-        self._speed_decay = _decay(1.0 / (math.tau * corner_hz)) if corner_hz else 0.0
-
-    def run(self, steps: int) -> None:
-        """Advance by this many steps of `STEP_S`.
-
-        One loop over local variables: it runs inside a control thread of 200 Hz, where calls and
-        objects in every step would cost more than the physics. It ends early when the jaws are
-        stuck and current and measured speed have settled: no further step changes anything then.
-        """
-        s, v, torque, measured = self._s, self._v, self._torque, self._measured
-        position, velocity, kp, kd = self._position, self._velocity, self._kp, self._kd
-        feed_forward, hand, free_damping = self._feed_forward, self._hand, self._free_damping
-        limit, knee, free_from, free_until = self._limit, self._knee, self._free_from, self._free_to
-        gain, current_decay, filter_decay = self._gain, self._current_decay, self._filter_decay
-        moving_drag, still_drag = self._drags
-        filtered, speed_decay, seen = self._filtered, self._speed_decay, self._seen
-        made_share, factor = self.made_share, self._p.torque_factor
-        limit, has_steps = min(limit, self._most), self._p.encoder_counts_per_rad > 0.0
-        heat = self._heat_nm2  # added to step by step: its rounding is the same for all slices
-        done = 0
-        for done in range(1, steps + 1):  # noqa: B007 - read after an early end
-            wanted = kp * (position - seen) + kd * (velocity - filtered) + feed_forward
-            wanted *= made_share
-            if not (-limit <= wanted <= limit and -knee <= v <= knee):
-                wanted = self._attainable(wanted, v)
-            torque = wanted + (torque - wanted) * current_decay
-            measured = torque + (measured - torque) * filter_decay
-            heat += torque * torque
-            if free_from < s < free_until:
-                swing = v + gain * (torque * factor + hand)
-                drag = moving_drag if v else still_drag
-                damping = free_damping
-            else:
-                force, damping, drag = self._resist(s, v, torque * factor + hand)
-                swing = v + gain * force
-                free_until = self._free_to
-            if swing > drag + _STILL_RAD_S:
-                v = (swing - drag) / damping
-                s += v * STEP_S
-            elif swing < -drag - _STILL_RAD_S:
-                v = (swing + drag) / damping
-                s += v * STEP_S
-            else:
-                if v == filtered == 0.0 and not self._yielding:
-                    if torque == wanted:
-                        break
-                    torque = _settled(torque, wanted, _SETTLED_NM)
-                filtered = _settled(filtered, 0.0, _STILL_RAD_S)
-                v = 0.0
-            if has_steps:
-                seen, filtered = self._count(s, seen, filtered)
-            else:
-                filtered = v + (filtered - v) * speed_decay
-                seen = s
-        for _ in range(steps - done):
-            measured = torque + (measured - torque) * filter_decay
-            heat += torque * torque
-        self._s, self._v, self._torque, self._measured = s, v, torque, measured
-        self._heat_nm2 = heat
-        self._filtered, self._seen = filtered, seen
-
-    def _count(self, s: float, seen: float, filtered: float) -> tuple[float, float]:
-        """Return position and filtered speed by the steps of the encoder, after those before."""
-        counts = self._p.encoder_counts_per_rad
-        angle = s * counts // 1.0 / counts
-        speed = (angle - seen) * STEPS_PER_S
-        return angle, speed + (filtered - speed) * self._speed_decay
+    def step(self, torque_nm: float) -> tuple[float, float]:
+        """Advance by `STEP_S` under this torque; return angle and speed."""
+        s, v, force = self.angle_rad, self.speed_rad_s, torque_nm + self._hand
+        if self._free_from < s < self._free_to:
+            drag = self._drags[0] if v else self._drags[1]
+            damping = self._free_damping
+        else:
+            force, damping, drag = self._resist(s, v, force)
+        swing = v + self._gain * force
+        if swing > drag + STILL_RAD_S:
+            v = (swing - drag) / damping
+            s += v * STEP_S
+        elif swing < -drag - STILL_RAD_S:
+            v = (swing + drag) / damping
+            s += v * STEP_S
+        else:
+            v = 0.0
+        self.angle_rad, self.speed_rad_s = s, v
+        return s, v
 
     def _bound_free_travel(self) -> None:
         """Note between where nothing but friction resists; a blocked rotor meets nothing else."""
-        self._free_from = -math.inf if self._jammed else self._open_at
-        self._free_to = math.inf if self._jammed else min(self._zone_at, self._object_at)
-
-    def _attainable(self, wanted: float, v: float) -> float:
-        """Return the torque nearest to `wanted` that current limit and supply allow at a speed."""
-        high, low = self._limit, -self._limit
-        if v > self._knee:
-            high = max(self._speed_slope * (self._speed_limit - v), 0.0)
-        elif v < -self._knee:
-            low = min(-self._speed_slope * (self._speed_limit + v), 0.0)
-        return min(max(wanted, low, -self._most), high, self._most)
+        self._free_from = -math.inf if self.is_jammed else self._open_at
+        self._free_to = math.inf if self.is_jammed else min(self._zone_at, self._object_at)
 
     def _resist(self, s: float, v: float, force: float) -> tuple[float, float, float]:
         """Return force, damping factor and drag where the ends, the object or the zone resist.
@@ -539,7 +385,7 @@ class Plant:
         p, gain = self._p, self._gain
         damping = self._free_damping
         friction = p.coulomb_nm if v else p.breakaway_nm
-        self._yielding = False
+        self.can_rest = True
         if s > self._closed_at:
             press = self._closed_k * (s - self._closed_at)
             if press + p.closed_damping_nm_s_rad * v > 0.0:
@@ -553,7 +399,7 @@ class Plant:
         elif s > self._zone_at and (v > 0.0 or (v == 0.0 and force > 0.0)):
             ratio = v / p.close_stick_speed_rad_s
             friction += (p.close_stick_nm - friction) / (1.0 + ratio * ratio)
-        item = self._object
+        item = self.gripped_object
         if item is not None and s > self._object_at:
             press = item.stiffness_nm_rad * (s - self._object_at)
             if press + item.damping_nm_s_rad * v > 0.0:
@@ -561,17 +407,7 @@ class Plant:
                 damping += gain * item.damping_nm_s_rad
                 friction += item.friction_nm
                 if item.yield_mm_s > 0.0 and press > item.yield_torque_nm:
-                    self._yielding = True
+                    self.can_rest = False
                     self._object_at += item.yield_mm_s / p.rad_to_mm * STEP_S
                     self._bound_free_travel()
         return force, damping, gain * friction
-
-
-def _settled(value: float, end: float, within: float) -> float:
-    """Return the end that a value approaches once it is this near, and the value until then."""
-    return end if -within < value - end < within else value
-
-
-def _decay(time_s: float) -> float:
-    """Return what is left of a first-order lag's error after one step; without a lag, nothing."""
-    return math.exp(-STEP_S / time_s) if time_s > 0.0 else 0.0

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from litegripd.app.config import (
+    OWN_MECHANICS,
     Access,
     ConfigError,
     ControlConfig,
@@ -224,10 +225,10 @@ def test_the_channels_own_file_comes_before_the_common_one(tmp_path: Path) -> No
 
 def test_the_command_line_wins_over_the_file(tmp_path: Path) -> None:
     config = load("can0", written(tmp_path, '[rpc]\nsocket = "/a.sock"\n[bus]\nfd = false\n'))
-    changed = override(config, socket="/b.sock", interface="virtual", simulate=False)
+    changed = override(config, socket="/b.sock", interface="virtual", simulate=None)
     assert changed.rpc.socket == "/b.sock"
     assert changed.bus == BusSettings("virtual", "can0", 1_000_000, {"fd": False})
-    assert override(config, socket=None, interface=None, simulate=False) == config
+    assert override(config, socket=None, interface=None, simulate=None) == config
 
 
 @pytest.mark.parametrize("mount", [None, "normal", "reverse"])
@@ -237,7 +238,10 @@ def test_simulate_takes_the_simulated_gripper_of_the_same_mount(
     content = '[bus]\ninterface = "slcan"\nsleep_after_open = 1\n'
     content += "" if mount is None else f'[gripper]\nmount = "{mount}"\n'
     config = override(
-        load("can0", written(tmp_path, content)), socket=None, interface=None, simulate=True
+        load("can0", written(tmp_path, content)),
+        socket=None,
+        interface=None,
+        simulate=OWN_MECHANICS,
     )
     expected = mount or "normal"
     assert config.bus == BusSettings("litegrip_sim", "can0", 1_000_000, {"mount": expected})
@@ -246,8 +250,10 @@ def test_simulate_takes_the_simulated_gripper_of_the_same_mount(
 
 def test_simulate_takes_the_configured_type_of_motor(tmp_path: Path) -> None:
     path = written(tmp_path, '[motor]\ntype = "DM4340"\n')
-    config = override(load("can0", path), socket=None, interface=None, simulate=True)
+    config = override(load("can0", path), socket=None, interface=None, simulate=OWN_MECHANICS)
     assert config.bus.options == {"mount": "normal", "motor_type": "DM4340"}
+    config = override(config, socket=None, interface=None, simulate="mujoco")
+    assert config.bus.options["mechanics"] == "mujoco"
 
 
 @pytest.mark.parametrize("key", ["data_bitrate", "channel_id", "tty_baudrate", "fd", "btr0"])

@@ -5,10 +5,12 @@ How such a process ends, with its line in the journal, is tried in tests/process
 
 import faulthandler
 import logging
+import sys
 from pathlib import Path
 
 import pytest
 
+from litegripd.app.config import Config
 from litegripd.app.main import EXIT_USAGE, main
 
 
@@ -26,6 +28,8 @@ def _left_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
         (("../x",), "'../x'"),
         (("can0.stop",), "can0.stop"),
         (("typo0", "--simulat"), "--simulat"),
+        (("can0", "--simulate=gazebo"), "'gazebo': it is mujoco, mujoco:SCENE.xml, or left out"),
+        (("--simulate", "mujoco"), "the following arguments are required: channel"),
     ],
 )
 def test_wrong_usage_is_told(
@@ -60,3 +64,50 @@ def test_a_configuration_error_is_told_with_its_file(
     assert told in caplog.text
     assert str(path) in caplog.text
     assert "Traceback" not in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("mechanics", "told"),
+    [
+        ("gazebo", "mechanics must be mujoco or mujoco:SCENE.xml, not 'gazebo'"),
+        ("mujoco:scene.xml", "its scene must be an absolute path"),
+        ("mujoco:/no/such.xml", "MuJoCo cannot load /no/such.xml"),
+    ],
+)
+def test_mechanics_that_cannot_be_are_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, mechanics: str, told: str
+) -> None:
+    path = tmp_path / "wrong.toml"
+    bus = f'[bus]\ninterface = "litegrip_sim"\nmechanics = "{mechanics}"\n'
+    path.write_text(bus, encoding="utf-8")
+    assert main(["can0", "--config", str(path)]) == EXIT_USAGE
+    assert told in caplog.text
+
+
+def test_a_missing_mujoco_is_told_with_the_way_to_install_it(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.delitem(sys.modules, "litegripd.sim.mujoco_plant", raising=False)
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    assert main(["can0", "--simulate", "mujoco"]) == EXIT_USAGE
+    assert "MuJoCo's mechanics need its package" in caplog.text
+    assert "-m pip install mujoco" in caplog.text
+
+
+def test_the_word_behind_simulate_is_the_channel_unless_it_names_mechanics(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    checked: list[Config] = []
+    monkeypatch.setattr("litegripd.app.build.check_mechanics", checked.append)
+    monkeypatch.chdir(tmp_path)
+
+    def mechanics(*arguments: str) -> object:
+        assert main([*arguments, "--check"]) == 0
+        bus = checked[-1].bus
+        assert (bus.interface, bus.channel) == ("litegrip_sim", "can7")
+        return bus.options.get("mechanics")
+
+    assert mechanics("can7", "--simulate") is mechanics("--simulate", "can7") is None
+    assert mechanics("can7", "--simulate", "mujoco") == "mujoco"
+    assert mechanics("--simulate=mujoco", "can7") == "mujoco"
+    assert mechanics("--simulate", "mujoco:a/b.xml", "can7") == f"mujoco:{tmp_path}/a/b.xml"

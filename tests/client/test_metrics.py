@@ -11,6 +11,7 @@ from prometheus_client.parser import text_string_to_metric_families as classic
 
 from litegrip_client import __version__
 from litegrip_client.ctl import metrics
+from tests.client.ctl_terminal import ROOT
 from tests.client.helpers import Ctl
 from tests.client.rig import Heard
 
@@ -51,7 +52,7 @@ SAMPLES: list[tuple[str, dict[str, str], float]] = [
 
 
 def families(health: dict[str, Any]) -> list[Metric]:
-    return list(open_metrics(metrics.text(health, channel="can0", version="0.1.0")))
+    return list(open_metrics(metrics.text(health, "openmetrics", channel="can0", version="0.1.0")))
 
 
 def test_every_figure_that_is_known_is_a_sample_and_no_other() -> None:
@@ -87,27 +88,48 @@ def test_a_daemon_that_is_still_starting_has_a_verdict() -> None:
 
 
 def test_a_label_may_hold_anything() -> None:
-    text = metrics.text(HEALTH, channel='a"b\\c\nd', version="1")
+    text = metrics.text(HEALTH, "openmetrics", channel='a"b\\c\nd', version="1")
     assert {sample.labels["channel"] for family in open_metrics(text) for sample in family.samples}
     first = next(iter(open_metrics(text)))
     assert first.samples[0].labels["channel"] == 'a"b\\c\nd'
 
 
-def test_the_classic_format_reads_it_too() -> None:
-    """As node_exporter's textfile collector does, which knows fewer kinds."""
-    text = metrics.text(HEALTH, channel="can0", version="0.1.0")
+def test_the_older_format_says_of_each_sample_what_it_is_and_means() -> None:
+    """For node_exporter's textfile collector, which knows a counter by its whole name only."""
+    text = metrics.text(HEALTH, "text", channel="can0", version="0.1.0")
     found = [sample.name for family in classic(text) for sample in family.samples]
     assert found == [name for name, _, _ in SAMPLES]
-    kinds = set(re.findall(r"^# TYPE \S+ (\S+)$", text, re.MULTILINE))
-    assert kinds <= {"counter", "gauge", "summary", "histogram", "untyped"}
+    for about in ("HELP", "TYPE"):
+        told = re.findall(rf"^# {about} (\S+) .", text, re.MULTILINE)
+        assert told == list(dict.fromkeys(found))
+    kinds = dict(re.findall(r"^# TYPE (\S+) (\S+)$", text, re.MULTILINE))
+    assert set(kinds.values()) == {"counter", "gauge", "summary"}
+    assert all((kind == "counter") == name.endswith("_total") for name, kind in kinds.items())
+
+
+def test_the_dashboard_asks_for_metrics_that_there_are() -> None:
+    whole = (ROOT / "etc/grafana-dashboard.json").read_text(encoding="utf-8")
+    dashboard = json.loads(whole)
+    asked = set(re.findall(r"\blitegripd_\w+", whole))
+    counters = {f"litegripd_{row.name}_total" for row in metrics.ROWS if row.kind == "counter"}
+    gauges = {f"litegripd_{row.name}" for row in metrics.ROWS if row.kind == "gauge"}
+    others = {f"litegripd_{name}" for name, _ in metrics.SUMMARIES.values()}
+    assert asked <= counters | gauges | others | {"litegripd_verdict", "litegripd_bus_up"}
+    for panel in dashboard["panels"]:
+        for target in panel["targets"]:
+            is_rate = target["expr"].startswith("rate(")
+            assert is_rate == any(f"{name}{{" in target["expr"] for name in counters)
+            assert '{channel=~"$channel"' in target["expr"]
 
 
 def test_the_command(heard: Heard, litegripctl: Ctl) -> None:
     heard.instead["health"] = HEALTH
     code, out, err = litegripctl("metrics")
     assert (code, err) == (0, "")
-    assert out == metrics.text(HEALTH, channel="can0", version=__version__)
+    assert out == metrics.text(HEALTH, "openmetrics", channel="can0", version=__version__)
     assert out.endswith("\n# EOF\n")
+    older = litegripctl("metrics", "--format", "text")[1]
+    assert older == metrics.text(HEALTH, "text", channel="can0", version=__version__)
     data = json.loads(litegripctl("metrics", "--json")[1])
     assert data["text"] == out
     assert data["format"].startswith("application/openmetrics-text")

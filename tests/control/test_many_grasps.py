@@ -16,7 +16,7 @@ from litegripd.model.calibration import NOMINAL, Calibration
 from litegripd.model.gripper import FASTEST_MM_S
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.state import GraspResult, Job
-from litegripd.sim.plant import MOUNTS, GrippedObject
+from litegripd.sim.plant import MOUNTS, GrippedObject, Plant
 from tests.world import World
 
 NIGHTLY = os.environ.get("LITEGRIPD_PROPERTIES") == "nightly"
@@ -121,10 +121,11 @@ class Grasping(Rig):
     def object_nm(self) -> tuple[float, float]:
         """Return what the object's spring and its damper take of the jaws' torque now."""
         plant, item = self.gripper._plant, self.item
-        if item is None or plant._s <= plant._object_at:
+        assert isinstance(plant, Plant)
+        if item is None or plant.angle_rad <= plant._object_at:
             return 0.0, 0.0
-        spring_nm = item.stiffness_nm_rad * (plant._s - plant._object_at)
-        return spring_nm, max(item.damping_nm_s_rad * plant._v, -spring_nm)
+        spring_nm = item.stiffness_nm_rad * (plant.angle_rad - plant._object_at)
+        return spring_nm, max(item.damping_nm_s_rad * plant.speed_rad_s, -spring_nm)
 
     def to_the_verdict(self) -> str:
         return verdict_of(self, self.job)

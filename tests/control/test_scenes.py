@@ -46,7 +46,7 @@ def test_held_jaws_that_are_thrown_come_to_rest(mount: str, thrown_rad_s: float)
     world.gripper.push(6.0)
     world.run_until(lambda: "torque" in world.state.limited)  # the peak is used up
     world.gripper.push(0.0)
-    world.gripper._plant._velocity = thrown_rad_s
+    world.gripper._drive._velocity = thrown_rad_s
     world.run(1.0)
     assert max(world.track(0.1, lambda: abs(world.gripper.velocity_rad_s))) < 0.05
 
@@ -55,6 +55,6 @@ def test_held_jaws_that_are_thrown_come_to_rest(mount: str, thrown_rad_s: float)
 def test_jaws_of_unknown_travel_that_are_thrown_come_to_rest(thrown_rad_s: float) -> None:
     world = World(calibrated=False)
     world.enabled()
-    world.gripper._plant._velocity = thrown_rad_s
+    world.gripper._drive._velocity = thrown_rad_s
     world.run(1.0)
     assert max(world.track(0.1, lambda: abs(world.gripper.velocity_rad_s))) < 0.05

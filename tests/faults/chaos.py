@@ -115,8 +115,8 @@ class Chaos:
             gripper.remove_object()
         else:
             gripper.push(chance.choice((0.0, 0.0, 0.5, -0.5, 3.0, -3.0)))
-        is_held = gripper._plant.gripped_object is not None
-        self.watch.is_pushed = is_held or gripper._plant._hand != 0.0
+        is_held = gripper.gripped_object is not None
+        self.watch.is_pushed = is_held or gripper.hand_nm != 0.0
 
     def _heal(self) -> None:
         """Take away every fault, thing and hand."""

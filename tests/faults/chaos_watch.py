@@ -147,7 +147,7 @@ class ChaosWatch:
     def _present_state(self) -> tuple[int, type, bool]:
         """Return what keeps the jaws where they are: the motor, by what it is told, or a jam."""
         gripper, idle = self._world.gripper, self._world.controller.idle
-        return gripper.motor.status, type(idle), gripper._plant._jammed
+        return gripper.motor.status, type(idle), gripper.is_held
 
     def _check_unwanted(self) -> None:
         """A motor that is enabled though the daemon says disabled is disabled soon."""

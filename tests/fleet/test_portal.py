@@ -9,8 +9,10 @@ import select
 import socket
 import time
 from pathlib import Path
+from typing import cast
 
 import pytest
+import zenoh
 
 from litegrip_fleet.near.portal import (
     MOST_CLIENTS,
@@ -194,3 +196,50 @@ def test_a_portal_without_descriptors_goes_on_and_says_of_nobody_that_he_lives(
 
     monkeypatch.setattr(os, "open", none_left)
     assert _state_of(os.getpid()) == "T"
+
+
+class Pouring:
+    """A gripper that sends pushes without end: what zenoh would have for the portal."""
+
+    def __init__(self, count: int) -> None:
+        self.left = count
+        self.handler = self
+
+    def recv(self) -> object:
+        if self.left == 0:
+            raise zenoh.ZError("undeclared")
+        self.left -= 1
+        return self
+
+    key_expr, attachment = "litegripd/1/lab/left/to/op1/nobody", None
+
+
+def test_a_gripper_that_pushes_without_end_leaves_others_their_turn(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    portal, pushes, most = Stopping(), 20_000, 0
+    taken = 0
+    inner = portal._pushed
+
+    def pushed(sample: zenoh.Sample) -> None:
+        nonlocal taken
+        taken += 1
+        inner(sample)
+
+    monkeypatch.setattr(portal, "_pushed", pushed)
+
+    class Session:
+        def declare_subscriber(self, *_arguments: object) -> Pouring:
+            return Pouring(pushes)
+
+    async def others() -> None:
+        """Another gripper's work: it counts how many pushes are taken between two turns."""
+        nonlocal most
+        portal._subscribe(cast("zenoh.Session", Session()))
+        before = 0
+        while taken < pushes:
+            await asyncio.sleep(0)
+            most, before = max(most, taken - before), taken
+
+    asyncio.run(asyncio.wait_for(others(), 60.0))
+    assert 0 < most <= 64

@@ -19,7 +19,7 @@ from litegrip_fleet.far.far_session import (
     FarSession,
 )
 from litegrip_fleet.near.near_session import AGAIN_AFTER_S, BEHIND_S, NearSession
-from litegrip_fleet.wire.daemon_lines import MAX_LINE_BYTES
+from litegrip_fleet.wire.daemon_lines import MAX_ANSWER_BYTES, MAX_LINE_BYTES
 from litegrip_fleet.wire.lateness import MOTION_COUNTS_S, RemoteClock
 from litegrip_fleet.wire.messages import Ask, Push, Reply, packed, unpacked
 from tests.properties import examples
@@ -753,3 +753,33 @@ def test_a_request_carries_the_stops_that_the_portal_knew_of() -> None:
     scene.say("motion.open", 3)
     scene.run(0.1)
     assert scene.asked[2]["params"]["stop_generation"] == 5
+
+
+def test_a_line_without_an_end_ends_its_session_before_it_fills_the_portal() -> None:
+    scene = Scene(ttl_s=1e6)
+    pieces, number = 0, 0
+    while not scene.near.ended:
+        number += 1
+        scene.near.pushed(Push(number, more=True), b"x" * PIECE_BYTES, scene.now_s)
+        pieces += 1
+        assert pieces * PIECE_BYTES <= MAX_ANSWER_BYTES + PIECE_BYTES
+    assert scene.reasons == ["unreachable"]
+    assert pieces * PIECE_BYTES > MAX_ANSWER_BYTES
+
+
+NO_INTRODUCTIONS: tuple[bytes, ...] = (
+    *(b"[" * 60_000 + b"\n", b"7\n", b'["id"]\n', b"\xff\n"),
+    *(b'{"id":1,"result":7}\n', b'{"id":[1],"result":{}}\n', b'{"id":1,"error":{}}\n'),
+)
+
+
+@pytest.mark.parametrize("line", NO_INTRODUCTIONS, ids=range(len(NO_INTRODUCTIONS)))
+def test_what_answers_a_greeting_and_is_no_answer_goes_to_the_client_as_it_came(
+    line: bytes,
+) -> None:
+    scene = Scene()
+    scene.say("hello", 1)
+    scene.run(0.1)
+    scene.near.pushed(Push(1), line, scene.now_s)
+    scene.near.pushed(Push(2), b'{"id":2,"result":{}}\n', scene.now_s)
+    assert scene.to_client == [line, b'{"id":2,"result":{}}\n']

@@ -12,7 +12,7 @@ from typing import cast
 
 import pytest
 
-from litegripd.app.config import load, override, same_settings
+from litegripd.app.config import OWN_MECHANICS, load, override, same_settings
 from litegripd.handover.predecessor import (
     READY_WITHIN_S,
     TAKE_WITHIN_S,
@@ -78,7 +78,7 @@ class FakeBus:
 class Rig:
     """A succession, and a process that stands in for the successor."""
 
-    def __init__(self, folder: Path, *, simulate: bool = False) -> None:
+    def __init__(self, folder: Path, *, simulate: str | None = None) -> None:
         self.world = World()
         self.client = self.world.enabled()
         self.world.run(0.5)
@@ -329,7 +329,7 @@ def test_what_forbids_a_restart_is_told_at_once(rig: Rig) -> None:
 
 
 def test_a_gripper_that_lives_in_this_process_is_not_handed_over(tmp_path: Path) -> None:
-    rig = Rig(tmp_path, simulate=True)
+    rig = Rig(tmp_path, simulate=OWN_MECHANICS)
     refusal = rig.succession.begin(rig.told.append, 0.0)
     rig.close()
     assert refusal is not None

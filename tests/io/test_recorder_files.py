@@ -17,7 +17,15 @@ from mcap.reader import make_reader
 from litegripd.io.helper.atomic_file import FileError
 from litegripd.io.helper.child import SharedMemory, copy_of, start_here
 from litegripd.recorder import files as recorder_files
-from litegripd.recorder.files import EVENT_SCHEMA, TICK_SCHEMA, dump, prune, read, to_mcap
+from litegripd.recorder.files import (
+    EVENT_SCHEMA,
+    JOINTS_SCHEMA,
+    TICK_SCHEMA,
+    dump,
+    prune,
+    read,
+    to_mcap,
+)
 from litegripd.recorder.recorder import memory_bytes, tick_slots
 from tests.io.test_helper import DEADLINE_S, Rig
 from tests.world import PERIOD_S, World
@@ -96,6 +104,75 @@ def test_what_is_written_is_what_the_schema_says(memory: bytes) -> None:
                 kind = properties[name]["type"]
                 assert isinstance(value, JSON_TYPES.get(kind, (dict,))), (name, value)
         assert seen == properties.keys()  # the scene shows every field at least once
+
+
+def test_what_was_measured_is_there_as_joints_that_viewers_know(memory: bytes) -> None:
+    found = messages_of(to_mcap(read(memory), "demand", "", OFFSET_NS))
+    ticks, joints = found["/litegrip/virtual/tick"], found["/litegrip/virtual/joints"]
+    measured = [(at_ns, tick) for at_ns, tick in ticks if "position_rad" in tick][::4]
+    assert [at_ns for at_ns, _joints in joints] == [at_ns for at_ns, _tick in measured]
+    known = JOINTS_SCHEMA["properties"]["joints"]["items"]["properties"].keys()
+    for (at_ns, states), (_at_ns, tick) in zip(joints, measured, strict=True):
+        stamp = states["timestamp"]
+        assert stamp["sec"] * 1_000_000_000 + stamp["nsec"] == at_ns
+        motor, left, right = states["joints"]
+        assert all(joint.keys() <= known for joint in states["joints"])
+        assert motor["name"] == "motor"
+        assert (motor["position"], motor["velocity"]) == (
+            tick["position_rad"],
+            tick["velocity_rad_s"],
+        )
+        assert motor["effort"] == tick["torque_nm"]
+        # As the vendor's URDF has them: 0 is open, 0.042726 m closed, both with the same sign.
+        names = ["gripper_slide_joint_left", "gripper_slide_joint_right"]
+        assert [left["name"], right["name"]] == names
+        assert left["position"] == right["position"]
+        assert left["position"] == pytest.approx(0.042726 - tick["opening_mm"] / 2000, abs=2e-6)
+    fingers = [states["joints"][1] for _at_ns, states in joints]
+    fastest = max(range(len(fingers)), key=lambda at: float(fingers[at]["velocity"]))
+    (before, now, after) = fingers[fastest - 1 : fastest + 2]
+    mean_m_s = (after["position"] - before["position"]) / (8 * PERIOD_S)
+    assert now["velocity"] > 0.01  # it closes
+    assert now["velocity"] == pytest.approx(mean_m_s, rel=0.2)
+
+
+def test_joints_are_what_foxglove_publishes_as_its_schema() -> None:
+    properties = JOINTS_SCHEMA["properties"]
+    assert JOINTS_SCHEMA["title"] == "foxglove.JointStates"
+    assert properties.keys() == {"timestamp", "joints"}
+    assert properties["timestamp"]["properties"].keys() == {"sec", "nsec"}
+    joint = properties["joints"]["items"]["properties"]
+    assert joint.keys() <= {"name", "position", "velocity", "acceleration", "effort"}
+
+
+LAYOUT = Path(__file__).parents[2] / "docs" / "foxglove-layout.json"
+
+
+def panels_in(tree: Any) -> list[str]:
+    """Return the panels of a layout, from its first to its last."""
+    if isinstance(tree, str):
+        return [tree]
+    return [*panels_in(tree["first"]), *panels_in(tree["second"])]
+
+
+def test_the_layout_for_viewers_shows_what_a_dump_has(memory: bytes) -> None:
+    reader = make_reader(io.BytesIO(to_mcap(read(memory), "demand", "", OFFSET_NS)))
+    summary = reader.get_summary()
+    assert summary is not None
+    schemas = {
+        channel.topic.replace("/virtual/", "/can0/"): summary.schemas[channel.schema_id]
+        for channel in summary.channels.values()
+    }
+    layout = json.loads(LAYOUT.read_text("utf-8"))
+    panels = layout["configById"]
+    assert sorted(panels_in(layout["layout"])) == sorted(panels)
+    paths = [path["value"] for panel in panels.values() for path in panel.get("paths", [])]
+    assert len(paths) == len(set(paths)) > 8
+    for path in paths:
+        topic, _, field = path.partition(".")
+        kind = json.loads(schemas[topic].data)["properties"][field]["type"]
+        assert kind in ("number", "integer", "string", "boolean")
+    assert schemas[panels["RosOut!events"]["topicToRender"]].name == "foxglove.Log"
 
 
 def test_the_file_says_what_it_is(memory: bytes) -> None:

@@ -95,6 +95,7 @@ def test_each_module_is_in_one_wheel_and_each_file_of_the_client_in_both_of_its(
     }
     inside = set(wheel(folder, "litegrip_client").namelist())
     assert {f"litegrip_client/{path}" for path in needed} <= inside
+    assert "litegripd/sim/scene.xml" in wheel(folder, "litegripd").namelist()
     with tarfile.open(folder / f"litegrip_client-{VERSION}.tar.gz") as sdist:
         members = {one.name for one in sdist.getmembers() if one.isfile()}
     assert {f"litegrip_client-{VERSION}/litegrip_client/{path}" for path in needed} <= members

@@ -16,9 +16,9 @@ PROGRAM = Path(__file__).parents[2] / "examples" / "run_simulated.py"
 class Run:
     """A program that was started, and what it has said up to `Ctrl-C ends`."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, *arguments: str) -> None:
         self.process = subprocess.Popen(
-            [sys.executable, str(PROGRAM)],
+            [sys.executable, str(PROGRAM), *arguments],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -45,8 +45,8 @@ class Run:
 
 
 @contextlib.contextmanager
-def run(folder: Path) -> Iterator[Run]:
-    started = Run(folder)
+def run(folder: Path, *arguments: str) -> Iterator[Run]:
+    started = Run(folder, *arguments)
     try:
         yield started
     finally:

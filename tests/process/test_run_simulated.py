@@ -29,6 +29,16 @@ def test_it_says_what_to_type_when_clients_are_served_already(tmp_path: Path) ->
     assert "the motor is off" in started.said
 
 
+def test_mujoco_has_a_loose_cube_to_grasp(tmp_path: Path) -> None:
+    with run(tmp_path, "mujoco") as started:
+        assert "there is a loose cube of 30 mm between the jaws" in started.said
+        with LiteGrip("sim0") as gripper:
+            gripper.enable()
+            grasp = gripper.grasp(10.0, until="verdict")
+            assert (grasp.ok, grasp.outcome) == (True, "object_held")
+            assert grasp.width_mm == pytest.approx(30.0, abs=0.5)
+
+
 def test_a_second_one_says_where_the_first_one_is_and_starts_nothing(tmp_path: Path) -> None:
     with run(tmp_path) as first:
         second = Run(tmp_path)

@@ -1,6 +1,7 @@
 """The whole daemon with the simulated gripper: clients in other processes, and their ends."""
 
 import contextlib
+import ctypes.util
 import os
 import re
 import select
@@ -10,12 +11,15 @@ import sys
 import time
 from pathlib import Path
 
+import matplotlib.image
 import pytest
 
 from tests.process.daemon_process import (
     DEADLINE_S,
+    SIMULATED,
     Client,
     DaemonProcess,
+    configured,
     daemon,
     kill_and_wait,
     line_of,
@@ -261,3 +265,34 @@ def test_a_process_that_ends_loses_its_lease_though_a_child_keeps_the_socket(
             assert process.stdout is not None
             process.stdout.close()
             process.wait(DEADLINE_S)
+
+
+def test_a_daemon_on_mujoco_holds_the_cube_of_its_scene(tmp_path: Path) -> None:
+    config = SIMULATED.replace("watchdog_s", 'mechanics = "mujoco"\nwatchdog_s')
+    with configured(tmp_path, f"mujoco-{os.getpid()}", config) as own, own.connect() as client:
+        client.enabled()
+        assert client.result("motion.open")["ok"]
+        assert client.result("motion.move", opening_mm=50.0)["ok"]
+        assert client.result("state.get")["opening_mm"] == pytest.approx(50.0, abs=0.5)
+        grasp = client.result("motion.grasp", force_n=10.0, until="verdict")
+        assert (grasp["ok"], grasp["outcome"]) == (True, "object_held")
+        assert grasp["width_mm"] == pytest.approx(30.0, abs=0.5)
+        assert client.result("health")["control"]["tick_errors"] == 0
+
+
+@pytest.mark.skipif(ctypes.util.find_library("EGL") is None, reason="libEGL is missing (Mesa)")
+def test_a_picture_of_the_scene_shows_its_cube(tmp_path: Path) -> None:
+    view = Path(__file__).parents[2] / "examples" / "mujoco_view.py"
+    file = tmp_path / "scene.png"
+    arguments = ("--simulate", "mujoco")
+    with daemon(tmp_path, f"seen-{os.getpid()}", *arguments) as own, own.connect() as client:
+        client.result("hello")
+        command = [sys.executable, str(view), "--socket", str(own.socket_path)]
+        environment = {**os.environ, "MUJOCO_GL": "egl"}
+        command += ["--picture", str(file)]
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (0, ""), done.stderr
+    picture = matplotlib.image.imread(file)
+    assert picture.shape == (640, 960, 3)
+    red, green, blue = picture[..., 0], picture[..., 1], picture[..., 2]
+    assert 2000 < int(((red > 0.7) & (green < 0.6) & (blue < 0.3)).sum()) < 20_000  # orange

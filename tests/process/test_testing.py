@@ -35,6 +35,15 @@ def test_a_program_grasps_loses_and_finds_again() -> None:
         gripper.disconnect()
 
 
+def test_mujoco_moves_the_jaws_where_it_is_named() -> None:
+    with simulated(mechanics="mujoco") as daemon, daemon.gripper() as gripper:
+        gripper.enable()
+        grasp = gripper.grasp(10.0, until="verdict")
+        assert grasp.outcome == "object_held"
+        assert grasp.width_mm == pytest.approx(30.0, abs=0.5)
+        assert daemon.world()["object"] is None
+
+
 def test_a_daemon_shows_its_channel_and_where_it_is() -> None:
     shown = repr(SimulatedDaemon("sim1-1", "/run/x.sock"))
     assert shown == "<SimulatedDaemon sim1-1, at /run/x.sock>"

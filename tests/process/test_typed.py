@@ -109,15 +109,22 @@ class Shell:
         os.close(self._terminal)
 
 
-def test_make_run_is_what_is_run_here() -> None:
+@pytest.mark.parametrize(
+    ("target", "runs"),
+    [
+        ("run", ["examples/run_simulated.py"]),
+        ("run-mujoco", ["examples/run_simulated.py", "mujoco"]),
+    ],
+)
+def test_make_run_is_what_is_run_here(target: str, runs: list[str]) -> None:
     done = subprocess.run(
-        ["make", "--no-print-directory", "--dry-run", "--old-file", ".venv/.runs", "run"],
+        ["make", "--no-print-directory", "--dry-run", "--old-file", ".venv/.runs", target],
         cwd=ROOT,
         capture_output=True,
         text=True,
         check=True,
     )
-    assert done.stdout.split()[-1] == "examples/run_simulated.py"
+    assert done.stdout.split()[-len(runs) :] == runs
 
 
 @pytest.mark.alone

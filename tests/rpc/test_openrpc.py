@@ -1,5 +1,9 @@
 """The OpenRPC document against the table of methods and the table of errors."""
 
+import re
+from collections.abc import Iterator
+from typing import Any
+
 from litegripd.app.build import METHODS
 from litegripd.model.errors import ERROR_TABLE
 from litegripd.rpc.method import Param
@@ -72,3 +76,28 @@ def test_a_range_is_told_in_words() -> None:
     assert "at most 3" in (Param("x", "number", "", maximum=3).problem(4) or "")
     assert "at least 3" in (Param("x", "number", "", minimum=3).problem(2) or "")
     assert "1 to 3" in (Param("x", "integer", "", minimum=1, maximum=3).problem(4) or "")
+
+
+def schemas_in(value: object) -> Iterator[dict[str, Any]]:
+    """Return every schema of a document but references, from outside to inside."""
+    if isinstance(value, list):
+        for one in value:
+            yield from schemas_in(one)
+    if not isinstance(value, dict):
+        return
+    if "$ref" not in value and {"type", "enum", "anyOf"} & value.keys() and "code" not in value:
+        yield value
+    for name, inner in value.items():
+        of_members = name in ("properties", "schemas") and isinstance(inner, dict)
+        yield from schemas_in(list(inner.values()) if of_members else inner)
+
+
+def test_programs_that_write_clients_find_a_name_of_its_own_for_each_type() -> None:
+    described = list(schemas_in(dict(document(METHODS))))
+    assert len(described) > 500
+    by_title: dict[str, dict[str, Any]] = {}
+    for schema in described:
+        assert re.fullmatch(r"[A-Z][A-Za-z0-9]+", schema.get("title", "")), schema
+        assert by_title.setdefault(schema["title"], schema) == schema
+    assert by_title["MotionGraspParamForceN"]["type"] == "number"
+    assert by_title["GripperState"]["properties"]["opening_mm"]["title"] == "GripperStateOpeningMm"

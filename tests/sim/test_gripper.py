@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from litegripd.model.calibration import NOMINAL
+from litegripd.sim.drive import Drive
 from litegripd.sim.gripper import SimulatedGripper, build_gripper
 from litegripd.sim.plant import Plant
 from tests.sim.driving import ENABLE, Driver, command
@@ -77,16 +78,18 @@ def test_slicing_time_does_not_move_the_watchdog() -> None:
 
 
 def test_the_shortcut_at_rest_takes_the_same_course_as_single_steps() -> None:
-    skipping, stepping = (Plant(SimulatedGripper().parameters) for _ in range(2))
-    for plant in (skipping, stepping):
-        plant.drive(
+    parameters = SimulatedGripper().parameters
+    plants = Plant(parameters), Plant(parameters)
+    skipping, stepping = (Drive(parameters, plant) for plant in plants)
+    for drive in (skipping, stepping):
+        drive.drive(
             position_rad=-0.65, velocity_rad_s=0.0, kp_nm_rad=80.0, kd_nm_s_rad=1.5, torque_nm=0.1
         )
     skipping.run(4000)
     for _ in range(4000):
         stepping.run(1)
-    assert skipping.velocity_rad_s == stepping.velocity_rad_s == 0.0
-    assert skipping.position_rad == stepping.position_rad
+    assert plants[0].speed_rad_s == plants[1].speed_rad_s == 0.0
+    assert plants[0].angle_rad == plants[1].angle_rad
     assert skipping.measured_torque_nm == stepping.measured_torque_nm
     assert skipping.take_mean_square_torque(1.0) == pytest.approx(
         stepping.take_mean_square_torque(1.0), abs=1e-12

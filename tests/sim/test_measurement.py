@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from litegripd.sim.drive import Drive
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.plant import ENCODER_COUNTS_PER_RAD, Plant, SimulatorParameters
 from tests.sim.driving import STATUS, Driver, command
@@ -150,22 +151,27 @@ def test_the_torque_follows_by_the_lag_of_the_current(lag_s: float) -> None:
 
 @pytest.mark.parametrize("filter_hz", [0.0, 100.0])
 def test_the_encoder_counts_in_steps_and_the_speed_comes_from_them(filter_hz: float) -> None:
-    plant = Plant(
-        replace(ENDLESS, encoder_counts_per_rad=ENCODER_COUNTS_PER_RAD, speed_filter_hz=filter_hz)
+    parameters = replace(
+        ENDLESS, encoder_counts_per_rad=ENCODER_COUNTS_PER_RAD, speed_filter_hz=filter_hz
     )
-    plant.drive(
+    plant = Plant(parameters)
+    drive = Drive(parameters, plant)
+    drive.drive(
         position_rad=0.0, velocity_rad_s=-0.4, kp_nm_rad=0.0, kd_nm_s_rad=1.0, torque_nm=-0.15
     )
-    plant.run(1000)
+    drive.run(1000)
     speeds, positions = [], []
     for _ in range(400):
-        plant.run(1)
-        speeds.append(plant.measured_velocity_rad_s)
-        positions.append(plant.measured_position_rad)
-        assert abs(plant.measured_position_rad - plant.position_rad) < 1.0 / ENCODER_COUNTS_PER_RAD
+        drive.run(1)
+        speeds.append(drive.measured_velocity_rad_s)
+        positions.append(drive.measured_position_rad)
+        assert (
+            abs(drive.measured_position_rad - parameters.closed_rad - plant.angle_rad)
+            < 1.0 / ENCODER_COUNTS_PER_RAD
+        )
     counts = [(p - positions[0]) * ENCODER_COUNTS_PER_RAD for p in positions]
     assert counts == pytest.approx([round(count) for count in counts], abs=1e-6)
-    assert sum(speeds) / len(speeds) == pytest.approx(plant.velocity_rad_s, abs=0.01)
+    assert sum(speeds) / len(speeds) == pytest.approx(plant.speed_rad_s, abs=0.01)
     spread_rad_s = max(speeds) - min(speeds)
     # One count in one step of 0.25 ms is 0.153 rad/s; a filter of 1.6 ms leaves a tenth of it.
     if filter_hz:
@@ -190,19 +196,20 @@ def test_the_motor_reports_and_follows_the_counted_position() -> None:
 def test_slicing_time_changes_nothing_and_rest_is_a_true_rest(change: dict[str, float]) -> None:
     parameters = replace(SimulatorParameters(), speed_filter_hz=200.0)
     parameters = replace(parameters, **change)  # type: ignore[arg-type]
-    at_once, sliced = Plant(parameters), Plant(parameters)
-    for plant in (at_once, sliced):
-        plant.drive(
+    plants = Plant(parameters), Plant(parameters)
+    at_once, sliced = (Drive(parameters, plant) for plant in plants)
+    for drive in (at_once, sliced):
+        drive.drive(
             position_rad=-0.65, velocity_rad_s=0.0, kp_nm_rad=80.0, kd_nm_s_rad=0.5, torque_nm=0.1
         )
     for done in range(8000):
         sliced.run(1)
         if done % 1000 == 999:
             at_once.run(1000)
-            assert at_once.position_rad == sliced.position_rad
+            assert plants[0].angle_rad == plants[1].angle_rad
             assert at_once.measured_velocity_rad_s == sliced.measured_velocity_rad_s
             assert at_once.motor_torque_nm == sliced.motor_torque_nm
-    assert at_once.measured_velocity_rad_s == at_once.velocity_rad_s == 0.0
+    assert at_once.measured_velocity_rad_s == plants[0].speed_rad_s == 0.0
 
 
 def test_the_parameters_are_bounded() -> None:

@@ -1,5 +1,6 @@
 """What a client does to the world of a simulated gripper, and what jaws and motor then do."""
 
+import math
 from typing import Any
 
 import pytest
@@ -54,6 +55,24 @@ def test_a_hand_closes_with_a_positive_torque(mount: str, torque_nm: float, goes
     world.run(0.3)
     assert (world.gripper.opening_mm - before_mm) * goes > 3.0
     assert client.result("sim.push", torque_nm=0.0)["push_nm"] == 0.0
+
+
+@pytest.mark.parametrize("mount", ["normal", "reverse"])
+def test_a_hand_with_a_damping_leads_the_jaws_at_its_own_speed(mount: str) -> None:
+    world, client = simulated(mount)
+    client.result("motion.zero_gravity")
+    friction_nm = world.gripper.parameters.coulomb_nm
+    for speed_rad_s in (1.0, -1.0, 0.5):
+        torque_nm = 2.0 * speed_rad_s + math.copysign(friction_nm, speed_rad_s)
+        client.result("sim.push", torque_nm=torque_nm, damping_nm_s_rad=2.0)
+        world.run(0.2)
+        closes_rad_s = world.gripper.velocity_rad_s * world.gripper.parameters.close_sign
+        assert closes_rad_s == pytest.approx(speed_rad_s, rel=0.05)
+        # It pushes by no more than what the jaws resist.
+        assert abs(client.result("sim.get")["push_nm"]) == pytest.approx(friction_nm, abs=0.05)
+    client.result("sim.push", torque_nm=0.0)
+    world.run(0.2)
+    assert world.gripper.velocity_rad_s == pytest.approx(0.0, abs=0.01)
 
 
 def test_jaws_that_are_held_do_not_move_until_they_are_let_go() -> None:

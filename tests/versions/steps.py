@@ -27,6 +27,7 @@ import litegrip_client
 from litegrip_client import (
     BusyError,
     CalibrationData,
+    CancelledError,
     LiteGrip,
     LiteGripError,
     Trajectory,
@@ -52,6 +53,26 @@ PATH = Trajectory(
 def states(gripper: LiteGrip) -> None:
     with gripper.states(50) as whole:
         assert all(state.calibrated for state in islice(whole, 3))
+
+
+def cancel(gripper: LiteGrip) -> None:
+    """Cancel a motion from its own report, as any other place of a program may."""
+    asked: list[bool] = []
+
+    def report(_progress: object) -> None:
+        if not asked:
+            asked.append(gripper.cancel())
+
+    with contextlib.suppress(CancelledError):
+        gripper.open(progress=report)
+        raise AssertionError("it was not cancelled")
+    assert asked == [True]
+
+
+def latest(gripper: LiteGrip) -> None:
+    with gripper.latest(50) as newest:
+        assert newest.wait_newer(DEADLINE_S).calibrated
+        assert newest.age_s < DEADLINE_S
 
 
 def states_in_batches(gripper: LiteGrip) -> None:
@@ -194,6 +215,8 @@ STEPS: Mapping[str, Step] = {
     "config": lambda gripper: gripper.config,
     "mount": lambda gripper: gripper.mount,
     "read_param": lambda gripper: gripper.read_param("PMAX"),
+    "cancel": cancel,
+    "latest": latest,
     "states": states,
     "states in batches": states_in_batches,
     "states of fields": states_of_fields,

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from litegrip_web.outbox import MOST_BYTES, STATES_ON_THEIR_WAY, Outbox
+from litegrip_web.outbox import MOST_BYTES, QUICK_S, SLOW_S, STATES_ON_THEIR_WAY, Outbox
 
 
 async def is_waiting(task: Coroutine[Any, Any, str | None]) -> bool:
@@ -54,6 +54,40 @@ def test_a_browser_that_shows_nothing_gets_few_states_and_then_the_newest() -> N
         assert await outbox.take() == "an answer"
         outbox.see()
         assert await outbox.take() == "state 1099"
+
+    asyncio.run(play())
+
+
+def test_where_states_take_long_one_is_on_its_way_until_they_are_quick() -> None:
+    async def play() -> None:
+        now_s = 0.0
+        outbox = Outbox(lambda: now_s)
+
+        async def sent() -> int:
+            """Count what is sent until the browser has to show something."""
+            count = 0
+            outbox.put_state("state")
+            while not await is_waiting(outbox.take()):
+                count += 1
+                outbox.put_state("state")
+            return count
+
+        def see_all_after(took_s: float) -> None:
+            nonlocal now_s
+            now_s += took_s
+            for _ in range(STATES_ON_THEIR_WAY):
+                outbox.see()
+
+        assert await sent() == STATES_ON_THEIR_WAY
+        see_all_after(SLOW_S + 0.01)
+        assert await sent() == 1
+        see_all_after((SLOW_S + QUICK_S) / 2)
+        assert await sent() == 1
+        on_their_way = 1
+        for most in range(2, STATES_ON_THEIR_WAY + 1):
+            outbox.see()
+            on_their_way += await sent() - 1
+            assert on_their_way == most
 
     asyncio.run(play())
 

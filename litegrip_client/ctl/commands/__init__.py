@@ -92,7 +92,7 @@ COMMANDS = (
     ),
     CommandRow(
         "metrics",
-        "print the figures of health as OpenMetrics text, for Prometheus",
+        "print the figures of health for Prometheus",
         "daemon",
         reads=True,
     ),

@@ -117,8 +117,26 @@ def health(run: Run) -> int:
     return {"ok": 0, "degraded": 1}.get(data["verdict"], 2)
 
 
+_METRICS = """\
+Print the figures of health for Prometheus: as OpenMetrics, which its server
+scrapes, or as its older text format, which node_exporter's textfile collector
+reads.
+"""
+
+
+def metrics_options(parser: LateParser) -> None:
+    """Add the arguments of `metrics`."""
+    parser.description = _METRICS
+    parser.add_argument(
+        "--format",
+        choices=("openmetrics", "text"),
+        default="openmetrics",
+        help="the format (default: openmetrics)",
+    )
+
+
 def metrics(run: Run) -> int:
-    """Show the daemon's figures as OpenMetrics text."""
+    """Show the daemon's figures as monitoring reads them."""
     try:
         from litegrip_client.ctl import metrics as exposition  # noqa: PLC0415 - needs another library
     except ImportError as error:
@@ -128,8 +146,10 @@ def metrics(run: Run) -> int:
             data={"hint": installing("prometheus_client")},
         ) from error
     health, hello = run.connection.call("health"), run.connection.call("hello")
-    text = exposition.text(health, channel=hello["channel"], version=hello["version"])
-    return run.done({"format": exposition.CONTENT_TYPE, "text": text}, text.rstrip("\n"))
+    form = run.options.format
+    text = exposition.text(health, form, channel=hello["channel"], version=hello["version"])
+    content_type = exposition.FORMATS[form].CONTENT_TYPE_LATEST
+    return run.done({"format": content_type, "text": text}, text.rstrip("\n"))
 
 
 def info(run: Run) -> int:
@@ -208,7 +228,7 @@ def discover(run: Run) -> int:
 COMMANDS: Commands = {
     "config": (config, config_options),
     "health": (health, None),
-    "metrics": (metrics, None),
+    "metrics": (metrics, metrics_options),
     "info": (info, None),
     "discover": (discover, None),
     "restart": (restart, restart_options),

@@ -471,7 +471,7 @@ def without(monkeypatch: pytest.MonkeyPatch, *modules: str) -> None:
 
 
 WEB = f"{PROGRAMS}/python -m pip install 'websockets>=14.0'"
-ZENOH = f"{PROGRAMS}/python -m pip install 'eclipse-zenoh>=1.5'"
+ZENOH = f"{PROGRAMS}/python -m pip install 'eclipse-zenoh<2,>=1.10'"
 
 
 def test_a_page_without_its_package_is_told_and_one_in_use_gets_it_first(

@@ -174,10 +174,11 @@ def test_who_is_silent_is_named_and_the_stop_fails(
     done = run(lab, "stop", "lab")
     lab.gateway.thaw()
     assert done.returncode == 1
-    assert done.stdout.splitlines() == [
-        "lab.left: NOT confirmed: silent",
-        "lab.right: NOT confirmed: silent",
-    ]
+    rows = done.stdout.splitlines()
+    assert [row.split(":")[0] for row in rows] == ["lab.left", "lab.right"]
+    for row in rows:
+        assert ": NOT confirmed: by the portal: the stop of " in row
+        assert row.endswith(": silent")
     assert "switch that cuts the power" in done.stderr
 
 
@@ -197,12 +198,17 @@ def test_without_a_router_the_commands_say_so(lab: Fleet) -> None:
     lab.router.kill()
     for part in (lab.gateway, lab.portal):
         part.until_says("the connection to the router is lost (tls/")
-    for command in (["list"], ["stop", "lab"]):
+    for command in (["list"], ["stop", "elsewhere"]):  # the portal has no gripper there
         done = run(lab, *command)
         assert done.returncode == 3
         assert "no router answers at tls/" in done.stderr
         assert "litegripd-fleet check" in done.stderr
         assert ("no stop was sent" in done.stderr) is (command[0] == "stop")
+    done = run(lab, "stop", "lab")
+    assert done.returncode == 1
+    assert "no router answers at tls/" in done.stderr
+    assert done.stdout.count(": NOT confirmed: the stop of ") == 2
+    assert "NOT stopped: other grippers of the site" in done.stdout
     lab.portal.restart()
     lab.portal.until_says("no router answers at tls/")
 
@@ -301,3 +307,30 @@ def test_a_gripper_that_two_gateways_offer_is_nobodys_until_one_ends(
         lab.parts.pop("second").end()
         with Client(lab.socket_path("left")) as late:
             assert late.result("hello")["channel"] == "lab.left"
+
+
+NOBODY = "tls/127.0.0.1:9"
+"""The port of discard, at which nobody listens."""
+
+
+@pytest.mark.parametrize("is_beside", [False, True], ids=["alone", "beside one that answers"])
+def test_a_router_that_lets_nobody_in_keeps_no_stop_from_the_portals_grippers(
+    lab: Fleet, gripper: DaemonProcess, right: DaemonProcess, tmp_path: Path, is_beside: bool
+) -> None:
+    """The portal's sessions go on where a new one is kept out."""
+    for name in ("left", "right"):
+        with Client(lab.socket_path(name)) as client:
+            client.result("hello")
+    config = tmp_path / "portal.toml"
+    text = lab.portal.config_path.read_text(encoding="utf-8")
+    assert text.count(f"'{lab.endpoint}'") == 1
+    more = f", '{lab.endpoint}'" if is_beside else ""
+    config.write_text(text.replace(f"'{lab.endpoint}'", f"'{NOBODY}'{more}"), encoding="utf-8")
+    done = run(lab, "stop", "lab", "--level", "relax", config=config)
+    assert done.stdout.count(": stopped (") == 2, done.stdout + done.stderr
+    for running in (gripper, right):
+        with running.connect() as client:
+            assert client.result("state.get")["stop"]["level"] == "relax"
+    assert f"no router answers at {NOBODY}" in done.stderr
+    assert done.returncode == (0 if is_beside else 1)
+    assert ("NOT stopped: other grippers of the site" in done.stdout) is not is_beside

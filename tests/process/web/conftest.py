@@ -1,13 +1,17 @@
-"""A real browser, where the machine has one."""
+"""A real browser, where the machine has one, and a page of a simulated gripper in it."""
 
 import os
 import shutil
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, BrowserContext, sync_playwright
+from playwright.sync_api import Page as Tab
 
-from tests.process.daemon_process import DEADLINE_S
+from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess
+from tests.process.web.on_page import opened
+from tests.process.web.page_process import Page, page
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
@@ -39,3 +43,42 @@ def window(chromium: Browser) -> Iterator[BrowserContext]:
         "Opener-Policy header has been ignored",  # under a name that is not secure
     )
     assert [text for text in complaints if not any(part in text for part in known)] == []
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return where the pages of this module look for the socket of a test's daemon."""
+    return tmp_path_factory.mktemp("place") / "rpc.sock"
+
+
+@pytest.fixture(scope="module")
+def looking(place: Path) -> Iterator[Page]:
+    with page("--socket", str(place)) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def operating(place: Path) -> Iterator[Page]:
+    with page("--socket", str(place), "--operate") as running:
+        yield running
+
+
+@pytest.fixture
+def client(simulated: DaemonProcess, place: Path) -> Iterator[Client]:
+    for ending in (".sock", ".stop.sock"):
+        link = place.with_suffix(ending)
+        link.unlink(missing_ok=True)
+        link.symlink_to(simulated.socket_path.with_suffix(ending))
+    with simulated.connect() as connected:
+        connected.until(lambda state: bool(state["motor"] == "disabled" and state["calibrated"]))
+        yield connected
+
+
+@pytest.fixture
+def shown(window: BrowserContext, looking: Page, client: Client) -> Tab:
+    return opened(window, looking)
+
+
+@pytest.fixture
+def operated(window: BrowserContext, operating: Page, client: Client) -> Tab:
+    return opened(window, operating)

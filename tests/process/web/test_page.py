@@ -4,101 +4,31 @@ import contextlib
 import json
 import re
 import signal
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import BrowserContext, Locator, expect
+from playwright.sync_api import BrowserContext, expect
 from playwright.sync_api import Page as Tab
 
-from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess, daemon
+from tests.process.daemon_process import Client, DaemonProcess, daemon
+from tests.process.web.on_page import (
+    OBJECT_MM,
+    button,
+    drag,
+    enable,
+    fact,
+    grasp,
+    opened,
+    part,
+    places,
+    take_control,
+    teach,
+)
 from tests.process.web.page_process import CHANNEL, Page, page, welcome
 
-expect.set_options(timeout=DEADLINE_S * 1000)
-
-OBJECT_MM = 40.0
 STROKE_MM = 85.0
 """What is configured, if nothing else is said."""
-
-
-def opened(window: BrowserContext, running: Page) -> Tab:
-    """Show the page of a gripper, as soon as that is known."""
-    tab = window.new_page()
-    tab.goto(running.told)
-    expect(part(tab, "mode")).not_to_have_text(re.compile("connecting|no daemon"))
-    return tab
-
-
-@pytest.fixture(scope="module")
-def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return where the pages of this module look for the socket of a test's daemon."""
-    return tmp_path_factory.mktemp("place") / "rpc.sock"
-
-
-@pytest.fixture(scope="module")
-def looking(place: Path) -> Iterator[Page]:
-    with page("--socket", str(place)) as running:
-        yield running
-
-
-@pytest.fixture(scope="module")
-def operating(place: Path) -> Iterator[Page]:
-    with page("--socket", str(place), "--operate") as running:
-        yield running
-
-
-@pytest.fixture
-def client(simulated: DaemonProcess, place: Path) -> Iterator[Client]:
-    for ending in (".sock", ".stop.sock"):
-        link = place.with_suffix(ending)
-        link.unlink(missing_ok=True)
-        link.symlink_to(simulated.socket_path.with_suffix(ending))
-    with simulated.connect() as connected:
-        connected.until(lambda state: bool(state["motor"] == "disabled" and state["calibrated"]))
-        yield connected
-
-
-@pytest.fixture
-def shown(window: BrowserContext, looking: Page, client: Client) -> Tab:
-    return opened(window, looking)
-
-
-@pytest.fixture
-def operated(window: BrowserContext, operating: Page, client: Client) -> Tab:
-    return opened(window, operating)
-
-
-def part(tab: Tab, name: str) -> Locator:
-    return tab.locator(f"[data-is={name}]")
-
-
-def button(tab: Tab, name: str) -> Locator:
-    return tab.get_by_role("button", name=name, exact=True)
-
-
-def fact(tab: Tab, name: str) -> Locator:
-    """Find the figure behind a name."""
-    return tab.locator(f"dt:text-is('{name}') + dd")
-
-
-def take_control(tab: Tab) -> None:
-    button(tab, "Take control").click()
-    expect(button(tab, "Open")).to_be_enabled()
-
-
-def enable(tab: Tab, client: Client) -> None:
-    take_control(tab)
-    button(tab, "Enable").click()
-    client.until(lambda state: bool(state["enabled"]))
-
-
-def grasp(client: Client, force_n: float = 10.0) -> None:
-    """Grasp as another program would."""
-    client.despite_silence("motor.enable")
-    client.despite_silence("motion.open")
-    client.result("sim.object", width_mm=OBJECT_MM)
-    assert client.despite_silence("motion.grasp", force_n=force_n, until="verdict")["ok"]
 
 
 def near(text: str, value: float, within: float) -> bool:
@@ -112,6 +42,9 @@ def test_a_grasp_of_another_program_is_watched(shown: Tab, client: Client) -> No
     expect(part(shown, "held")).to_have_text("object detected")
     expect(fact(shown, "Set force")).to_have_text("12.0 N")
     expect(fact(shown, "On the object")).to_contain_text("to")
+    where = "(node) => node.getBoundingClientRect().x"
+    names = [shown.locator(f"dt:text-is('{name}')") for name in ("Opening", "On the object")]
+    assert names[0].evaluate(where) == names[1].evaluate(where)  # each begins a row
     assert near(fact(shown, "Opening").inner_text(), OBJECT_MM, 1.0)
     line = part(shown, "events").locator("li", has_text="grasp: object held")
     expect(line.first).to_contain_text("12.0 N")
@@ -255,6 +188,7 @@ def test_the_daemon_goes_and_comes_back(
             take_control(tab)
         expect(part(tab, "mode")).to_have_text("no daemon")
         expect(part(tab, "why")).not_to_be_empty()
+        expect(part(tab, "outcome")).to_have_text("")  # nobody has control now
         expect(fact(tab, "Opening")).to_have_text("-- mm")
         expect(button(tab, "Open")).to_be_disabled()
         tab.keyboard.press("Escape")
@@ -265,6 +199,10 @@ def test_the_daemon_goes_and_comes_back(
             expect(part(tab, "mode")).to_have_text("disabled")
             expect(button(tab, "Take control")).to_be_visible()
             enable(tab, client)
+            client.result("stop", level="hold")  # what the page's STOP could not
+            expect(tab.locator("#notice")).to_have_text(re.compile("^Stopped"))
+            client.result("stop.clear")
+            expect(tab.locator("#notice")).to_have_text("")
 
 
 def test_the_object_is_dragged_and_the_jaws_are_pushed(operated: Tab, client: Client) -> None:
@@ -287,20 +225,6 @@ def test_the_object_is_dragged_and_the_jaws_are_pushed(operated: Tab, client: Cl
     client.until(lambda state: bool(state["opening_mm"] < before - 1))
     expect(part(operated, "world-text")).not_to_contain_text("a hand")
     assert client.result("sim.get")["push_nm"] == 0
-
-
-def drag(tab: Tab, node: Locator, dx: float, dy: float, until: Any = lambda: True) -> None:
-    """Drag a node's middle by so many pixels; let it go when a condition holds."""
-    node.scroll_into_view_if_needed()
-    box = node.bounding_box()
-    assert box is not None
-    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-    tab.mouse.move(x, y)
-    tab.mouse.down()
-    tab.mouse.move(x + dx, y + dy, steps=5)
-    while not until():
-        tab.wait_for_timeout(20)
-    tab.mouse.up()
 
 
 def test_the_world_by_its_buttons(operated: Tab, client: Client) -> None:
@@ -527,19 +451,6 @@ def test_measuring_can_be_cancelled(operated: Tab, client: Client) -> None:
     client.until(lambda state: state["job"] is None)
 
 
-def teach(tab: Tab, client: Client, name: str) -> None:
-    """Teach a motion by a hand at the jaws, from the page."""
-    enable(tab, client)
-    part(tab, "name").fill(name)
-    button(tab, "Teach").click()
-    client.until(lambda state: bool(state["job"] and state["job"]["kind"] == "record"))
-    client.result("sim.push", torque_nm=0.6)
-    client.until(lambda state: bool(state["opening_mm"] < 40))
-    client.result("sim.push", torque_nm=0)
-    button(tab, "End and keep").click()
-    expect(part(tab, "outcome")).to_contain_text(f"kept as {name}")
-
-
 def test_a_motion_is_taught_kept_and_replayed(operated: Tab, client: Client) -> None:
     teach(operated, client, "wave")
     assert [kept["name"] for kept in client.result("trajectory.list")["trajectories"]] == ["wave"]
@@ -574,6 +485,8 @@ def test_a_wrong_secret_is_said(window: BrowserContext, looking: Page, client: C
     tab.goto(f"{looking.url}#{'x' * 43}")
     expect(part(tab, "why")).to_contain_text("open the address that litegripd-web printed")
     expect(part(tab, "why")).to_contain_text("was not told it")
+    tab.set_viewport_size({"width": 360, "height": 740})
+    assert tab.locator(".why").evaluate("(node) => node.scrollHeight <= node.clientHeight")
     other = window.new_page()
     other.goto(looking.url)
     expect(other.locator("#notice")).to_contain_text("lacks its secret")
@@ -752,15 +665,22 @@ def test_two_grippers_stand_on_one_page_and_stop_together(
             (sockets / f"{name}.sock").symlink_to(running.socket_path)
             stop = running.socket_path.with_suffix(".stop.sock")
             (sockets / f"{name}.stop.sock").symlink_to(stop)
-        with page(channels=names) as shown:
+        with page("--operate", channels=names) as shown:
             tab = window.new_page()
+            tab.set_viewport_size({"width": 1400, "height": 900})
             tab.goto(shown.told)
             for name in names:
                 panel = tab.get_by_role("article", name=f"Gripper {name}")
                 expect(panel.locator("[data-is=mode]")).to_have_text("disabled")
+                expect(panel.locator(".jaws .tray")).to_be_visible()
+                grasp_button = panel.get_by_role("button", name="Grasp", exact=True)
+                expect(grasp_button).to_be_in_viewport(ratio=1)
+            before = places(tab)
             tab.get_by_role("article", name=names[0]).get_by_role("button", name="STOP").click()
             clients[0].until(lambda state: state["stop"] is not None)
             assert clients[1].result("state.get")["stop"] is None
+            expect(tab.locator(".mode").first).to_have_text("STOPPED")
+            assert places(tab) == before
             tab.keyboard.press("Escape")
             clients[1].until(lambda state: state["stop"] is not None)
 

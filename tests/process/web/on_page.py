@@ -1,0 +1,100 @@
+"""What is seen and done on the page, by the words that stand on it."""
+
+import re
+from typing import Any
+
+from playwright.sync_api import BrowserContext, Locator, expect
+from playwright.sync_api import Page as Tab
+
+from tests.process.daemon_process import DEADLINE_S, Client
+from tests.process.web.page_process import Page
+
+expect.set_options(timeout=DEADLINE_S * 1000)
+
+OBJECT_MM = 40.0
+
+
+def opened(window: BrowserContext, running: Page) -> Tab:
+    """Show the page of a gripper, as soon as that is known."""
+    tab = window.new_page()
+    tab.goto(running.told)
+    expect(part(tab, "mode")).not_to_have_text(re.compile("connecting|no daemon"))
+    return tab
+
+
+def part(tab: Tab, name: str) -> Locator:
+    return tab.locator(f"[data-is={name}]")
+
+
+def button(tab: Tab, name: str) -> Locator:
+    return tab.get_by_role("button", name=name, exact=True)
+
+
+def fact(tab: Tab, name: str) -> Locator:
+    """Find the figure behind a name."""
+    return tab.locator(f"dt:text-is('{name}') + dd")
+
+
+def take_control(tab: Tab) -> None:
+    button(tab, "Take control").click()
+    expect(button(tab, "Open")).to_be_enabled()
+
+
+def enable(tab: Tab, client: Client) -> None:
+    take_control(tab)
+    button(tab, "Enable").click()
+    client.until(lambda state: bool(state["enabled"]))
+
+
+def grasp(client: Client, force_n: float = 10.0) -> None:
+    """Grasp as another program would."""
+    client.despite_silence("motor.enable")
+    client.despite_silence("motion.open")
+    client.result("sim.object", width_mm=OBJECT_MM)
+    assert client.despite_silence("motion.grasp", force_n=force_n, until="verdict")["ok"]
+
+
+def drag(tab: Tab, node: Locator, dx: float, dy: float, until: Any = lambda: True) -> None:
+    """Drag a node's middle by so many pixels; let it go when a condition holds."""
+    node.scroll_into_view_if_needed()
+    box = node.bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    tab.mouse.move(x, y)
+    tab.mouse.down()
+    tab.mouse.move(x + dx, y + dy, steps=5)
+    while not until():
+        tab.wait_for_timeout(20)
+    tab.mouse.up()
+
+
+def teach(tab: Tab, client: Client, name: str) -> None:
+    """Teach a motion by a hand at the jaws, from the page."""
+    enable(tab, client)
+    part(tab, "name").fill(name)
+    button(tab, "Teach").click()
+    client.until(lambda state: bool(state["job"] and state["job"]["kind"] == "record"))
+    client.result("sim.push", torque_nm=0.6)
+    client.until(lambda state: bool(state["opening_mm"] < 40))
+    client.result("sim.push", torque_nm=0)
+    button(tab, "End and keep").click()
+    expect(part(tab, "outcome")).to_contain_text(f"kept as {name}")
+
+
+PLACES = """
+() => [...document.querySelectorAll(
+  ".jaws, [data-is=slider], [data-do], #stop, .head, [data-is=facts], .plots"
+)].filter((node) => node.checkVisibility() && node.dataset.do !== "clear")
+  .map((node) => {
+    const {x, y, width, height} = node.getBoundingClientRect();
+    const name = node.dataset.do ?? node.dataset.is ?? node.id ?? node.className;
+    return [name, ...[x, y, width, height].map(Math.round)].join(" ");
+  })
+"""
+"""Where everything is that somebody looks at or aims at."""
+
+
+def places(tab: Tab) -> list[str]:
+    """Return where everything is."""
+    found: list[str] = tab.evaluate(PLACES)
+    return found

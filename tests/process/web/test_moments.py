@@ -1,0 +1,87 @@
+"""The page in the moments that matter: what it says agrees with itself, and stays in its place."""
+
+import re
+import signal
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+from playwright.sync_api import BrowserContext, expect
+from playwright.sync_api import Page as Tab
+
+from tests.process.daemon_process import Client, DaemonProcess
+from tests.process.web.on_page import button, grasp, opened, part, places, take_control
+from tests.process.web.page_process import Page
+
+STOPPED = "Stopped. Nothing moves until it is cleared."
+
+
+@contextmanager
+def frozen(process: "subprocess.Popen[Any]") -> Iterator[None]:
+    """Freeze a process, and let it go on in the end."""
+    process.send_signal(signal.SIGSTOP)
+    try:
+        yield
+    finally:
+        process.send_signal(signal.SIGCONT)
+
+
+def test_nothing_says_stopped_once_the_stop_is_cleared(operated: Tab, client: Client) -> None:
+    notice, outcome = operated.locator("#notice"), part(operated, "outcome")
+    take_control(operated)
+    for clear in (button(operated, "Clear the stop").click, lambda: client.result("stop.clear")):
+        operated.keyboard.press("Escape")
+        expect(notice).to_have_text(STOPPED)
+        expect(part(operated, "mode")).to_have_text("STOPPED")
+        clear()
+        expect(part(operated, "mode")).to_have_text("disabled")
+        expect(notice).to_have_text("")
+        expect(outcome).not_to_contain_text("Stopped")
+
+
+SIZES = {"wide": (1400, 900), "phone": (360, 740)}
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_nothing_moves_when_an_object_is_lost_and_a_stop_comes(
+    window: BrowserContext, operating: Page, client: Client, size: str
+) -> None:
+    grasp(client)
+    tab = opened(window, operating)
+    width, height = SIZES[size]
+    tab.set_viewport_size({"width": width, "height": height})
+    tab.wait_for_function("document.documentElement.scrollWidth <= innerWidth")
+    expect(part(tab, "held")).to_have_text("object detected")
+    expect(tab.locator(".jaws .tray")).to_be_visible()
+    before = places(tab)
+    client.result("sim.object")
+    expect(part(tab, "lost")).to_be_visible()
+    expect(part(tab, "lost-text")).to_have_text(re.compile("^At .*: the object is lost: "))
+    assert places(tab) == before
+    tab.keyboard.press("Escape")
+    expect(part(tab, "mode")).to_have_text("STOPPED")
+    expect(tab.locator("#notice")).to_have_text(STOPPED)
+    expect(part(tab, "lost")).to_be_visible()
+    assert places(tab) == before
+    client.result("stop.clear")
+    expect(part(tab, "mode")).not_to_have_text("STOPPED")
+    assert places(tab) == before
+    for name in ("lost", "mode", "stop-text"):
+        cut = part(tab, name).evaluate("(node) => node.scrollWidth > node.clientWidth")
+        assert not cut, name
+
+
+def test_the_ruler_says_the_opening_also_while_it_is_late(
+    operated: Tab, simulated: DaemonProcess, client: Client
+) -> None:
+    opening_mm = client.result("state.get")["opening_mm"]
+    said = operated.locator(".jaws .said")
+    expect(said).to_have_text(f"{opening_mm:.1f} mm")
+    expect(said).to_have_class("said")
+    with frozen(simulated.process):
+        expect(part(operated, "mode")).to_have_text("late")
+        expect(said).to_have_class("said unknown")
+        expect(said).to_have_text(f"{opening_mm:.1f} mm")
+    expect(said).to_have_class("said")
