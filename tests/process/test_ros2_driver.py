@@ -107,8 +107,9 @@ def test_the_newest_goal_counts_and_a_cancelled_one_holds(simulated: DaemonProce
         await heard.until(lambda: heard.states[-1].job is not None)
         driver.cancel(goal)
         assert (await running).ending is Ending.CANCELED
-        state = await heard.newer()
-        assert (state.mode, state.job) == ("holding", None)
+        await heard.until(lambda: heard.states[-1].job is None)
+        assert heard.states[-1].mode == "holding"
+        assert heard.states[-1].opening_mm == pytest.approx(40.0, abs=5.0)
 
     play(simulated, has_enabled, goals)
 

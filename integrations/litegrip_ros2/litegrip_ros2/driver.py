@@ -169,8 +169,13 @@ class Driver:
 
     async def _reach(self) -> LiteGrip:
         """Return the connected gripper; wait for a connection that is just being made."""
-        with contextlib.suppress(asyncio.TimeoutError):
-            await asyncio.wait_for(self._is_decided.wait(), REACH_S)
+        if not self._is_decided.is_set():
+            # `asyncio.wait_for` may lose a cancelling that comes together with what it waits for.
+            waiting = asyncio.ensure_future(self._is_decided.wait())
+            try:
+                await asyncio.wait([waiting], timeout=REACH_S)
+            finally:
+                waiting.cancel()
         if self._gripper is None:
             why = self._away or "it does not answer yet"
             raise ConnectError(f"no daemon: {why}", reason="no_daemon")
