@@ -114,6 +114,20 @@ def test_the_newest_goal_counts_and_a_cancelled_one_holds(simulated: DaemonProce
     play(simulated, has_enabled, goals)
 
 
+def test_a_goal_can_be_cancelled_at_any_moment(simulated: DaemonProcess) -> None:
+    async def cancel(driver: Driver, heard: Heard) -> None:
+        for turns in range(8):  # of the event loop, since it has begun
+            goal, way = begin(driver, Target(10.0, 1.0))
+            running = asyncio.create_task(way)
+            for _ in range(turns):
+                await asyncio.sleep(0)
+            driver.cancel(goal)
+            assert (await running).ending is Ending.CANCELED, turns
+        assert (await heard.newer()).opening_mm == pytest.approx(60.0, abs=1.0)
+
+    play(simulated, has_enabled, cancel)
+
+
 def test_disabling_gives_the_lease_back(simulated: DaemonProcess) -> None:
     async def disable(driver: Driver, heard: Heard) -> None:
         assert await driver.disable() == "disabled"
