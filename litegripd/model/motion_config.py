@@ -147,7 +147,7 @@ class MotionConfig:
 _RANGES: dict[str, tuple[float, float]] = {
     "speed_mm_s": (0.1, FASTEST_MM_S),
     "grasp_speed_mm_s": (0.1, FASTEST_MM_S),
-    "margin": (0.0, 0.4),
+    "margin": (0.0, 0.95),
     "sample_interval": (0.01, 1.0),
     "settle_s": (0.0, 5.0),
     "reach_tol": (0.001, 0.2),

@@ -50,6 +50,20 @@ def test_an_object_is_held_with_the_set_force(mount: str) -> None:
     assert world.state.mode == "holding"
 
 
+@pytest.mark.parametrize("margin", [0.0, 0.5, 0.95])
+def test_a_grasp_goes_no_further_than_its_margin(margin: float) -> None:
+    world, client = world_with(None)
+    client.result("motion.open")
+    result = grasped(client, config={"margin": margin})
+    assert (result["outcome"], result["reached"]) == ("no_object", True)
+    openness = world.state.openness
+    assert openness == pytest.approx(margin, abs=0.013)
+    at_mm = world.gripper.opening_mm
+    client.result("motion.open")
+    world.gripper.put_object(width_mm=at_mm + 2.5)
+    assert grasped(client, config={"margin": margin})["outcome"] == "object_held"
+
+
 @pytest.mark.parametrize("mount", MOUNTS)
 def test_nothing_between_the_jaws_is_no_success_and_nothing_is_squeezed(mount: str) -> None:
     world, client = world_with(None, mount)
@@ -223,7 +237,7 @@ def test_a_client_that_dies_in_a_grasp_leaves_what_it_asked_for(on_lost: str) ->
         ({"until": "verdict", "hold_s": 1}, "invalid_params"),
         ({"until": "never"}, "invalid_params"),
         ({"speed_mm_s": 1.0}, "out_of_limits"),
-        ({"config": {"margin": 0.5}}, "invalid_params"),
+        ({"config": {"margin": 0.96}}, "invalid_params"),
         ({"config": {"grasp_speed_mm_s": 1.0}}, "out_of_limits"),
         ({"config": [1]}, "invalid_params"),
     ],

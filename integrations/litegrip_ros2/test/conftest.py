@@ -1,0 +1,79 @@
+"""A daemon and a node for all tests of a module, and more of both for a test that ends them."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from processes import Daemon, Gripper, NodeProcess, Ros, context
+
+_numbers = itertools.count(1)
+
+
+@pytest.fixture(scope="session")
+def ros() -> Iterator[Ros]:
+    with context() as made:
+        yield made
+
+
+@pytest.fixture(scope="session")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Daemon, NodeProcess]]:
+    folder = tmp_path_factory.mktemp("shared")
+    daemon = Daemon(folder / "daemon", f"ros{os.getpid()}")
+    node = NodeProcess(folder / "node.log", daemon, "/shared")
+    yield daemon, node
+    code = node.end()
+    daemon.end()
+    assert code == 0, node.log.read_text()
+
+
+@pytest.fixture
+def daemon(shared: tuple[Daemon, NodeProcess]) -> Daemon:
+    return shared[0]
+
+
+@pytest.fixture
+def gripper(shared: tuple[Daemon, NodeProcess], ros: Ros) -> Iterator[Gripper]:
+    """The shared gripper: enabled, 60 mm open, nothing between the jaws."""
+    daemon, node = shared
+    made = ros.gripper(node)
+    daemon.reset()
+    made.new_state()
+    assert made.call("clear").success
+    assert made.call("enable").success
+    status, _ = made.go(0.06)
+    assert status == 4
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def start(tmp_path: Path, ros: Ros) -> Iterator[Callable[..., tuple[Daemon, Gripper]]]:
+    """Start a daemon and a node for this test alone; arguments are parameters of the node."""
+    running: list[tuple[Daemon, NodeProcess, Gripper]] = []
+
+    def begin(
+        namespace: str = "/own",
+        *,
+        is_calibrated: bool = True,
+        names: tuple[str, ...] = (),
+        **parameters: Any,
+    ) -> tuple[Daemon, Gripper]:
+        number = next(_numbers)
+        channel = f"ros{os.getpid()}-{number}"
+        daemon = Daemon(tmp_path / f"daemon{number}", channel, is_calibrated=is_calibrated)
+        node = NodeProcess(tmp_path / f"node{number}.log", daemon, namespace, **parameters)
+        gripper = ros.gripper(node, names)
+        running.append((daemon, node, gripper))
+        return daemon, gripper
+
+    yield begin
+    for daemon, node, gripper in running:
+        gripper.close()
+        code = node.end()
+        daemon.end()
+        assert code == 0, node.log.read_text()
