@@ -376,7 +376,8 @@ class Signals:
         self._reader.setblocking(False)
         self._writer.setblocking(False)
         signal.set_wakeup_fd(self._writer.fileno(), warn_on_full_buffer=False)
-        self._previous = {number: signal.signal(number, _ignore) for number in self._handlers}
+        for number in self._handlers:
+            signal.signal(number, _noted)
 
     def fileno(self) -> int:
         """Return the descriptor that is readable when a signal has come."""
@@ -390,15 +391,15 @@ class Signals:
                 handler()
 
     def close(self) -> None:
-        """Restore the previous handlers of the signals."""
+        """Ignore the signals: one more must not turn an orderly end into a death by a signal."""
+        for number in self._handlers:  # a handler of Python's would be gone before the process is
+            signal.signal(number, signal.SIG_IGN)
         signal.set_wakeup_fd(-1)
-        for number, previous in self._previous.items():
-            signal.signal(number, previous)
         self._reader.close()
         self._writer.close()
 
 
-def _ignore(_number: int, _frame: FrameType | None) -> None:
+def _noted(_number: int, _frame: FrameType | None) -> None:
     """Do nothing: the wake-up descriptor has notified the loop already."""
 
 

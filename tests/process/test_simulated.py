@@ -149,6 +149,20 @@ def test_a_signal_while_moving_disables_the_motor_and_answers_who_waits(
         assert not running.socket_path.exists()
 
 
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+def test_signals_until_the_very_end_leave_it_an_orderly_one(
+    tmp_path: Path, number: signal.Signals
+) -> None:
+    """Of who presses Ctrl-C again and again, or a supervisor that asks twice."""
+    with daemon(tmp_path, f"sim-{os.getpid()}", "--simulate") as running:
+        with running.connect() as client:
+            client.result("hello")
+        while running.process.poll() is None:
+            running.process.send_signal(number)
+        assert running.exit_code() == 0
+        assert "the motor is off" in running.log
+
+
 def test_a_stop_that_is_sent_by_a_dying_client_is_in_force(simulated: DaemonProcess) -> None:
     with simulated.connect() as mover:
         mover.enabled()
