@@ -94,6 +94,19 @@ PLACES = """
 """Where everything is that somebody looks at or aims at."""
 
 
+def wait_until_it_fits(tab: Tab) -> None:
+    """Wait until nothing is wider than the window: the plots follow its width a frame later.
+
+    Not by `wait_for_function`, whose second look is an `eval`, which the page's policy forbids.
+    """
+    tab.evaluate(
+        """async () => {
+          while (document.documentElement.scrollWidth > innerWidth)
+            await new Promise(requestAnimationFrame);
+        }"""
+    )
+
+
 def places(tab: Tab) -> list[str]:
     """Return where everything is."""
     found: list[str] = tab.evaluate(PLACES)

@@ -12,7 +12,15 @@ from playwright.sync_api import BrowserContext, expect
 from playwright.sync_api import Page as Tab
 
 from tests.process.daemon_process import Client, DaemonProcess
-from tests.process.web.on_page import button, grasp, opened, part, places, take_control
+from tests.process.web.on_page import (
+    button,
+    grasp,
+    opened,
+    part,
+    places,
+    take_control,
+    wait_until_it_fits,
+)
 from tests.process.web.page_process import Page
 
 STOPPED = "Stopped. Nothing moves until it is cleared."
@@ -52,7 +60,7 @@ def test_nothing_moves_when_an_object_is_lost_and_a_stop_comes(
     tab = opened(window, operating)
     width, height = SIZES[size]
     tab.set_viewport_size({"width": width, "height": height})
-    tab.wait_for_function("document.documentElement.scrollWidth <= innerWidth")
+    wait_until_it_fits(tab)
     expect(part(tab, "held")).to_have_text("object detected")
     expect(tab.locator(".jaws .tray")).to_be_visible()
     before = places(tab)

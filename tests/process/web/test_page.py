@@ -24,6 +24,7 @@ from tests.process.web.on_page import (
     places,
     take_control,
     teach,
+    wait_until_it_fits,
 )
 from tests.process.web.page_process import CHANNEL, Page, page, welcome
 
@@ -687,8 +688,7 @@ def test_two_grippers_stand_on_one_page_and_stop_together(
 
 def test_on_a_phone_nothing_is_cut_off_and_the_stop_stays_in_sight(operated: Tab) -> None:
     operated.set_viewport_size({"width": 360, "height": 640})
-    # The plots follow the width of the window a frame later.
-    operated.wait_for_function("document.documentElement.scrollWidth <= innerWidth")
+    wait_until_it_fits(operated)
     operated.evaluate("scrollTo(0, document.body.scrollHeight)")
     expect(operated.get_by_role("button", name="STOP")).to_be_in_viewport()
 
