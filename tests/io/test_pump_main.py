@@ -2,6 +2,8 @@
 
 import errno
 import json
+import logging
+import socket
 import time
 
 import can
@@ -133,3 +135,26 @@ def test_what_was_late_is_told_by_who_was_late(
     pump.write(adapter, [])
     assert pump.told == [told]
     assert len(adapter.sent) == 1
+
+
+@pytest.mark.parametrize(("given", "waits_s"), [({}, 0), ({"sleep_after_open": 2}, 2)])
+def test_an_slcan_adapter_is_used_at_once_unless_it_is_said_to_reset(
+    pump: Pump, monkeypatch: pytest.MonkeyPatch, given: dict[str, float], waits_s: float
+) -> None:
+    told = []
+
+    def opened(_channel: str, **options: object) -> None:
+        told.append(options["sleep_after_open"])
+        raise OSError("no adapter")
+
+    ours, theirs = socket.socketpair()
+    for name, value in (("SlcanBus", opened), ("inherited_socket", lambda: theirs)):
+        monkeypatch.setattr(pump_main, name, value)
+    for name in ("use_all_cpus", "_lock_device"):
+        monkeypatch.setattr(pump_main, name, lambda *_: None)
+    monkeypatch.setattr(logging.getLogger("can"), "setLevel", lambda _level: None)
+    arguments = json.dumps(["slcan", "/dev/ttyACM0", 1_000_000, given, 0.1, 0])
+    monkeypatch.setattr("sys.argv", ["pump", arguments])
+    with ours, theirs, pytest.raises(PumpEndsError):
+        pump_main.main()
+    assert told == [waits_s]

@@ -38,7 +38,8 @@ _MUTE_AFTER_S = 1.0
 """An adapter answers the question for its version in milliseconds."""
 _MUTE = (
     "nothing has come from the adapter since it was opened, not even an answer to the question for"
-    " its version: it may be no SLCAN adapter, or speak at another baud rate"
+    " its version: it may be no SLCAN adapter, speak at another baud rate, or reset when its port"
+    " is opened (sleep_after_open = 2 in [bus] waits for that)"
 )
 _OPENING = (4, 5)
 """Answers to the commands that python-can opens an adapter with: C, S8, an empty one, which some
