@@ -357,18 +357,15 @@ class Connection(Exchange):
 _Item = TypeVar("_Item")
 
 
-class Subscription(Generic[_Item]):
-    """Iterate to get each item as it comes: `async for state in gripper.states(hz=50):`.
+_FeedT = TypeVar("_FeedT", bound=Feed[Any])
 
-    It begins with the iteration, or with `async with`, whose end ends it. A subscription that is no
-    longer referenced, because its iteration was left, ends when its next item comes.
-    """
 
-    def __init__(self, connection: Connection, feed: Feed[_Item]) -> None:
-        self._connection = connection
-        self._feed = feed
-        self._begun = False
-        self._closed = False
+class _BegunLate(Generic[_FeedT]):
+    """What subscribes when somebody first waits for it, and again if that has failed."""
+
+    _connection: Connection
+    _feed: _FeedT
+    _begun = False
 
     async def _begin(self) -> None:
         if self._begun:
@@ -379,6 +376,19 @@ class Subscription(Generic[_Item]):
         except BaseException:
             self._begun = False
             raise
+
+
+class Subscription(_BegunLate[Feed[_Item]], Generic[_Item]):
+    """Iterate to get each item as it comes: `async for state in gripper.states(hz=50):`.
+
+    It begins with the iteration, or with `async with`, whose end ends it. A subscription that is no
+    longer referenced, because its iteration was left, ends when its next item comes.
+    """
+
+    def __init__(self, connection: Connection, feed: Feed[_Item]) -> None:
+        self._connection = connection
+        self._feed = feed
+        self._closed = False
 
     def __aiter__(self) -> Subscription[_Item]:
         return self
@@ -427,7 +437,7 @@ class EventSubscription(Subscription[Event]):
         return self
 
 
-class Latest(BaseLatest):
+class Latest(BaseLatest, _BegunLate[NewestFeed]):
     """The newest state: `async with gripper.latest() as latest:`.
 
     It begins with the block, or with the first `wait_newer`. One that is no longer referenced ends
@@ -437,16 +447,6 @@ class Latest(BaseLatest):
     def __init__(self, connection: Connection, feed: NewestFeed) -> None:
         super().__init__(connection, feed)
         self._connection = connection
-        self._begun = False
-
-    async def _begin(self) -> None:
-        if not self._begun:
-            self._begun = True
-            try:
-                await self._connection.subscribe(self._feed)
-            except BaseException:
-                self._begun = False
-                raise
 
     async def wait_newer(self, timeout: float | None = None) -> GripperState:
         """Wait for a state that is newer than the present one; return it.

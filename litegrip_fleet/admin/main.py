@@ -273,16 +273,14 @@ def _print_table(found: Sequence[About]) -> None:
     print(form.format("GRIPPER", "VERSION", "VERDICT", "MODE", "AGE", "ANSWER", "OWNER"))
     for one in found:
         facts, after = one.facts, f"{one.after_s * 1e3:.0f} ms"
-        silent = facts.get("silent") or ()
-        if silent:
-            print(f"{one.place!s:<{width}}  stopped while silent: {', '.join(map(str, silent))}")
+        if silent := facts.get("silent"):
+            print(f"{one.place!s:<{width}}  stopped while silent: {', '.join(silent)}")
         if "error" in facts:
             print(f"{one.place!s:<{width}}  {facts['error']}")
             continue
-        age_s = facts.get("age_s")
-        age = "--" if age_s is None else f"{age_s * 1e3:.0f} ms"
-        words = (facts.get("version"), facts.get("verdict"), facts.get("mode"))
-        print(form.format(str(one.place), *map(str, words), age, after, facts.get("owner") or "--"))
+        age = "--" if facts["age_s"] is None else f"{facts['age_s'] * 1e3:.0f} ms"
+        words = (facts["version"], facts["verdict"], facts["mode"])
+        print(form.format(str(one.place), *words, age, after, facts["owner"] or "--"))
 
 
 def _stop(config: FleetConfig, arguments: argparse.Namespace) -> int:
@@ -307,7 +305,7 @@ def _report(stopped: Stopped, arguments: argparse.Namespace) -> int:
             "ok": stopped.ok,
             "confirmed": {str(place): after_s for place, after_s in stopped.confirmed.items()},
             "failed": {str(place): problem for place, problem in stopped.failed.items()},
-            "silent": [str(place) for place in sorted(set(stopped.silent))],
+            "silent": [str(place) for place in stopped.silent],
             "lost": list(stopped.lost),
             "is_whole": stopped.is_whole,
         }
@@ -317,7 +315,7 @@ def _report(stopped: Stopped, arguments: argparse.Namespace) -> int:
         print(f"{place}: stopped ({after_s * 1e3:.0f} ms)")
     for place, problem in sorted(stopped.failed.items()):
         print(f"{place}: NOT confirmed: {problem}")
-    for place in sorted(set(stopped.silent)):
+    for place in stopped.silent:
         print(f"{place}: NOT confirmed: silent")
     if not stopped.confirmed and not stopped.failed and not stopped.silent:
         print("no gripper was found")

@@ -192,7 +192,7 @@ def main() -> None:
     interface, channel, bitrate, options, lifetime_s, priority = json.loads(sys.argv[1])
     if interface == "slcan":
         options.setdefault("timeout", _READ_TIMEOUT_S)  # else its reader wakes 1000 times a second
-        options.setdefault("sleep_after_open", 0)  # python-can: 2 s, for boards that reset then
+        options.setdefault("sleep_after_open", 0)  # python-can waits 2 s by default
     logging.getLogger("can").setLevel(logging.CRITICAL)  # it raises what it logs; that is reported
     use_all_cpus()
     peer = inherited_socket()
