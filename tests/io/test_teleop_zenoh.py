@@ -75,7 +75,7 @@ def test_frames_that_a_stranger_gives_the_leader_are_not_passed_on_to_followers(
 
 
 MAPPED = """
-import sys
+import os, sys
 from pathlib import Path
 from litegripd.model.teleop import LinkOptions
 from litegripd.teleop.ends import ZenohFollower, ZenohLeaders
@@ -85,7 +85,10 @@ follower = ZenohFollower(LinkOptions("slave", host="127.0.0.1", port=port), file
 print([line for line in Path("/proc/self/maps").read_text().splitlines() if "/dev/shm/" in line])
 follower.close()
 leader.close()
+sys.stdout.flush()
+os._exit(0)
 """
+"""Ends at once, as the process of the links does: Python's end is no place for zenoh's threads."""
 
 
 def test_no_end_shares_memory_though_its_file_asks_for_it(tmp_path: Path) -> None:
