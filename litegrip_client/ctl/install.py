@@ -369,7 +369,8 @@ def _requirement(package: str) -> str:
 def foreign_users(root: Path) -> list[str]:
     """Return the drop-ins that run a daemon as another user, and why that does not work."""
     notes = []
-    for path in sorted({*root.glob(f"etc/{_DROP_INS}"), *root.glob(f"run/{_DROP_INS}")}):
+    found = {*root.glob(f"etc/{_DROP_INS}"), *root.glob(f"run/{_DROP_INS}")}
+    for path in sorted(path for path in found if path.is_file()):
         users = _FOREIGN.findall(path.read_text(errors="replace"))
         notes += [f"{path} sets User={one}; {_NO_OTHER_USER}" for one in users if one != USER]
     return notes
@@ -436,6 +437,12 @@ def uninstall(root: Path) -> list[Done]:
 def _put(root: Path, file: Planned) -> Done:
     path = root / file.path
     content = file.content.encode()
+    if path.exists() and not path.is_file():  # to read a pipe would wait for ever
+        raise CommandError(
+            f"{path} cannot be written: it is there, and no plain file",
+            reason="file_not_written",
+            data={"hint": "look what has put it there; remove it, and repeat the command"},
+        )
     with _attempt("written", path):
         before = path.read_bytes() if path.exists() else None
         if before == content:

@@ -11,6 +11,7 @@ descriptor. Of the line between the two, only `wait` waits.
 
 import json
 import logging
+import math
 import os
 import select
 import signal
@@ -88,7 +89,7 @@ class Link:
         socket.send_fds(self._socket, [packet], descriptors)
 
     def receive(self) -> Packet | None:
-        """Return the next packet, or None if there is none."""
+        """Return the next packet, or None if there is none; raises `ValueError` for any other."""
         try:
             packet, descriptors = receive_descriptors(
                 self._socket, MAX_PACKET_BYTES, _MAX_DESCRIPTORS
@@ -98,8 +99,14 @@ class Link:
         if not packet:
             self.has_ended = True
             return None
-        kind, body = json.loads(packet)
-        return Packet(kind, body, descriptors)
+        try:
+            match json.loads(packet):
+                case [str(kind), dict(body)]:
+                    return Packet(kind, body, descriptors)
+        except (ValueError, RecursionError):  # no JSON, or JSON of great depth: below
+            pass
+        close_all(descriptors)
+        raise ValueError(f"{packet[:40]!r} is no packet of this line")
 
     def wait(self, within_s: float) -> Packet | None:
         """Return the next packet, or None at the end of the line or of the time."""
@@ -115,6 +122,12 @@ class Link:
     def close(self) -> None:
         """Close this end."""
         self._socket.close()
+
+
+def close_all(descriptors: Sequence[int]) -> None:
+    """Close descriptors that came with a packet, and that nobody wants."""
+    for descriptor in descriptors:
+        os.close(descriptor)
 
 
 def write_document(plain: Any) -> int:
@@ -290,14 +303,27 @@ class Succession:
 
     def _listen(self, link: Link) -> None:
         """Take a packet of a successor that has not taken over."""
-        packet = link.receive()
+        try:
+            packet = link.receive()
+        except (OSError, ValueError) as error:
+            self._fail(f"what the successor says cannot be read: {error}")
+            return
         if packet is None:
             # A program that cannot be started also ends the line; then the helper reports why.
             if link.has_ended and self._is_started:
                 self._fail("the successor ended before it was ready; see the log")
-        elif packet.kind == "ready" and self._pidfd is None and packet.descriptors:
-            self.pid, self._pidfd = int(packet.body["pid"]), packet.descriptors[0]
+            return
+        pid = packet.body.get("pid")
+        if (
+            packet.kind == "ready"
+            and self._pidfd is None
+            and isinstance(pid, int)
+            and len(packet.descriptors) == 1
+            and _is_process(packet.descriptors[0])
+        ):
+            self.pid, self._pidfd = pid, packet.descriptors[0]
         else:
+            close_all(packet.descriptors)
             self._fail(str(packet.body.get("why", f"the successor said {packet.kind}")))
 
     def _has_history(self) -> bool:
@@ -343,7 +369,8 @@ class Succession:
             os.close(state)
         packet = _reply(link, next_tick_s + TAKE_WITHIN_S)
         if packet is not None and packet.kind == "running":
-            self._gap_s = packet.body.get("gap_s", 0.0)
+            gap_s = packet.body.get("gap_s")
+            self._gap_s = gap_s if isinstance(gap_s, float) and math.isfinite(gap_s) else 0.0
             self._link = None  # the caller owns it now
             return link
         self._end_successor()
@@ -389,6 +416,15 @@ class Succession:
         if self._history is not None:
             os.close(self._history[1])
             self._history = None
+
+
+def _is_process(descriptor: int) -> bool:
+    """Return True if a descriptor is a process that lives, and that we can end."""
+    try:
+        signal.pidfd_send_signal(descriptor, 0)
+    except OSError:
+        return False
+    return True
 
 
 def _reply(link: Link, until_s: float) -> Packet | None:

@@ -258,6 +258,71 @@ def test_one_that_cannot_be_started_is_reported_so_though_its_line_ends_first(ri
     assert rig.refusal().endswith("the successor cannot be started: no such file")
 
 
+@pytest.mark.parametrize(
+    "junk",
+    [b"{}", b"7", b'["ready"]', b'["ready", 5]', b"[5, {}]", b"\xff", b"[" * 60_000, b"x" * 70_000],
+    ids=lambda junk: junk[:9].decode(errors="replace"),
+)
+def test_junk_on_its_line_fails_no_tick(rig: Rig, junk: bytes) -> None:
+    link = rig.begin()
+    reader, writer = os.pipe()
+    with socket.socket(fileno=os.dup(link.fileno())) as raw:
+        socket.send_fds(raw, [junk], [writer])
+    os.close(writer)
+    assert rig.step() is None
+    assert "what the successor says cannot be read" in rig.refusal()
+    assert os.read(reader, 1) == b"", "the descriptor that came with it is closed"
+    os.close(reader)
+    assert rig.world.state.enabled
+
+
+@pytest.mark.parametrize("body", [{}, {"pid": "7"}, {"pid": None}, {"pid": 7}], ids=str)
+def test_one_that_says_ready_and_is_no_process_does_not_get_the_bus(
+    rig: Rig, body: dict[str, object]
+) -> None:
+    link = rig.begin()
+    with open("/dev/null") as no_process:
+        link.send("ready", (no_process.fileno(),), **body)
+    assert rig.step() is None
+    assert rig.refusal().endswith("the successor said ready")
+
+
+@pytest.mark.parametrize("junk", [b"[" * 60_000, b'["running", 5]'], ids=["deep", "no body"])
+def test_one_that_answers_the_state_with_junk_is_dead_before_we_go_on(
+    rig: Rig, junk: bytes
+) -> None:
+    link = rig.ready()
+    rig.step()
+
+    def answer(_packet: Packet) -> None:
+        with socket.socket(fileno=os.dup(link.fileno())) as raw:
+            raw.send(junk)
+
+    thread = answering(link, answer)
+    assert rig.step() is None
+    thread.join()
+    assert rig.process.wait(DEADLINE_S) < 0
+    assert "the daemon continues unchanged" in rig.refusal()
+
+
+@pytest.mark.parametrize(
+    "gap_s", ["soon", None, True, float("nan"), float("inf"), 10**400], ids=str
+)
+def test_a_gap_that_is_no_time_is_none(rig: Rig, gap_s: object) -> None:
+    """It commands the motor already: nothing that it says takes that back."""
+    link = rig.ready()
+    rig.step()
+    thread = answering(link, lambda _packet: link.send("running", gap_s=gap_s))
+    line = rig.step()
+    thread.join()
+    assert line is not None
+    rig.succession.report_outcome()
+    (told,) = rig.told
+    assert isinstance(told, Restarted)
+    assert told.gap_s == 0.0
+    line.close()
+
+
 def test_its_own_words_are_passed_on(rig: Rig) -> None:
     rig.begin().send("refused", why="[control] rate is unknown")
     assert rig.step() is None

@@ -284,6 +284,30 @@ def test_a_place_that_cannot_be_written_is_named(system: System) -> None:
 
 
 @pytest.mark.parametrize(
+    "name", ["etc/litegripd/litegripd.toml", "usr/local/lib/systemd/system/litegripd@.service"]
+)
+def test_what_is_no_plain_file_is_refused_and_never_read(system: System, name: str) -> None:
+    """Who reads a pipe waits until somebody writes."""
+    path = system.root / name
+    path.parent.mkdir(parents=True)
+    os.mkfifo(path)
+    message, hint = system.refusal()
+    assert message == f"{path} cannot be written: it is there, and no plain file"
+    assert "remove it" in hint
+    path.unlink()
+    system.run()
+
+
+def test_drop_ins_that_are_no_plain_files_are_no_ones_users(system: System) -> None:
+    folder = system.root / "etc/systemd/system/litegripd@.service.d"
+    folder.mkdir(parents=True)
+    os.mkfifo(folder / "pipe.conf")
+    (folder / "folder.conf").mkdir()
+    system.write("etc/systemd/system/litegripd@.service.d/own.conf", "[Service]\nUser=me\n")
+    assert [note.partition(" sets ")[2][:7] for note in system.run()["notes"]] == ["User=me"]
+
+
+@pytest.mark.parametrize(
     ("number", "hint"),
     [
         (errno.EACCES, "it takes root: sudo"),
