@@ -104,6 +104,7 @@ nightly: $(STAMP) test-through-portal lowest
 		--hypothesis-seed=$(SEED) $(PROPERTIES) tests/control/test_many_grasps.py \
 		$$(grep -l every_setting tests/control/test_*.py) tests/control/test_comm_loss.py \
 		tests/app/test_repeated_lines.py
+	$(BIN)/python packaging/constraints.py
 
 format: $(STAMP)
 	$(BIN)/ruff format .
