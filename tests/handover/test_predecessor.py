@@ -281,7 +281,7 @@ def test_one_that_says_ready_and_is_no_process_does_not_get_the_bus(
     rig: Rig, body: dict[str, object]
 ) -> None:
     link = rig.begin()
-    with open("/dev/null") as no_process:
+    with Path("/dev/null").open() as no_process:
         link.send("ready", (no_process.fileno(),), **body)
     assert rig.step() is None
     assert rig.refusal().endswith("the successor said ready")
