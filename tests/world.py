@@ -369,7 +369,11 @@ class World:
 
     def tick(self) -> None:
         """Let one period pass."""
-        self.now_s += self.period_s
+        self.tick_after(self.period_s)
+
+    def tick_after(self, after_s: float) -> None:
+        """Let the part of a period pass after which a stop hastens the next tick."""
+        self.now_s += after_s
         self.advance()
         self.exchange()
         self.service.after_tick(self.now_s)

@@ -106,7 +106,7 @@ class Daemon:
         )
         self._server = Server(self._reactor, self._places.requests, self._service, room)
         self._server.let_in(False)
-        self._machine.controller.stop_latch.on_stop = self._server.note_stop
+        self._machine.controller.stop_latch.on_stop = self._note_stop
         self._reactor.backlog = self._server
         self._supervision = Supervision(
             self._machine,
@@ -303,6 +303,11 @@ class Daemon:
         self._service.reporter.refresh()
         latched = controller.stop_latch.latched
         return level if latched is None else latched.level, controller.stop_latch.generation
+
+    def _note_stop(self, stopped_s: float) -> None:
+        """Have all stops, from wherever they come, come before what was sent, and command soon."""
+        self._server.note_stop(stopped_s)
+        self._reactor.hasten()
 
     def _stop_by_signal(self) -> None:
         self._stop("hold", Owner(0, os.getpid(), os.getuid(), "signal SIGUSR1"), None)

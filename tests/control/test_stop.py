@@ -3,6 +3,7 @@
 import pytest
 
 from litegripd.control.holds import Grip, Hold
+from litegripd.io.loop import APART_SHARE
 from litegripd.model.motor import Status
 from litegripd.model.state import Event
 from tests.control.states import (
@@ -13,18 +14,21 @@ from tests.control.states import (
     is_slack,
     sends_disable,
 )
-from tests.world import World, ready
+from tests.world import PERIOD_S, World, ready
 
 
+@pytest.mark.parametrize("after_s", [APART_SHARE * PERIOD_S, PERIOD_S], ids=["hastened", "usual"])
 @pytest.mark.parametrize("state", STATES)
 @pytest.mark.parametrize("level", LEVELS)
-def test_a_stop_is_in_force_with_the_next_tick_and_latched(state: str, level: str) -> None:
+def test_a_stop_is_in_force_with_the_next_tick_and_latched(
+    state: str, level: str, after_s: float
+) -> None:
     world, client = in_state(state)
     before_rad = world.gripper.position_rad
     generation = world.controller.stop_latch.generation
     other = world.client()
     other.send("stop", level=level, why="test")
-    world.tick()
+    world.tick_after(after_s)
     if state in POWERED:
         assert sends_disable(world) if level == "disable" else not sends_disable(world)
         assert level != "relax" or is_slack(world)

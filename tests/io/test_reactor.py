@@ -1,5 +1,6 @@
 """The loop: ticks at absolute times, a bounded share for requests, and no defect that ends it."""
 
+import itertools
 import os
 import select
 import signal
@@ -8,7 +9,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from litegripd.io.loop import REQUEST_SHARE, PeriodicTimer, Reactor, Signals
+from litegripd.io.loop import APART_SHARE, REQUEST_SHARE, PeriodicTimer, Reactor, Signals
 from litegripd.io.meters import LatenessMeter
 
 pytestmark = pytest.mark.alone
@@ -229,6 +230,52 @@ def test_a_signal_is_an_event_of_the_loop(ticks: Ticks) -> None:
     signals.close()
     assert signal.getsignal(signal.SIGUSR2) is signal.SIG_IGN
     signal.signal(signal.SIGUSR2, before)
+
+
+def test_a_tick_that_is_hastened_does_not_wait_for_its_time() -> None:
+    """By a handler and by the backlog; an hour later this test would have been ended."""
+    for by_backlog in (False, True):
+        ticks = Ticks(1, period_s=3600.0)
+        greedy = Greedy()
+        pipe = Pipe(lambda _data, one=ticks: one.reactor.hasten())  # type: ignore[misc]
+        if by_backlog:
+            greedy.serve = lambda _until_s, one=ticks, **_light: one.reactor.hasten()  # type: ignore[method-assign]
+        else:
+            greedy.pending = False
+            ticks.reactor.add(pipe.reader, pipe)
+            os.write(pipe.writer, b"x")
+        ticks.reactor.backlog = greedy
+        ticks.reactor.run()
+        assert len(ticks.times) == 1
+        assert ticks.reactor.lost_ticks == 0
+        assert greedy.ends == [], "with a tick to be done at once, nothing else is served"
+        ticks.reactor.close()
+        pipe.close()
+
+
+def test_who_hastens_all_the_time_gets_no_flood_of_ticks() -> None:
+    """Of two ticks in a row one waits for its time, which is a period after the one before."""
+    ticks = Ticks(9, period_s=0.03)
+    due_s: list[float] = []
+    pipe = Pipe(lambda _data: None)
+    pipe.on_event = lambda _mask: ticks.reactor.hasten()  # type: ignore[method-assign]
+    os.write(pipe.writer, b"x")  # never read
+
+    def note() -> None:
+        due_s.append(ticks.reactor.next_tick_s)
+        ticks.reactor.hasten()  # in a tick: nothing
+
+    ticks.at_tick = note
+    ticks.reactor.add(pipe.reader, pipe)
+    ticks.reactor.run()
+    early = [at_s < by_s for at_s, by_s in zip(ticks.times[1:], due_s, strict=False)]
+    assert any(early)
+    assert not any(one and other for one, other in itertools.pairwise(early))
+    apart = [later - sooner for sooner, later in itertools.pairwise(ticks.times)]
+    assert min(apart) >= APART_SHARE * 0.03
+    assert ticks.reactor.lateness.summary_us()["worst_us"] is not None
+    ticks.reactor.close()
+    pipe.close()
 
 
 def test_the_timer_knows_when_its_firings_were_due() -> None:
