@@ -272,7 +272,8 @@ class GripperActions:
         not `stalled`. Raises as `GripperActions` does. A target outside the calibrated travel is
         a `CommandError`; its `data["limit"]` is the travel.
         """
-        target = given_numbers(opening_mm=position_mm, kp=kp, kd=kd, at_least_s=duration)
+        target = {"opening_mm": number("position_mm", position_mm)}
+        target |= given_numbers(kp=kp, kd=kd, at_least_s=duration)
         return await self._move("motion.move", target, progress)
 
     async def goto_rad(  # noqa: PLR0917 - the vendor's, by position
@@ -293,7 +294,8 @@ class GripperActions:
         `CommandError`, reason "unsupported".
         """
         check_no_feedforward("goto_rad", dq_target=dq_target, tau_feedforward=tau_feedforward)
-        target = given_numbers(position_rad=position_rad, kp=kp, kd=kd, at_least_s=duration)
+        target = {"position_rad": number("position_rad", position_rad)}
+        target |= given_numbers(kp=kp, kd=kd, at_least_s=duration)
         return await self._move("motion.move", target, progress)
 
     async def goto_openness(
@@ -306,7 +308,8 @@ class GripperActions:
         progress: ProgressCallback | None = None,
     ) -> MoveResult:
         """Move to a share of the travel, 0 (closed) to 1 (open); all else as for `goto`."""
-        target = given_numbers(openness=openness, kp=kp, kd=kd, at_least_s=duration)
+        target = {"openness": number("openness", openness)}
+        target |= given_numbers(kp=kp, kd=kd, at_least_s=duration)
         return await self._move("motion.move", target, progress)
 
     async def move_at_speed(
@@ -319,7 +322,8 @@ class GripperActions:
         progress: ProgressCallback | None = None,
     ) -> MoveResult:
         """Move to an opening in mm at a speed; everything else as for `goto`."""
-        target = given_numbers(opening_mm=target_mm, speed_mm_s=speed_mm_s, kp=kp, kd=kd)
+        target = {"opening_mm": number("target_mm", target_mm)}
+        target |= given_numbers(speed_mm_s=speed_mm_s, kp=kp, kd=kd)
         return await self._move("motion.move", target, progress)
 
     async def set_force(self, force_n: float, duration: float = 0.3) -> bool:

@@ -52,8 +52,8 @@ def check_channel(channel: str) -> str:
     """
     if not isinstance(channel, str) or _CHANNEL.fullmatch(channel) is None:
         raise ParameterError(
-            f"{channel!r:.80} cannot be a channel: 1 to 64 letters, digits, '_', '-' and '.', "
-            "and no '.' in front",
+            f"{channel!r:.80} cannot be a channel: a string of 1 to 64 letters, digits, '_', '-'"
+            " and '.', and no '.' in front",
             reason="invalid_params",
             data={"hint": "name the daemon's channel, can0 for example"},
         )

@@ -14,6 +14,7 @@ from litegrip_client.values.fields import (
     CalibrationNames,
     ConfigNames,
 )
+from litegrip_client.values.voices import no_attribute
 
 NOMINAL_CLOSED_RAD = 0.0
 NOMINAL_OPEN_RAD = -1.651026
@@ -82,7 +83,7 @@ CALIBRATION_KEYS = tuple(
 """The keys of a calibration file, in the order in which files have them."""
 
 
-class _ReadOnlyError(CommandError, AttributeError):
+class ReadOnlyError(CommandError, AttributeError):
     """The daemon's configuration cannot be set from here."""
 
 
@@ -168,8 +169,10 @@ class GripperConfig(ConfigNames):
                 value = number(name, value)
             own = getattr(self, "own", None)
             if own is not None:
+                if not hasattr(type(self), name):
+                    raise no_attribute(self, name)
                 if name not in _OWN:
-                    raise _ReadOnlyError(
+                    raise ReadOnlyError(
                         f"config.{name} cannot be set: it is the daemon's, for all its clients",
                         reason="unsupported",
                         data={

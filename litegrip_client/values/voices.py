@@ -23,7 +23,10 @@ CALLS: Mapping[str, tuple[str, str]] = {
     "info.get": ("gripper.info()", "litegripctl info"),
     "job.list": ("gripper.jobs()", "litegripctl jobs"),
     "job.wait": ("see: gripper.jobs()", "see: litegripctl jobs"),
-    "job.cancel": ("in a shell: litegripctl cancel JOB", "litegripctl cancel JOB"),
+    "job.cancel": (
+        "in a shell: litegripctl cancel JOB; this object's own: gripper.cancel()",
+        "litegripctl cancel JOB",
+    ),
     "lease.get": ("", "litegripctl lease"),
     "lease.acquire": ("gripper.lease()", "see: litegripctl lease"),
     "lease.take": ("gripper.take_lease()", "litegripctl lease take REASON"),
@@ -193,9 +196,9 @@ def _argument(method: str | None, parameter: str | None) -> tuple[str, str] | tu
 
 
 MEANT: Mapping[str, str] = {
-    "move": "goto(opening_mm=...)",
-    "move_to": "goto(opening_mm=...)",
-    "set_position": "goto(opening_mm=...)",
+    "move": "goto(position_mm=...)",
+    "move_to": "goto(position_mm=...)",
+    "set_position": "goto(position_mm=...)",
     "state": "get_state()",
     "status": "get_state()",
     "position": "get_state().position_rad, or get_state().opening_mm",

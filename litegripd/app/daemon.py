@@ -299,7 +299,8 @@ class Daemon:
     def _stop(self, level: StopLevel, by: Owner, why: str | None) -> tuple[StopLevel, int]:
         """Stop from the next command on; return the latched level, and the generation."""
         controller = self._machine.controller
-        controller.stop(level, by, why, time.monotonic())
+        named = by if by.remote is not None else self._server.named(by)
+        controller.stop(level, named, why, time.monotonic())
         self._service.reporter.refresh()
         latched = controller.stop_latch.latched
         return level if latched is None else latched.level, controller.stop_latch.generation

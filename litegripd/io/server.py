@@ -11,13 +11,14 @@ import select
 import socket
 import time
 from collections import Counter, defaultdict, deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from litegripd.io.connection import Connection
 from litegripd.io.loop import ProcessWatch, Reactor
 from litegripd.io.sockets import LISTEN_BACKLOG, peer_of
 from litegripd.model.errors import Refusal
+from litegripd.model.state import Owner
 from litegripd.rpc.jsonrpc import error_line
 from litegripd.rpc.sessions import Peer, Service
 
@@ -313,6 +314,14 @@ class Server:
             connection.note_stop(stopped_s)
         if self._somebody_waits():
             self._stopped_s = stopped_s
+
+    def named(self, by: Owner) -> Owner:
+        """Return a process with the name that it gives itself on its latest connection here."""
+        for connection in reversed(self._connections.values()):
+            owner = connection.session.owner
+            if by.pid and (owner.pid, owner.uid) == (by.pid, by.uid) and owner.remote is None:
+                return replace(by, program=owner.program)
+        return by
 
     def take_turn(self, connection: Connection) -> bool:
         """Queue a connection for its turn to read and be served; False if it is queued already."""

@@ -116,6 +116,25 @@ def moving(mover: Client) -> int:
     return request
 
 
+@pytest.mark.local_only("it looks at the daemon's own stop socket")
+def test_a_stop_has_the_name_that_the_program_gives_itself(simulated: DaemonProcess) -> None:
+    """Its jobs and its lease have it, too; without a connection it is that of the process."""
+    with simulated.connect() as program, connect(stop_path(simulated)) as stopper:
+        program.result("hello", client="sorting.py")
+        stopper.sendall(stop_line())
+        assert json.loads(stopper.recv(4096))["result"]["level"] == "hold"
+        by = program.result("state.get")["stop"]["by"]
+        assert by == "sorting.py"
+        program.result("stop.clear")
+    with simulated.connect() as other, connect(stop_path(simulated)) as stopper:
+        other_name = other.result("clients.list")["clients"][-1]["program"]
+        stopper.sendall(stop_line())
+        stopper.recv(4096)
+        assert other.result("state.get")["stop"]["by"] == other_name
+        assert other_name != "sorting.py"
+        other.result("stop.clear")
+
+
 @pytest.mark.local_only("a stop takes the network's time, and not one tick")
 @pytest.mark.parametrize("flooded", [False, True], ids=["alone", "flooded"])
 def test_the_next_command_after_a_stop_holds(simulated: DaemonProcess, flooded: bool) -> None:

@@ -1,6 +1,7 @@
 """A gripper and its daemon: connecting, enabling, what the end does, the lease, and reading."""
 
 import asyncio
+import inspect
 import os
 import re
 from collections.abc import Callable
@@ -80,6 +81,8 @@ def test_what_is_not_the_gripper_is_refused_and_leaves_no_connection(
         kind.gripper("can1", socket_path=PATH).connect()
     with pytest.raises(CommandError, match="cannot be a channel"):
         kind.gripper("../can0")
+    with pytest.raises(CommandError, match="3 cannot be a channel: a string of"):
+        kind.gripper(3)  # type: ignore[arg-type]
     for hello, says in (({"protocol": 1}, "no litegripd"), ({"protocol": 2}, "speaks protocol 2")):
         daemon.instead["hello"] = hello
         gripper = kind.gripper()
@@ -521,11 +524,37 @@ def test_a_name_that_hands_type_is_hinted_at(
         gripper.mvoe  # type: ignore[union-attr]  # noqa: B018 - a type checker knows it, too
 
 
-def test_every_member_that_a_hint_names_is_there() -> None:
+def test_every_member_that_a_hint_names_is_there_and_takes_what_it_says() -> None:
     for hint in MEANT.values():
-        for call, field in re.findall(r"(\w+)\((?:\)\.(\w+))?", hint):
-            assert hasattr(LiteGrip, call), hint
+        for call, argument, field in re.findall(r"(\w+)\((?:(\w+)=\.\.\.)?\)?(?:\.(\w+))?", hint):
+            member = getattr(LiteGrip, call)
+            assert not argument or argument in inspect.signature(member).parameters, hint
             assert not field or hasattr(GripperState, field), hint
+
+
+@pytest.mark.parametrize(
+    ("method", "argument"),
+    [
+        ("goto", "position_mm"),
+        ("goto_rad", "position_rad"),
+        ("goto_openness", "openness"),
+        ("move_at_speed", "target_mm"),
+    ],
+)
+@pytest.mark.parametrize("target", [None, "40"])
+def test_a_target_that_is_no_number_is_named_as_the_method_does(
+    enabled: LiteGrip, method: str, argument: str, target: object
+) -> None:
+    with pytest.raises(CommandError, match=f"^{argument} is {target!r}, it must be a number"):
+        getattr(enabled, method)(target)
+
+
+def test_a_name_that_the_configuration_does_not_have_is_not_the_daemons(enabled: LiteGrip) -> None:
+    with pytest.raises(AttributeError, match=r"no attribute 'max_strok_mm'\Z") as caught:
+        enabled.config.max_strok_mm = 85.0  # type: ignore[attr-defined]
+    assert (caught.value.name, caught.value.obj) == ("max_strok_mm", enabled.config)
+    with pytest.raises(CommandError, match=r"config\.kp cannot be set: it is the daemon's"):
+        enabled.config.kp = 50.0
 
 
 def test_jobs_print_as_a_table(enabled: LiteGrip) -> None:
