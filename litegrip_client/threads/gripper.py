@@ -67,7 +67,10 @@ class LiteGrip(SdkGripper):
     ) -> None:
         """Raise `CommandError` for what cannot be a channel, a mount or a `MotionConfig`."""
         from litegrip_client.core.gripper import Gripper  # noqa: PLC0415 - see above
+        from litegrip_client.values.results import GripperState  # noqa: PLC0415 - see above
 
+        # Loops make this one call, so it goes without the core's coroutines.
+        self._read_state = GripperState.from_wire
         expected: dict[str, Any] = {}
         if any(given is not None for given in (config, mst_id, canfd_mode, motor_type)):
             from litegrip_client.core import expected as sdk  # noqa: PLC0415 - seldom needed
@@ -109,6 +112,14 @@ class LiteGrip(SdkGripper):
     def actions(self) -> GripperActions:
         """The actions without the connection; this object has them, too."""
         return self
+
+    def get_state(self, wait: bool = True) -> GripperState:  # noqa: ARG002 - the vendor's
+        """Return the daemon's newest state; it never waits for the bus. Look at `stale`.
+
+        `wait` makes no difference: the daemon asks the motor in every period, also while nobody
+        calls, so the state is as new as one that was waited for.
+        """
+        return self._read_state(self._session.connection.call("state.get"))
 
     if TYPE_CHECKING:
 

@@ -578,3 +578,12 @@ def test_an_object_that_moves_hands_nothing_over(daemon: Heard, kind: Kind, site
     with pytest.raises(LeaseError):
         newer.enable()
     assert older.get_state().enabled
+
+
+def test_an_answer_is_waited_for_as_long_as_is_said(site: Bench, daemon: Heard, kind: Kind) -> None:
+    with kind.gripper() as gripper:
+        daemon.instead["state.get"] = SILENT
+        began_s = site.now_s
+        with pytest.raises(ConnectError, match="within 5 s"):
+            gripper.get_state()
+        assert site.now_s - began_s == pytest.approx(5.0, abs=0.011)
