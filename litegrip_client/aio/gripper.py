@@ -30,6 +30,7 @@ from litegrip_client.values.errors import CommandError, LiteGripError
 from litegrip_client.values.motion_config import MotionConfig
 from litegrip_client.values.results import GripperState
 from litegrip_client.values.terms import Voice
+from litegrip_client.values.tracebacks import shortened
 from litegrip_client.values.warn import leave
 
 
@@ -378,6 +379,7 @@ class _BegunLate(Generic[_FeedT]):
             raise
 
 
+@shortened
 class Subscription(_BegunLate[Feed[_Item]], Generic[_Item]):
     """Iterate to get each item as it comes: `async for state in gripper.states(hz=50):`.
 
@@ -420,6 +422,7 @@ class Subscription(_BegunLate[Feed[_Item]], Generic[_Item]):
         await leave(self.close, error)
 
 
+@shortened
 class EventSubscription(Subscription[Event]):
     """A subscription to events: what happens from its begin on."""
 
@@ -437,6 +440,7 @@ class EventSubscription(Subscription[Event]):
         return self
 
 
+@shortened
 class Latest(BaseLatest, _BegunLate[NewestFeed]):
     """The newest state: `async with gripper.latest() as latest:`.
 
@@ -511,6 +515,7 @@ class AsyncSession(DaemonSession):
         return wire
 
 
+@shortened
 class LiteGrip(Gripper):
     """The gripper on `channel`, as `async with LiteGrip("can0") as gripper:`.
 

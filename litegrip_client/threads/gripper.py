@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from litegrip_client.threads.actions import GripperActions
-from litegrip_client.threads.blocking import BlockingSession, without_us
+from litegrip_client.threads.blocking import BlockingSession
 from litegrip_client.threads.sdk_gripper import SdkGripper
-from litegrip_client.values.errors import LiteGripError
+from litegrip_client.values.tracebacks import shortened
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # importing dataclasses is slow
@@ -24,6 +24,7 @@ if TYPE_CHECKING:  # importing dataclasses is slow
     from litegrip_client.values.terms import Voice
 
 
+@shortened
 class LiteGrip(SdkGripper):
     """The gripper on `channel`, as `with LiteGrip("can0") as gripper:`.
 
@@ -89,12 +90,7 @@ class LiteGrip(SdkGripper):
         super().__init__(Gripper(self._session, mount, motion_config, config))
 
     def __enter__(self) -> LiteGrip:
-        try:
-            self.connect()
-        except LiteGripError as error:
-            raise error.with_traceback(  # noqa: B904 - the same error
-                without_us(error.__traceback__)
-            )
+        self.connect()
         return self
 
     def __repr__(self) -> str:
