@@ -30,42 +30,66 @@ from litegrip_client.values.errors import CommandError, LiteGripError
 from litegrip_client.values.motion_config import MotionConfig
 from litegrip_client.values.results import GripperState
 from litegrip_client.values.terms import Voice
+from litegrip_client.values.tracebacks import shortened
 from litegrip_client.values.warn import leave
 
 
 class Waiting:
-    """The tasks that wait for one connection; every change wakes them."""
+    """The tasks that wait for one connection; every change wakes them.
+
+    One alarm serves all their time limits: to set one for each call takes as long as to send it.
+    """
 
     def __init__(self) -> None:
-        self._waiting: dict[asyncio.Future[None], Callable[[], bool]] = {}
+        self._waiting: dict[asyncio.Future[None], tuple[Callable[[], bool], float]] = {}
+        self._alarm: asyncio.TimerHandle | None = None
 
     async def until(self, ready: Callable[[], bool], timeout_s: float) -> bool:
         """Wait for `ready` for at most `timeout_s` seconds; return True if it is so."""
         loop = asyncio.get_running_loop()
         deadline_s = loop.time() + timeout_s
         while not ready():
-            remaining_s = deadline_s - loop.time()
-            if remaining_s <= 0.0:
+            if loop.time() >= deadline_s:
                 return False
             # `asyncio.wait_for` may lose a cancelling that comes together with what it waits for.
             waiter: asyncio.Future[None] = loop.create_future()
-            timer = None
-            if not math.isinf(remaining_s):
-                timer = loop.call_later(remaining_s, _wake, waiter)
-            self._waiting[waiter] = ready
+            self._waiting[waiter] = ready, deadline_s
+            if self._alarm is None or deadline_s < self._alarm.when():
+                self._set_alarm(loop, deadline_s)
             try:
                 await waiter
             finally:
                 del self._waiting[waiter]
-                if timer is not None:
-                    timer.cancel()
         return True
 
     def wake(self) -> None:
         """Wake the waiters whose condition is true by now."""
-        for waiter, ready in self._waiting.items():
+        for waiter, (ready, _) in self._waiting.items():
             if ready():
                 _wake(waiter)
+
+    def end(self) -> None:
+        """Wake the waiters: nothing more will change."""
+        self.wake()
+        if self._alarm is not None:
+            self._alarm.cancel()
+            self._alarm = None
+
+    def _set_alarm(self, loop: asyncio.AbstractEventLoop, at_s: float) -> None:
+        if self._alarm is not None:
+            self._alarm.cancel()
+        self._alarm = None if math.isinf(at_s) else loop.call_at(at_s, self._ring, loop, at_s)
+
+    def _ring(self, loop: asyncio.AbstractEventLoop, at_s: float) -> None:
+        """Wake who has waited long enough; set the alarm for the next one."""
+        self._alarm = None
+        later = math.inf
+        for waiter, (_, deadline_s) in self._waiting.items():
+            if deadline_s <= at_s:
+                _wake(waiter)
+            else:
+                later = min(later, deadline_s)
+        self._set_alarm(loop, later)
 
 
 def _wake(waiter: asyncio.Future[None]) -> None:
@@ -189,15 +213,15 @@ class Connection(Exchange):
 
     # Calls
 
-    async def call(
+    def call(
         self, method: str, params: Mapping[str, Any] | None = None, timeout_s: float | None = None
-    ) -> dict[str, Any]:
+    ) -> Coroutine[Any, Any, dict[str, Any]]:
         """Send a request to the daemon and return its result.
 
         `timeout_s` None means the connection's, `math.inf` for ever. Raises the exception of the
         daemon's error, and `ConnectError` when the connection is gone or no answer comes in time.
         """
-        return await self.run(self.prepare(method, params), timeout_s)
+        return self.run(self.prepare(method, params), timeout_s)
 
     async def run(self, call: Call, timeout_s: float | None = None) -> dict[str, Any]:
         """Send a prepared call and wait for its result, as described for `call`."""
@@ -206,9 +230,11 @@ class Connection(Exchange):
         line = call.line()
         try:
             self._router.calls[call.identity] = call
-            await self._send(line)
+            if self._stream.is_full:
+                await self._wait_for_room()
+            self._stream.send(line)
             while True:
-                await self._wait(call, limit_s, call.method)
+                await self.wait_until(lambda: bool(call.inbox), limit_s, call.method)
                 result = self._take(call)
                 if result is not None:
                     return result
@@ -219,7 +245,9 @@ class Connection(Exchange):
     async def notify_guarded(self, method: str, params: Mapping[str, Any]) -> None:
         """Send, as `prepare_guarded` does, a request that gets no answer."""
         self._check_usable()
-        await self._send(self._guarded_notification(method, params))
+        if self._stream.is_full:
+            await self._wait_for_room()
+        self._stream.send(self._guarded_notification(method, params))
 
     async def take_refusal(self) -> LiteGripError | None:
         """Return the daemon's refusal of a `notify_guarded` request, or None."""
@@ -256,7 +284,7 @@ class Connection(Exchange):
 
     async def wait_for(self, feed: Feed[Any], timeout_s: float) -> None:
         """Wait until a feed has something in its inbox."""
-        await self._wait(feed, timeout_s, f"with a {feed.what}")
+        await self.wait_until(lambda: bool(feed.inbox), timeout_s, f"with a {feed.what}")
 
     async def unsubscribe(self, feed: Feed[Any]) -> None:
         """End a subscription; there is nothing to do when the connection has ended."""
@@ -313,21 +341,16 @@ class Connection(Exchange):
                 data={"hint": "connect again in each event loop, after having disconnected"},
             )
 
-    async def _send(self, line: bytes) -> None:
-        if self._stream.is_full and not await self._waiting.until(self._has_room, self.timeout_s):
+    async def _wait_for_room(self) -> None:
+        if not await self._waiting.until(self._has_room, self.timeout_s):
             raise no_answer("the daemon does not read its requests", self.timeout_s)
         self._router.check()
-        self._stream.send(line)
 
     def _has_room(self) -> bool:
         return not self._stream.is_full or self._stream.ended
 
     def _post(self, line: bytes) -> None:
         self._stream.send(line)
-
-    async def _wait(self, waited: Call | Feed[Any], timeout_s: float, what: str) -> None:
-        """Return when an inbox holds something; raises `ConnectError` when that cannot come."""
-        await self.wait_until(lambda: bool(waited.inbox), timeout_s, what)
 
     async def wait_until(self, came: Callable[[], bool], timeout_s: float, what: str) -> None:
         """Return when something has come; raises `ConnectError` when it cannot come."""
@@ -351,7 +374,9 @@ class Connection(Exchange):
     def _on_change(self) -> None:
         if self._stream.ended:
             self._router.end("the daemon ended the connection", "connection_lost")
-        self._waiting.wake()
+            self._waiting.end()
+        else:
+            self._waiting.wake()
 
 
 _Item = TypeVar("_Item")
@@ -378,6 +403,7 @@ class _BegunLate(Generic[_FeedT]):
             raise
 
 
+@shortened
 class Subscription(_BegunLate[Feed[_Item]], Generic[_Item]):
     """Iterate to get each item as it comes: `async for state in gripper.states(hz=50):`.
 
@@ -420,6 +446,7 @@ class Subscription(_BegunLate[Feed[_Item]], Generic[_Item]):
         await leave(self.close, error)
 
 
+@shortened
 class EventSubscription(Subscription[Event]):
     """A subscription to events: what happens from its begin on."""
 
@@ -437,6 +464,7 @@ class EventSubscription(Subscription[Event]):
         return self
 
 
+@shortened
 class Latest(BaseLatest, _BegunLate[NewestFeed]):
     """The newest state: `async with gripper.latest() as latest:`.
 
@@ -511,6 +539,7 @@ class AsyncSession(DaemonSession):
         return wire
 
 
+@shortened
 class LiteGrip(Gripper):
     """The gripper on `channel`, as `async with LiteGrip("can0") as gripper:`.
 

@@ -16,6 +16,7 @@ from litegrip_client.values import calibration_files as files
 from litegrip_client.values.calibration import CALIBRATION_KEYS, CalibrationData
 from litegrip_client.values.errors import BusyError, CommandError, LiteGripError, ParameterError
 from litegrip_client.values.results import MoveProgress
+from litegrip_client.values.tracebacks import shortened
 from litegrip_client.values.warn import leave, warn
 
 TYPE_CHECKING = False
@@ -116,6 +117,7 @@ async def save_calibration(session: DaemonSession, path: str | os.PathLike[str] 
     return await session.run_blocking(files.write, target, present["content"])
 
 
+@shortened
 class ManualCalibration:
     """One calibration by hand, as `async with gripper.manual_calibration() as manual:`.
 

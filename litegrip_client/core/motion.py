@@ -21,6 +21,7 @@ from litegrip_client.values.errors import (
     LiteGripError,
     ParameterError,
 )
+from litegrip_client.values.tracebacks import shortened
 from litegrip_client.values.warn import leave, warn
 
 TYPE_CHECKING = False
@@ -108,6 +109,7 @@ _EXPIRED = "set_point_expired"
 """A target that came too late, on a busy machine say: the next one takes its place."""
 
 
+@shortened
 class SetpointStream:
     """A stream of targets for the jaws: `async with gripper.stream() as stream:`.
 

@@ -22,6 +22,7 @@ from litegrip_client.values.errors import (
     ParameterError,
     ProtocolError,
 )
+from litegrip_client.values.tracebacks import shortened
 from litegrip_client.values.warn import leave, warn
 
 TYPE_CHECKING = False
@@ -364,6 +365,7 @@ class DaemonSession:
         self.keeps_lease = True
 
 
+@shortened
 class Lease:
     """The lease of one gripper, for `async with`: taken at the start, returned at the end.
 

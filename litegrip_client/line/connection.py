@@ -30,7 +30,9 @@ from litegrip_client.line.exchange import (
     Exchange,
     Progress,
     Router,
+    answer_in,
     no_answer,
+    request_line,
 )
 from litegrip_client.values.errors import CommandError, ConnectError, LiteGripError
 
@@ -38,7 +40,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, TypeVar
 
-    from litegrip_client.line.exchange import Listener
+    from litegrip_client.line.exchange import Listener, Message
     from litegrip_client.line.feeds import EventSubscription, Feed, StateSample, Subscription
 
     _Item = TypeVar("_Item")
@@ -102,9 +104,10 @@ class LineStream:
         The same lines come again unless `keep(rest)` is called when they are handled. Raises
         `StreamEndedError` at the end of the stream.
         """
-        if not any(b"\n" in chunk for chunk in self._chunks):
+        chunks = self._chunks
+        if not chunks or not any(b"\n" in chunk for chunk in chunks):
             self._fill(wait_s)
-        *lines, rest = b"".join(self._chunks).split(b"\n")
+        *lines, rest = b"".join(chunks).split(b"\n")
         return lines, rest
 
     def _fill(self, wait_s: float) -> None:
@@ -213,18 +216,19 @@ class Multiplexer:
 
     def check_open(self) -> None:
         """Raise when nothing more can come here."""
-        if not self.is_own:
+        if os.getpid() != self._pid:
             raise ConnectError(
                 f"this connection belongs to process {self._pid}; its forked child "
                 f"{os.getpid()} cannot use it",
                 reason="forked",
                 data={"hint": "connect again in the child"},
             )
-        self._router.check()
+        if self._router.ending is not None:
+            self._router.check()
 
     def check_usable(self) -> None:
         """Raise when this thread must not wait here, or cannot any more."""
-        if self.is_own and self.is_waiting_here:
+        if self._leader == threading.get_ident() and self.is_own:
             raise CommandError(
                 "this thread waits for an answer on this connection already, so its signal "
                 "handler cannot use it",
@@ -237,29 +241,67 @@ class Multiplexer:
         """Send one line. That the daemon is gone shows in `wait`, with what it said before."""
         try:
             self._stream.send(line, timeout_s)
-        except TimeoutError as error:
-            raise no_answer("the daemon does not read its requests", timeout_s) from error
         except OSError as error:
-            if not self._stream.hung_up:
-                self._end(f"the connection cannot be used any more: {error}", "connection_lost")
+            self._not_sent(error, timeout_s)
 
-    def wait(self, inbox: deque[Any], timeout_s: float, what: str) -> None:
-        """Return when `inbox` holds something; raises `ConnectError` when that cannot come."""
+    def _not_sent(self, error: OSError, timeout_s: float) -> None:
+        if isinstance(error, TimeoutError):
+            raise no_answer("the daemon does not read its requests", timeout_s) from error
+        if not self._stream.hung_up:
+            self._end(f"the connection cannot be used any more: {error}", "connection_lost")
+
+    def ask(self, call: Call, line: bytes, send_s: float, wait_s: float) -> Message | None:
+        """Send a request; return its answer if that is all that comes, else None: `wait` for it.
+
+        It nearly always is, so this way is a straight one, with few calls. The router must know
+        the request: another thread may read its answer. Waits for `wait_s` and `SLICE_S` at most.
+        """
         me = threading.get_ident()
-        deadline_s = time.monotonic() + timeout_s
+        stream = self._stream
         try:
-            while not inbox:
-                self._router.check()
-                if (remaining_s := deadline_s - time.monotonic()) <= 0.0:
-                    raise no_answer(f"the daemon did not answer {what}", timeout_s)
-                if self._may_lead(me):
-                    self._lead(inbox, deadline_s)
-                else:
-                    self._follow(inbox, min(remaining_s, SLICE_S))
+            stream.send(line, send_s)
+            with self._lock:
+                if self._leader is None:
+                    self._leader = me
+            if self._leader != me or call.answered or call.keep or call.on_result is not None:
+                return None
+            lines, rest = stream.receive(wait_s)
+            if rest or len(lines) != 1:
+                return None
+            answer = answer_in(lines[0], call.identity)
+            if answer is not None:
+                call.answered = True
+                stream.keep(rest)
+            return answer
+        except StreamEndedError:
+            return None  # `wait` finds it, too
+        except OSError as error:
+            self._not_sent(error, send_s)
+            return None
         finally:
             if self._leader == me:
                 self._leader = None
-                self._wake_followers()
+                if self._followers:
+                    self._wake_followers()
+
+    def wait(self, inbox: deque[Any], timeout_s: float, what: str, since_s: float) -> None:
+        """Return when `inbox` holds something; raises `ConnectError` when that cannot come.
+
+        That is, by `timeout_s` after `since_s`.
+        """
+        me = threading.get_ident()
+        try:
+            while not inbox:
+                self._router.check()
+                if (remaining_s := since_s + timeout_s - time.monotonic()) <= 0.0:
+                    raise no_answer(f"the daemon did not answer {what}", timeout_s)
+                if self._may_lead(me):
+                    self._read(min(remaining_s, SLICE_S))
+                    self._wake_followers()
+                else:
+                    self._follow(inbox, min(remaining_s, SLICE_S))
+        finally:
+            self._stop_leading(me)
 
     def poll(self) -> None:
         """Route what has come already; raises `ConnectError` when the connection has ended."""
@@ -268,9 +310,7 @@ class Multiplexer:
             if self._router.ending is None and self._may_lead(me):
                 self._read(0.0)
         finally:
-            if self._leader == me:
-                self._leader = None
-                self._wake_followers()
+            self._stop_leading(me)
         self._router.check()
 
     def _may_lead(self, me: int) -> bool:
@@ -279,11 +319,9 @@ class Multiplexer:
                 self._leader = me
             return self._leader == me
 
-    def _lead(self, inbox: deque[Any], deadline_s: float) -> None:
-        while not inbox and self._router.ending is None:
-            if (remaining_s := deadline_s - time.monotonic()) <= 0.0:
-                return
-            self._read(min(remaining_s, SLICE_S))
+    def _stop_leading(self, me: int) -> None:
+        if self._leader == me:
+            self._leader = None
             self._wake_followers()
 
     def _follow(self, inbox: deque[Any], wait_s: float) -> None:
@@ -351,7 +389,7 @@ class Connection(Exchange):
         answer comes in time. An answer that comes after an interrupt or a time-out is dropped;
         the connection stays usable.
         """
-        return self.run(self.prepare(method, params, on_progress), timeout_s)
+        return self.run(Call(next(self._ids), method, params, on_progress), timeout_s)
 
     def command(
         self, method: str, params: Mapping[str, Any], timeout_s: float | None = None
@@ -361,21 +399,25 @@ class Connection(Exchange):
 
     def run(self, call: Call, timeout_s: float | None = None) -> dict[str, Any]:
         """Send a prepared call and wait for its result, as described for `call`."""
-        multiplexer = self._multiplexer
+        multiplexer, calls = self._multiplexer, self._router.calls
         multiplexer.check_usable()
         limit_s = self.timeout_s if timeout_s is None else timeout_s
-        line = call.line()
+        line = request_line(call.identity, call.method, call.params)
+        since_s = time.monotonic()
         try:
-            self._router.calls[call.identity] = call
-            multiplexer.send(line, self.timeout_s)
+            calls[call.identity] = call
+            answer = multiplexer.ask(call, line, self.timeout_s, limit_s)
+            if answer is not None:
+                return self._result(answer, call.method)
             while True:
-                multiplexer.wait(call.inbox, limit_s, call.method)
+                multiplexer.wait(call.inbox, limit_s, call.method, since_s)
                 result = self._take(call)
                 if result is not None:
                     return result
+                since_s = time.monotonic()
         finally:
             if not call.keep:
-                self.forget(call)
+                calls.pop(call.identity, None)
 
     def _post(self, line: bytes) -> None:
         self._multiplexer.send(line, self.timeout_s)
@@ -440,7 +482,8 @@ class Connection(Exchange):
     def wait_for(self, feed: Feed[Any], timeout_s: float) -> None:
         """Wait until a feed has something in its inbox."""
         self._multiplexer.check_usable()
-        self._multiplexer.wait(feed.inbox, timeout_s, f"with a {feed.what}")
+        what = f"with a {feed.what}"
+        self._multiplexer.wait(feed.inbox, timeout_s, what, time.monotonic())
 
     def listen(self, notification: str, listener: Listener) -> None:
         """Hand notifications that belong to no subscription to a listener, held weakly."""

@@ -12,6 +12,7 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
+from json import scanner
 from weakref import ref
 
 from litegrip_client.values.errors import (
@@ -71,18 +72,11 @@ class Call:
     is still taken, until `forget`.
     """
 
-    __slots__ = (
-        "answered",
-        "identity",
-        "inbox",
-        "job",
-        "keep",
-        "method",
-        "on_progress",
-        "on_result",
-        "params",
-        "result",
-    )
+    job: int | None = None
+    result: Message | None = None
+    answered = False
+    keep = False
+    on_result: Progress | None = None
 
     def __init__(
         self,
@@ -95,12 +89,7 @@ class Call:
         self.method = method
         self.params = params
         self.on_progress = on_progress
-        self.on_result: Progress | None = None
         self.inbox: deque[Message] = deque()
-        self.answered = False
-        self.keep = False
-        self.job: int | None = None
-        self.result: Message | None = None
 
     def line(self) -> bytes:
         """Return the request as it is sent; raises `CommandError` when it cannot be."""
@@ -140,15 +129,13 @@ def guarded(
 
 def generation_of(result: Mapping[str, Any]) -> int | None:
     """Return the stop generation that a result or error data holds, or None."""
+    if isinstance(generation := result.get("stop_generation"), int):
+        return generation
+    if isinstance(generation := result.get("generation"), int):
+        return generation
     state = result.get("state")
-    for holder, key in (
-        (result, "stop_generation"),
-        (result, "generation"),
-        (state, "stop_generation"),
-    ):
-        if isinstance(holder, Mapping) and isinstance(generation := holder.get(key), int):
-            return generation
-    return None
+    generation = state.get("stop_generation") if isinstance(state, dict) else None
+    return generation if isinstance(generation, int) else None
 
 
 def _unsendable(message: str) -> CommandError:
@@ -165,7 +152,9 @@ _UNSUBSCRIBING = {
 }
 """The notifications of subscriptions, and what ends them."""
 
-_raw_decode = json.JSONDecoder().raw_decode
+_scan = scanner.make_scanner(json.JSONDecoder())  # type: ignore[arg-type]
+_VIOLATIONS = (StopIteration, ValueError, KeyError, TypeError, AttributeError)
+"""What comes of lines that are not the protocol; the first is of `_scan`."""
 
 
 class Router:
@@ -192,7 +181,7 @@ class Router:
         try:
             for line in lines:
                 self._route(_decode(line))
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
+        except _VIOLATIONS as error:
             return f"the daemon sent what is not the protocol: {error!r}"
         return None
 
@@ -274,9 +263,20 @@ def no_answer(message: str, timeout_s: float) -> ConnectError:
     )
 
 
+def answer_in(line: bytes, identity: int) -> Message | None:
+    """Return the answer to a request if a line is that; `Router.take` says what else is wrong."""
+    try:
+        text = line.decode()
+        message, end = _scan(text, 0)
+        is_answer = end == len(text) and message["id"] == identity and "method" not in message
+    except _VIOLATIONS:
+        return None
+    return message if is_answer else None
+
+
 def _decode(line: bytes) -> Message:
     text = line.decode()
-    message, end = _raw_decode(text)
+    message, end = _scan(text, 0)
     if end != len(text) or not isinstance(message, dict):
         raise ValueError(f"not one object in a line: {text:.80}")
     return message
@@ -441,7 +441,8 @@ class Exchange:
         result = answer.get("result")
         if not isinstance(result, dict):
             raise ProtocolError(f"the daemon answered {method} with no object: {result!r:.80}")
-        self.note_stops(result)
+        if self.stop_generation is None or result.get("stop_generation") != self.stop_generation:
+            self.note_stops(result)
         return result
 
     def _error(self, error_object: Any, method: str) -> LiteGripError:

@@ -18,6 +18,7 @@ from litegrip_client.values.errors import ConnectError, ParameterError
 from litegrip_client.values.fields import unix_time
 from litegrip_client.values.results import STATE_FIELDS, GripperState
 from litegrip_client.values.terms import Voice, told
+from litegrip_client.values.tracebacks import shortened
 from litegrip_client.values.voices import in_python
 
 _Item = TypeVar("_Item")
@@ -304,6 +305,7 @@ class FeedSource(Protocol):
         """End the subscription of this feed."""
 
 
+@shortened
 class Subscription(Generic[_Item]):
     """Iterate to get each item as it comes; close it when done.
 
@@ -342,6 +344,7 @@ class Subscription(Generic[_Item]):
         self.close()
 
 
+@shortened
 class EventSubscription(Subscription[Event]):
     """A subscription to events: what happens from its begin on."""
 

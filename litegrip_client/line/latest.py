@@ -17,6 +17,7 @@ from litegrip_client.line.feeds import Feed
 from litegrip_client.values.checks import number
 from litegrip_client.values.errors import ConnectError, LiteGripError
 from litegrip_client.values.results import GripperState
+from litegrip_client.values.tracebacks import shortened
 
 if TYPE_CHECKING:
     from litegrip_client.line.connection import Connection
@@ -141,6 +142,7 @@ class BaseLatest:
         self._exchange.check_open()
 
 
+@shortened
 class Latest(BaseLatest):
     """The newest state: `with gripper.latest() as latest:`. Threads may share it.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from litegrip_client.threads.blocking import complete
+from litegrip_client.values.tracebacks import shortened
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # importing typing and dataclasses is slow
@@ -30,6 +31,7 @@ if TYPE_CHECKING:  # importing typing and dataclasses is slow
     from litegrip_client.values.trajectory import Trajectory
 
 
+@shortened
 class Lease:
     """The lease of one gripper, for `with`: taken at the start, returned at the end.
 
@@ -72,6 +74,7 @@ class Lease:
         complete(self._core.renew())
 
 
+@shortened
 class ManualCalibration:
     """One calibration by hand, as `with gripper.manual_calibration() as manual:`.
 
@@ -108,6 +111,7 @@ class ManualCalibration:
         complete(self._core.__aexit__(_kind, error, _))
 
 
+@shortened
 class SetpointStream:
     """A stream of targets for the jaws: `with gripper.stream() as stream:`.
 

@@ -13,7 +13,6 @@ from litegrip_client.values.errors import LiteGripError
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
-    from types import TracebackType
     from typing import Any, TypeVar
 
     from litegrip_client.core.session import Wire
@@ -21,33 +20,16 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
 
     _Result = TypeVar("_Result")
 
-_PACKAGE = __file__.rsplit("/", 2)[0]  # this room is a folder of it
-
 
 def complete(coroutine: Coroutine[Any, Any, _Result]) -> _Result:
-    """Run a coroutine to its end, here and now: nothing that it awaits ever suspends it.
-
-    The traceback of a `LiteGripError` leaves this package's own calls out. It keeps the calls of a
-    callback.
-    """
+    """Run a coroutine to its end, here and now: nothing that it awaits ever suspends it."""
     try:
         coroutine.send(None)
     except StopIteration as end:
         result: _Result = end.value
         return result
-    except LiteGripError as error:
-        raise error.with_traceback(  # noqa: B904 - the same error
-            without_us(error.__traceback__)
-        )
     coroutine.close()
     raise RuntimeError(f"{coroutine!r} wants an event loop")
-
-
-def without_us(trace: TracebackType | None) -> TracebackType | None:
-    """Return a traceback without its first entries that are in this package."""
-    while trace is not None and trace.tb_frame.f_code.co_filename.startswith(_PACKAGE):
-        trace = trace.tb_next
-    return trace
 
 
 async def pause(seconds: float) -> None:

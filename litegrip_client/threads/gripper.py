@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from litegrip_client.threads.actions import GripperActions
-from litegrip_client.threads.blocking import BlockingSession, without_us
+from litegrip_client.threads.blocking import BlockingSession
 from litegrip_client.threads.sdk_gripper import SdkGripper
-from litegrip_client.values.errors import LiteGripError
+from litegrip_client.values.tracebacks import shortened
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # importing dataclasses is slow
@@ -24,6 +24,7 @@ if TYPE_CHECKING:  # importing dataclasses is slow
     from litegrip_client.values.terms import Voice
 
 
+@shortened
 class LiteGrip(SdkGripper):
     """The gripper on `channel`, as `with LiteGrip("can0") as gripper:`.
 
@@ -67,7 +68,10 @@ class LiteGrip(SdkGripper):
     ) -> None:
         """Raise `CommandError` for what cannot be a channel, a mount or a `MotionConfig`."""
         from litegrip_client.core.gripper import Gripper  # noqa: PLC0415 - see above
+        from litegrip_client.values.results import GripperState  # noqa: PLC0415 - see above
 
+        # Loops make this one call, so it goes without the core's coroutines.
+        self._read_state = GripperState.from_wire
         expected: dict[str, Any] = {}
         if any(given is not None for given in (config, mst_id, canfd_mode, motor_type)):
             from litegrip_client.core import expected as sdk  # noqa: PLC0415 - seldom needed
@@ -86,12 +90,7 @@ class LiteGrip(SdkGripper):
         super().__init__(Gripper(self._session, mount, motion_config, config))
 
     def __enter__(self) -> LiteGrip:
-        try:
-            self.connect()
-        except LiteGripError as error:
-            raise error.with_traceback(  # noqa: B904 - the same error
-                without_us(error.__traceback__)
-            )
+        self.connect()
         return self
 
     def __repr__(self) -> str:
@@ -109,6 +108,14 @@ class LiteGrip(SdkGripper):
     def actions(self) -> GripperActions:
         """The actions without the connection; this object has them, too."""
         return self
+
+    def get_state(self, wait: bool = True) -> GripperState:  # noqa: ARG002 - the vendor's
+        """Return the daemon's newest state; it never waits for the bus. Look at `stale`.
+
+        `wait` makes no difference: the daemon asks the motor in every period, also while nobody
+        calls, so the state is as new as one that was waited for.
+        """
+        return self._read_state(self._session.connection.call("state.get"))
 
     if TYPE_CHECKING:
 

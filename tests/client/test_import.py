@@ -109,7 +109,7 @@ def test_the_first_line_of_a_program_imports_what_a_call_needs(tmp_path: Path) -
         *("line", "line.connection", "line.exchange"),
         *("threads", "threads.actions", "threads.blocking", "threads.gripper"),
         *("threads.sdk_gripper", "values", "values.checks", "values.error_table"),
-        *("values.errors", "values.fields", "values.warn"),
+        *("values.errors", "values.fields", "values.tracebacks", "values.warn"),
     }
 
 

@@ -1,3 +1,5 @@
+import copy
+import pickle
 import time
 from dataclasses import FrozenInstanceError
 from typing import Any
@@ -74,6 +76,18 @@ def test_a_state_has_all_fields_of_the_protocol() -> None:
     state = GripperState.from_wire({**STATE, "limited": ["speed"]})
     for name, value in STATE.items():
         assert getattr(state, name) == (("speed",) if name == "limited" else value)
+
+
+def test_each_field_of_a_state_has_its_own_value() -> None:
+    own: dict[str, Any] = {name: f"the {name}" for name in STATE}
+    own |= {"limited": ("speed",), "clamp_n": (1.0, 2.0)}
+    sent = own | {"limited": ["speed"], "clamp_n": [1.0, 2.0], "of_tomorrow": 1}
+    state = GripperState.from_wire(sent)
+    assert type(state) is GripperState
+    assert state == GripperState(**own)
+    assert state == pickle.loads(pickle.dumps(state)) == copy.copy(state)
+    with pytest.raises(FrozenInstanceError):
+        state.mode = "moving"  # type: ignore[misc]
 
 
 def test_the_age_goes_on() -> None:

@@ -58,6 +58,19 @@ def test_no_answer_in_time_is_an_error_and_the_late_answer_is_dropped(
     assert connection.call("state.get") == STATE
 
 
+def test_a_late_answer_that_comes_alone_is_not_taken_for_the_next_one(
+    daemon: FakeDaemon, connection: Connection
+) -> None:
+    with pytest.raises(ConnectError):
+        connection.call("slow", timeout_s=0.01)
+    (slow,) = daemon.wait_for("slow")
+    daemon.handlers["state.get"] = lambda request: slow.reply({"late": True})
+    daemon.handlers["clients.list"] = lambda request: {"clients": []}
+    with pytest.raises(ConnectError):
+        connection.call("state.get", timeout_s=0.01)
+    assert connection.call("clients.list") == {"clients": []}
+
+
 def test_what_the_daemon_said_before_it_closed_is_the_reason(
     daemon: FakeDaemon, connection: Connection
 ) -> None:

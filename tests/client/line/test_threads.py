@@ -1,12 +1,16 @@
+import json
 import math
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
+from types import FrameType
 from typing import Any
 
 import pytest
 
+from litegrip_client import LiteGrip
 from litegrip_client.line.connection import Connection
 from litegrip_client.values.errors import ConnectError, LiteGripError
 from tests.client.fake_daemon import DEADLINE_S, STATE, FakeDaemon, Request
@@ -169,6 +173,23 @@ def test_a_forked_child_is_refused_and_its_close_does_not_hurt(
     assert shared.call("state.get") == STATE
 
 
+def test_a_read_that_nothing_disturbs_takes_few_calls(daemon: FakeDaemon) -> None:
+    """What is called is cold after each wait for the daemon, and so it is what a read takes."""
+    called: list[str] = []
+
+    def note(frame: FrameType, event: str, _argument: object) -> None:
+        if event == "call":
+            called.append(frame.f_code.co_name)
+
+    with LiteGrip(socket_path=daemon.path) as gripper:
+        sys.setprofile(note)
+        try:
+            gripper.get_state()
+        finally:
+            sys.setprofile(None)
+    assert len(called) <= 20, called
+
+
 # Subscriptions
 
 
@@ -184,6 +205,26 @@ def test_closing_by_another_thread_wakes_who_waits(daemon: FakeDaemon, shared: C
     waiting = in_thread(lambda: list(samples))
     samples.close()
     assert waiting() == []
+
+
+@pytest.mark.parametrize("is_first", [True, False])
+def test_a_sample_that_comes_with_an_answer_is_not_lost(
+    daemon: FakeDaemon, shared: Connection, is_first: bool
+) -> None:
+    subscribed(daemon)
+    params = {"subscription": 5, "seq": 1, "dropped": 0, "state": {"seq": 1}}
+    told = json.dumps({"jsonrpc": "2.0", "method": "state.sample", "params": params})
+
+    def answer(request: Request) -> None:
+        message = json.dumps({"jsonrpc": "2.0", "id": request.identity, "result": STATE})
+        lines = (told, message) if is_first else (message, told)
+        request.send_bytes("".join(f"{line}\n" for line in lines).encode())
+
+    with shared.subscribe_state() as samples:
+        assert next(samples).state == STATE
+        daemon.handlers["state.get"] = answer
+        assert shared.call("state.get") == STATE
+        assert next(samples).seq == 1
 
 
 def test_a_subscription_and_a_call_by_two_threads(daemon: FakeDaemon, shared: Connection) -> None:

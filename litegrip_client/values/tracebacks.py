@@ -1,0 +1,80 @@
+"""Tracebacks of the errors that leave the API: the user's lines, and one of ours, the method's.
+
+What lies below a method is the same for each of its errors, and tells a user nothing. Lines of the
+user's below it, of a callback, stay. With `python -X dev` tracebacks are whole.
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+import sys
+from types import FunctionType
+
+from litegrip_client.values.errors import LiteGripError
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see the package: importing typing is slow
+    from collections.abc import Callable
+    from typing import Any, TypeVar
+
+    _Kind = TypeVar("_Kind", bound=type)
+
+_STANDARD = os.__file__.rpartition("/")[0]
+_HIDDEN = (
+    __file__.rsplit("/", 2)[0] + "/",  # the package: this room is a folder of it
+    f"{_STANDARD}/asyncio/",
+    f"{_STANDARD}/concurrent/",
+)
+_SPECIAL = ("__init__", "__enter__", "__exit__", "__next__", "__aenter__", "__aexit__", "__anext__")
+_IS_COROUTINE = 128
+"""`inspect.CO_COROUTINE`."""
+
+
+def shortened(kind: _Kind) -> _Kind:
+    """Shorten the tracebacks of what the public members of a class raise; for a decorator."""
+    if sys.flags.dev_mode:
+        return kind
+    members = {name: one for base in reversed(kind.__mro__) for name, one in vars(base).items()}
+    for name, member in members.items():
+        if name.startswith("_") and name not in _SPECIAL:
+            continue
+        if isinstance(member, property) and member.fget is not None:
+            setattr(kind, name, member.getter(_shortened(member.fget)))
+        elif isinstance(member, FunctionType) and not hasattr(member, "__wrapped__"):
+            setattr(kind, name, _shortened(member))
+    return kind
+
+
+def _shortened(method: Callable[..., Any]) -> Callable[..., Any]:
+    def call(*arguments: Any, **named: Any) -> Any:
+        try:
+            return method(*arguments, **named)
+        except LiteGripError as error:
+            _shorten(error)
+            raise
+
+    async def call_and_wait(*arguments: Any, **named: Any) -> Any:
+        try:
+            return await method(*arguments, **named)
+        except LiteGripError as error:
+            _shorten(error)
+            raise
+
+    is_coroutine = method.__code__.co_flags & _IS_COROUTINE
+    return functools.update_wrapper(call_and_wait if is_coroutine else call, method)
+
+
+def _shorten(error: LiteGripError) -> None:
+    """Leave out the entry of the function that calls this, and what the method's own leads to.
+
+    Python 3.10 keeps the former: its `raise` does not look at the error again.
+    """
+    trace = error.__traceback__
+    called = None if trace is None else trace.tb_next
+    if called is not None:
+        below = called.tb_next
+        while below is not None and below.tb_frame.f_code.co_filename.startswith(_HIDDEN):
+            below = below.tb_next
+        called.tb_next = below
+        error.__traceback__ = called
