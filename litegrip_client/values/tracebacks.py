@@ -1,4 +1,4 @@
-"""Tracebacks of the errors that leave the API: the user's lines, and one of ours, the method's.
+"""Tracebacks of errors that leave the API, and of Ctrl-C in it: the user's lines and one of ours.
 
 What lies below a method is the same for each of its errors, and tells a user nothing. Lines of the
 user's below it, of a callback, stay. With `python -X dev` tracebacks are whole.
@@ -50,14 +50,14 @@ def _shortened(method: Callable[..., Any]) -> Callable[..., Any]:
     def call(*arguments: Any, **named: Any) -> Any:
         try:
             return method(*arguments, **named)
-        except LiteGripError as error:
+        except (LiteGripError, KeyboardInterrupt) as error:
             _shorten(error)
             raise
 
     async def call_and_wait(*arguments: Any, **named: Any) -> Any:
         try:
             return await method(*arguments, **named)
-        except LiteGripError as error:
+        except (LiteGripError, KeyboardInterrupt) as error:
             _shorten(error)
             raise
 
@@ -65,7 +65,7 @@ def _shortened(method: Callable[..., Any]) -> Callable[..., Any]:
     return functools.update_wrapper(call_and_wait if is_coroutine else call, method)
 
 
-def _shorten(error: LiteGripError) -> None:
+def _shorten(error: LiteGripError | KeyboardInterrupt) -> None:
     """Leave out the entry of the function that calls this, and what the method's own leads to.
 
     Python 3.10 keeps the former: its `raise` does not look at the error again.
