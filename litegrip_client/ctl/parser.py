@@ -222,7 +222,7 @@ def for_gripper(call: str, rows: Sequence[Row], text: str) -> str:
     """Return a text of ours; the commands in it that are for a gripper begin with `call`."""
     if call == PROGRAM:
         return text
-    names = "|".join(row.name for row in rows if not row.is_local)
+    names = "|".join(row.name for row in rows if not row.is_local or row.name == "doctor")
     return re.sub(rf"\b{PROGRAM}(?= (?:{names})\b)", lambda _: call, text)
 
 

@@ -10,7 +10,11 @@ from argparse import Namespace
 from collections.abc import Callable
 from time import localtime, strftime, time
 
-from litegrip_client.core.discovery import is_socket_given, running_channels
+from litegrip_client.core.discovery import (
+    channels_with_socket,
+    is_socket_given,
+    running_channels,
+)
 from litegrip_client.core.motion import Motion
 from litegrip_client.ctl.figures import Data, figure, owner, plain
 from litegrip_client.ctl.run import ENDING, INTERRUPTED, Run
@@ -87,11 +91,15 @@ _REMEDIES = {
 """The methods whose commands a hint names: a message that names them needs no hint."""
 
 
-_OTHERWISE = {"not_calibrated": CHOOSE_MOUNT, "unreachable": "see: litegripctl doctor"}
+_OTHERWISE = {
+    "not_calibrated": CHOOSE_MOUNT,
+    "unreachable": "see: litegripctl doctor",
+    "connection_lost": "see what is wrong: litegripctl doctor",
+}
 """Used if the error has no hint of its own; only that hint can offer a template."""
 
 
-_OF_CLIENT = ("no_daemon", "older_daemon")
+_OF_CLIENT = ("no_daemon", "no_answer", "older_daemon")
 """Reasons whose hints are this side's own words."""
 
 
@@ -101,7 +109,7 @@ def hint_for(error: LiteGripError, options: Namespace) -> str:
         running = running_channels()
         # Which of them is meant is not guessed: it may be the one that must not move. Where the
         # default's socket is there, it is known to be meant, and the error says what is wrong.
-        if running and options.channel not in running:
+        if running and options.channel not in channels_with_socket():
             return f"there are: {', '.join(running)}; name one: litegripctl -c {running[0]} ..."
     if options.command == "clear" and error.reason == "lease_held":
         return "ask one of them to clear it"  # the message names who may

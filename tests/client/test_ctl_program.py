@@ -2,6 +2,7 @@
 
 import json
 import re
+import socket
 import subprocess
 import time
 from collections.abc import Iterator
@@ -11,6 +12,7 @@ from typing import Any
 import pytest
 
 import litegrip_client
+from litegrip_client.core import discovery
 from litegrip_client.ctl.commands import find
 from litegrip_client.ctl.main import main
 from litegrip_client.ctl.render import progress
@@ -181,11 +183,48 @@ def test_a_command_that_only_reads_takes_the_only_daemon_and_says_which(
     sim7: FakeDaemon, litegripctl: Ctl
 ) -> None:
     code, out, err = litegripctl("state", "--json")
-    assert (code, err) == (0, "sim7, the only daemon here:\n")
+    assert (code, err) == (0, "sim7, the only daemon that you can reach:\n")
     assert json.loads(out)["mode"]
     with FakeDaemon(Path(sim7.path).with_name("sim8.sock")):
         code, _, err = litegripctl("state")
     assert (code, "there are: sim7, sim8" in err) == (3, True)
+
+
+def test_a_daemon_that_hangs_is_one_of_them_also_when_its_queue_is_full(
+    sim7: FakeDaemon, litegripctl: Ctl
+) -> None:
+    with socket.socket(socket.AF_UNIX) as hung, socket.socket(socket.AF_UNIX) as waits:
+        hung.bind(str(Path(sim7.path).with_name("hung.sock")))
+        hung.listen(0)
+        waits.connect(hung.getsockname())
+        code, _, err = litegripctl("state")
+        assert (code, "there are: hung, sim7; name one" in err) == (3, True)
+    assert sim7.requests == []
+
+
+def test_what_was_left_behind_and_what_is_closed_to_this_user_is_no_choice(
+    sim7: FakeDaemon, litegripctl: Ctl, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("gone", "closed"):
+        with socket.socket(socket.AF_UNIX) as dead:
+            dead.bind(str(Path(sim7.path).with_name(f"{name}.sock")))
+    real = discovery._how
+    monkeypatch.setattr(
+        discovery, "_how", lambda path: "closed" if "closed" in path else real(path)
+    )
+    code, _, err = litegripctl("state")
+    assert (code, err) == (0, "sim7, the only daemon that you can reach:\n")
+    code, _, err = litegripctl("open")
+    assert (code, "there are: sim7; name one" in err) == (3, True)
+
+
+def test_the_default_is_meant_where_its_socket_was_left_behind(
+    sim7: FakeDaemon, litegripctl: Ctl
+) -> None:
+    with socket.socket(socket.AF_UNIX) as dead:
+        dead.bind(str(Path(sim7.path).with_name("can0.sock")))
+    code, out, err = litegripctl("state")
+    assert (code, out, "refused: nobody listens" in err) == (3, "", True)
 
 
 def test_a_closed_socket_of_the_default_channel_is_no_matter_of_its_name(
@@ -200,8 +239,8 @@ def test_a_closed_socket_of_the_default_channel_is_no_matter_of_its_name(
     code, _, err = litegripctl("state")
     what, hint = err.splitlines()
     assert code == 3
-    assert "permission denied: only for the group" in what
-    assert hint.strip().startswith("join the group")
+    assert "permission denied: only for " in what
+    assert "litegripctl doctor" in hint  # it is closed, and none is offered in its place
 
 
 def test_the_help_lists_every_exit_code(capsys: pytest.CaptureFixture[str]) -> None:
