@@ -7,7 +7,7 @@ import subprocess
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
@@ -15,8 +15,9 @@ import litegrip_client
 from litegrip_client.core import discovery
 from litegrip_client.ctl.commands import find
 from litegrip_client.ctl.main import main
-from litegrip_client.ctl.render import progress
+from litegrip_client.ctl.render import WHY_NOT, progress, why_not
 from litegripd.model.errors import ERROR_TABLE
+from litegripd.model.state import GraspOutcome, MoveOutcome, ReplayOutcome
 from tests.client.ctl_commands import ACTIONS
 from tests.client.ctl_terminal import COMMAND, ROOT, start
 from tests.client.fake_daemon import DEADLINE_S, HELLO, STATE, FakeDaemon
@@ -72,6 +73,13 @@ def test_progress_without_an_end_has_no_bar_and_a_replay_has_passes(
     data: dict[str, Any], line: str
 ) -> None:
     assert progress(data) == line
+
+
+def test_each_outcome_that_is_not_ok_has_its_cause_and_next_step() -> None:
+    ended = {one for kind in (MoveOutcome, GraspOutcome, ReplayOutcome) for one in get_args(kind)}
+    assert set(WHY_NOT) == ended - {"pressed_home", "reached", "object_held", "completed"}
+    assert why_not({"ok": False, "outcome": "of a newer daemon"}, str) == ""
+    assert why_not({"ok": True, "outcome": "blocked"}, str) == ""
 
 
 @pytest.mark.parametrize("line", ["state", "--json state", "watch --count 2"])

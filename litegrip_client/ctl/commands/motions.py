@@ -17,6 +17,7 @@ from litegrip_client.ctl.render import (
     opening_of,
     start,
     verdict,
+    why_not,
     words,
 )
 from litegrip_client.ctl.run import ENDING, Commands, Run
@@ -86,8 +87,15 @@ def register(run: Run) -> int:
     return run.done({"registers": rows}, "\n".join(lines))
 
 
+_IN_THE_WAY = """\
+Where something is in the way, the jaws let go of it; the command says so, and
+ends with the exit code 1. To close on an object and hold it: litegripctl grasp
+"""
+
+
 def to_stop_options(parser: LateParser) -> None:
     """Add the arguments of `open` and `close`."""
+    parser.epilog = _IN_THE_WAY
     _speed_options(parser)
     _no_wait_options(parser)
 
@@ -142,12 +150,13 @@ def move(run: Run) -> int:
 def _move(run: Run, method: str, params: Data) -> int:
     if run.options.no_wait:
         return start(run, method, params)
-    return finish(run, method, params, lambda data: _moved_text(run.options.command, data))
+    return finish(run, method, params, lambda data: _moved_text(run, data))
 
 
-def _moved_text(name: str, data: Data) -> str:
+def _moved_text(run: Run, data: Data) -> str:
     """Return how a motion ended."""
-    return f"{name}: {verdict(data)}, at {opening_of(data)}"
+    text = f"{run.options.command}: {verdict(data)}, at {opening_of(data)}"
+    return f"{text}{why_not(data, run.here)}"
 
 
 _GRASP = """\
@@ -234,7 +243,7 @@ def _grasp_text(run: Run, data: Data) -> str:
     if data.get("ok") or data.get("state", {}).get("force_set_n") is not None:
         text += f", holding {figure(data.get('force_n'), '.1f', 'N')}"
         text += run.here("; let go with: litegripctl release")
-    return text
+    return f"{text}{why_not(data, run.here)}"
 
 
 def release_options(parser: LateParser) -> None:
@@ -262,7 +271,7 @@ def release(run: Run) -> int:
         )
     target_mm = min(opening_mm + run.options.by, calibration["travel_mm"])
     return finish(
-        run, "motion.move", {"opening_mm": target_mm}, lambda data: _moved_text("release", data)
+        run, "motion.move", {"opening_mm": target_mm}, lambda data: _moved_text(run, data)
     )
 
 
@@ -355,6 +364,8 @@ def job(run: Run) -> int:
     if data["error"]:
         error = from_error_object(data["error"], voice=run.voice)
         rows.append(("why", plain(error.message)))
+    if why := why_not(data["result"] or {"ok": True}, run.here):
+        rows.append(("why", why.strip()))
     rows += [
         (name, plain(f"{value:.4g}" if isinstance(value, float) else value))
         for name, value in (data["result"] or {}).items()

@@ -12,7 +12,7 @@ from litegrip_client.core.trajectories import Recording, fetch, fetch_grips, lis
 from litegrip_client.ctl.figures import Data, Here, figure, plain
 from litegrip_client.ctl.files import put_file, refuse_existing
 from litegrip_client.ctl.parser import LateParser, count, positive
-from litegrip_client.ctl.render import bar, date, finish, jaws_now, opening_of, verdict
+from litegrip_client.ctl.render import bar, date, finish, jaws_now, opening_of, verdict, why_not
 from litegrip_client.ctl.run import INTERRUPTED, Command, Commands, Run, say
 from litegrip_client.threads.blocking import BlockingWire, complete, pause
 from litegrip_client.values.errors import CancelledError, CommandError
@@ -437,10 +437,10 @@ def play(run: Run) -> int:
             params.update(named(complete(send(wire, content, None, share, grips))))
     else:
         params["name"] = options.name
-    return finish(run, "trajectory.play", params, played_text)
+    return finish(run, "trajectory.play", params, lambda data: played_text(data, run.here))
 
 
-def played_text(data: Data) -> str:
+def played_text(data: Data, here: Here) -> str:
     """Return how a replay ended."""
     loops = data.get("loops")
     passes = f"{loops} pass" if loops == 1 else f"{loops} passes"
@@ -451,7 +451,7 @@ def played_text(data: Data) -> str:
         differs = figure(data.get("width_difference_mm"), "+.1f", "mm")
         grips = grips_counted(data["grips"])
         text += f"; {grips}, the last one {width} wide, at most {differs} to taught"
-    return text
+    return f"{text}{why_not(data, here)}"
 
 
 COMMANDS: Commands = {
