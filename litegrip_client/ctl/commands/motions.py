@@ -9,7 +9,7 @@ from argparse import _ActionsContainer
 
 from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.ctl.figures import Data, figure, owner, plain
-from litegrip_client.ctl.parser import LateParser, count, not_negative, positive, target
+from litegrip_client.ctl.parser import LateParser, count, in_unit, not_negative, positive, target
 from litegrip_client.ctl.render import (
     clock_of,
     finish,
@@ -102,7 +102,10 @@ def to_stop_options(parser: LateParser) -> None:
 
 def _speed_options(parser: _ActionsContainer) -> None:
     parser.add_argument(
-        "--speed", type=positive, metavar="MM_S", help="in mm/s (default: the daemon's)"
+        "--speed",
+        type=in_unit(positive, "mm/s"),
+        metavar="MM_S",
+        help="in mm/s (default: the daemon's)",
     )
 
 
@@ -136,7 +139,9 @@ def move_options(parser: LateParser) -> None:
     )
     pace = parser.add_mutually_exclusive_group()
     _speed_options(pace)
-    pace.add_argument("--duration", type=positive, metavar="S", help="how long it takes, in s")
+    pace.add_argument(
+        "--duration", type=in_unit(positive, "s"), metavar="S", help="how long it takes, in s"
+    )
     _no_wait_options(parser)
 
 
@@ -177,21 +182,27 @@ def grasp_options(parser: LateParser) -> None:
     """Add the arguments of `grasp`."""
     parser.description, parser.epilog = _GRASP, _GRASP_EXAMPLES
     parser.add_argument(
-        "--force", type=positive, metavar="N", help="in newtons, 0.5 to 40 (default: the daemon's)"
+        "--force",
+        type=in_unit(positive, "N"),
+        metavar="N",
+        help="in newtons, 0.5 to 40 (default: the daemon's)",
     )
     _speed_options(parser)
     parser.add_argument(
-        "--width", type=positive, metavar="MM", help="how wide the object must be, in mm; give both"
+        "--width",
+        type=in_unit(positive, "mm"),
+        metavar="MM",
+        help="how wide the object must be, in mm; give both",
     )
     parser.add_argument(
         "--tolerance",
-        type=not_negative,
+        type=in_unit(not_negative, "mm"),
         metavar="MM",
         help="how far the width may be off, in mm; give both",
     )
     parser.add_argument(
         "--hold",
-        type=not_negative,
+        type=in_unit(not_negative, "s"),
         metavar="S",
         help="hold for S seconds, and then check that it is still held",
     )
@@ -253,7 +264,11 @@ def release_options(parser: LateParser) -> None:
         "calibrated travel, then hold."
     )
     parser.add_argument(
-        "--by", type=positive, default=10.0, metavar="MM", help="how far to open, in mm (10)"
+        "--by",
+        type=in_unit(positive, "mm"),
+        default=10.0,
+        metavar="MM",
+        help="how far to open, in mm (10)",
     )
 
 
@@ -280,7 +295,9 @@ def force_options(parser: LateParser) -> None:
     parser.description = (
         "Squeeze with another force from now on; jaws that hold nothing close with it."
     )
-    parser.add_argument("newtons", type=positive, metavar="N", help="in newtons, 0.5 to 40")
+    parser.add_argument(
+        "newtons", type=in_unit(positive, "N"), metavar="N", help="in newtons, 0.5 to 40"
+    )
 
 
 def force(run: Run) -> int:

@@ -13,7 +13,7 @@ from litegrip_client.core.sockets import SOCKET_VARIABLE, STOP_LEVELS
 from litegrip_client.core.stop import STOP_WITHIN_S, is_taken_as_meant, stop_at, stop_params
 from litegrip_client.ctl import render
 from litegrip_client.ctl.figures import Data, figure, owner, plain
-from litegrip_client.ctl.parser import LateParser, count, positive
+from litegrip_client.ctl.parser import LateParser, count, in_unit, positive
 from litegrip_client.ctl.run import (
     NOT_OK,
     OK,
@@ -203,7 +203,9 @@ and with --plain, a line for each state.
 def watch_options(parser: LateParser) -> None:
     """Add the arguments of `watch`."""
     parser.description = _WATCH
-    parser.add_argument("--hz", type=positive, default=5.0, metavar="N", help="0.1 to 200 (5)")
+    parser.add_argument(
+        "--hz", type=in_unit(positive, "Hz"), default=5.0, metavar="N", help="0.1 to 200 (5)"
+    )
     parser.add_argument("--count", type=count, metavar="N", help="end after N states")
     parser.add_argument(
         "--plain", action="store_true", help="lines, and no live view, in a terminal as well"
