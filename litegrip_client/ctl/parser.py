@@ -139,6 +139,8 @@ class LateParser(Parser):
         return options, rest
 
 
+_CLOSE = 0.7
+"""From so much likeness on (of 1) a name is asked for: --socket is none for --force."""
 _FEW = 12
 """Names that are listed where none comes close."""
 
@@ -148,7 +150,7 @@ Fill: TypeAlias = "Callable[[LateParser], None]"
 
 def _did_you_mean(given: str, names: Iterable[str]) -> str:
     """Return the question, if a name comes close to what was given, else nothing."""
-    close = get_close_matches(given, list(names), 1)
+    close = get_close_matches(given, list(names), 1, _CLOSE)
     return f"; did you mean {close[0]!r}?" if close else ""
 
 

@@ -131,6 +131,7 @@ USAGE = {
     "grasp --forse=10": "; did you mean '--force'?",
     "state --jsn": "; did you mean '--json'?",
     "state xyzzy": "unrecognized arguments: xyzzy\n",
+    "disable --force": "unrecognized arguments: --force\n",
     "stop --level relx": "did you mean 'relax'?",
     "cancel abc": "'abc' is not a whole number of 1 or more",
     "grasp --width 48 --tolerance -1": "'-1' is not a number of 0 or more",

@@ -233,11 +233,13 @@ def grasp(run: Run) -> int:
 
 CONTINUOUS_N = 20.0
 """What the vendor recommends for continuous work."""
+MOST_N = 40.0
+"""The daemon refuses more, and that is enough to say."""
 
 
 def _note_force(run: Run, force_n: float | None) -> None:
     """Say of a large force that it is not for long."""
-    if force_n is not None and force_n > CONTINUOUS_N:
+    if force_n is not None and CONTINUOUS_N < force_n <= MOST_N:
         run.output.note(
             f"the vendor recommends {CONTINUOUS_N:g} N for continuous work; how long the coil bears"
             f" {force_n:g} N: {run.here('litegripctl health')} (heat, time to limit)"
