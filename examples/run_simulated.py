@@ -149,6 +149,14 @@ def already_runs(channel: str, pid: int, note: Path, more: str) -> None:
     print(f"In another terminal:\n\n  {prepare(channel, more)}\n  litegripctl state")
 
 
+def ended(code: int) -> int:
+    """Return the exit code for a daemon that ended with `code`; say of a signal which it was."""
+    if code >= 0:
+        return code
+    print(f"The daemon was ended by {signal.Signals(-code).name}: start it again.", file=sys.stderr)
+    return 1
+
+
 def main() -> int:
     """Run both until a signal comes, or until the daemon ends; return the daemon's exit code."""
     world = sys.argv[1] if len(sys.argv) > 1 else "simulated"
@@ -186,7 +194,7 @@ def main() -> int:
                 try:
                     words = {"channel": channel, "page": page, "prepare": prepare(channel, more)}
                     print(WORDS.format(world=WORLDS[world], **words), flush=True)
-                    return daemon.wait()
+                    return ended(daemon.wait())
                 finally:
                     note.unlink()
     print(f"The channels {CHANNELS[0]} to {CHANNELS[-1]} are all in use.", file=sys.stderr)

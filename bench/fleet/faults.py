@@ -31,7 +31,7 @@ from pathlib import Path
 from typing import Any
 
 from litegrip_client.core.stop import stop_at
-from litegrip_client.ctl.commands.state import STOP_WITHIN_S
+from litegrip_client.ctl.commands.state import FAR_STOP_WITHIN_S
 from litegrip_client.values.errors import LiteGripError
 from tests.process.daemon_process import DaemonProcess
 from tests.process.fleet.cable import Fault as BadCable
@@ -344,7 +344,7 @@ def look_at_stop(place: Lab, trouble: Trouble, found: Found) -> None:
         time.sleep(0.1)
         sent_s = time.monotonic()
         try:
-            stop_at(str(place.socket_path()), "hold", None, STOP_WITHIN_S)
+            stop_at(str(place.socket_path()), "hold", None, FAR_STOP_WITHIN_S)
             is_confirmed = True
         except (OSError, LiteGripError):
             is_confirmed = False

@@ -6,9 +6,10 @@ import errno
 import grp
 import os
 import re
+import socket
 import stat
 import sys
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Iterator, Mapping
 
 from litegrip_client.core import sockets
 from litegrip_client.core.sockets import CHANNEL_VARIABLE, DEFAULT_CHANNEL, SOCKET_VARIABLE
@@ -76,19 +77,45 @@ def is_socket_given(socket_path: str | None = None) -> bool:
     return bool(socket_path if socket_path is not None else os.environ.get(SOCKET_VARIABLE))
 
 
-def running_channels(environment: Mapping[str, str] | None = None) -> list[str]:
+def channels_with_socket(environment: Mapping[str, str] | None = None) -> list[str]:
     """Return the channels that have a socket, as far as this user can see.
 
-    A daemon that was killed may have left one: only connecting shows if a daemon answers.
+    A daemon that was killed may have left one.
     """
+    return sorted({channel for channel, _path in _sockets(environment)})
+
+
+def running_channels(environment: Mapping[str, str] | None = None) -> list[str]:
+    """Return the channels whose daemons listen to this user; one that hangs listens, too."""
+    return _channels("listens", environment)
+
+
+def _channels(how: str, environment: Mapping[str, str] | None = None) -> list[str]:
+    return sorted({channel for channel, path in _sockets(environment) if _how(path) == how})
+
+
+def _sockets(environment: Mapping[str, str] | None) -> Iterator[tuple[str, str]]:
+    """Yield channels and the paths of their sockets."""
     environment = os.environ if environment is None else environment
-    directories = (*sockets.directories(environment), sockets.PORTAL_DIRECTORY)
-    names = {name for directory in directories for name in _names(directory)}
-    return sorted(
-        name.removesuffix(".sock")
-        for name in names
-        if name.endswith(".sock") and not name.endswith(".stop.sock")
-    )
+    for directory in (*sockets.directories(environment), sockets.PORTAL_DIRECTORY):
+        for name in _names(directory):
+            if name.endswith(".sock") and not name.endswith(".stop.sock"):
+                yield name.removesuffix(".sock"), f"{directory}/{name}"
+
+
+def _how(path: str) -> str:
+    """Return how a socket is for this user: it "listens", or is "closed", or "left" by a daemon."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+        probe.setblocking(False)
+        try:
+            probe.connect(path)
+        except PermissionError:
+            return "closed"
+        except BlockingIOError:
+            return "listens"  # more wait there than have a place: it hangs, or is busy
+        except OSError:
+            return "left"
+    return "listens"
 
 
 def is_enabled(channel: str) -> bool:
@@ -166,18 +193,20 @@ def _no_daemon(
         )
     elif is_enabled(channel):
         hint = f"see why it does not run: systemctl status litegripd@{channel}"
-    elif others := [other for other in running_channels() if other != channel]:
-        hint = f"there is one for {', '.join(others)}: name that; or {hint}"
+    else:
+        hint = f"{_others(channel)}{hint}"
     blocked = next(filter(None, (_unblocked(path, error) for path, error in failures)), None)
     if blocked is not None:
         hint = f"{blocked}; then {hint}"
     denied = [path for path, error in failures if error.errno in (errno.EACCES, errno.EPERM)]
     if denied:
         group = _group_of(denied[0])
-        hint = (  # a daemon is there: another one for this channel could not be started
-            f"join the group {group} ('sudo usermod -aG {group} $USER', then log in again);"
-            " 'litegripctl doctor' says what else is missing"
-        )
+        hint = "'litegripctl doctor' says what opens it to you"
+        if group is not None:  # a daemon is there: another for this channel could not be started
+            hint = (
+                f"join the group {group} ('sudo usermod -aG {group} $USER', then log in again);"
+                " 'litegripctl doctor' says what else is missing"
+            )
     return ConnectError(
         f"no daemon can be reached{of_channel} ({tried})",
         reason="no_daemon",
@@ -190,18 +219,38 @@ def _no_daemon(
     )
 
 
-def _group_of(path: str) -> str:
-    """Return the group that may open a socket, as far as this user can see it."""
+def _others(channel: str) -> str:
+    """Return which channel may be meant in place of `channel`, and which have a daemon."""
+    from difflib import get_close_matches  # noqa: PLC0415 - seldom needed
+
+    close = get_close_matches(channel, [c for c in channels_with_socket() if c != channel], 1)
+    meant = f"did you mean {close[0]}? " if close else ""
+    if others := [other for other in running_channels() if other != channel]:
+        return f"{meant}there is one for {', '.join(others)}: name that; or "
+    if closed := [other for other in _channels("closed") if other != channel]:
+        how = f"'litegripctl -c {closed[0]} doctor' says what opens it"
+        return f"{meant}there is one for {', '.join(closed)}, closed to this user ({how}); or "
+    return meant
+
+
+def _group_of(path: str) -> str | None:
+    """Return the group that opens a socket, as far as this user can see it; None for no group."""
     try:
         name = grp.getgrgid(os.stat(path).st_gid).gr_name  # noqa: PTH116 - see _names
     except (OSError, KeyError):
         return GROUP
-    return GROUP if name == "root" else name  # nobody is advised to join that one
+    if name != "root":
+        return name
+    try:  # nobody is advised to join that one
+        return grp.getgrnam(GROUP).gr_name
+    except KeyError:
+        return None
 
 
 def _why(path: str, error: OSError) -> str:
     if error.errno in (errno.EACCES, errno.EPERM):
-        return f"permission denied: only for the group {_group_of(path)}"
+        group = _group_of(path)
+        return f"permission denied: only for {f'the group {group}' if group else 'who started it'}"
     if error.errno == errno.ECONNREFUSED and not _is_socket(path):
         return "not a socket, but a file or folder: nobody can listen there"
     if error.errno == errno.ENOENT and os.path.islink(path):  # noqa: PTH114 - see _names

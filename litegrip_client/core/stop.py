@@ -65,8 +65,9 @@ def stop_at(path: str, level: str, why: str | None, timeout_s: float) -> dict[st
                     break
                 received += piece
         except OSError as error:
-            text = f"the stop was sent, but its answer did not come: {error}"
-            raise ConnectError(text, reason="connection_lost") from error
+            why = f" within {timeout_s:g} s" if isinstance(error, TimeoutError) else f": {error}"
+            text = f"the stop was sent, but its answer did not come{why}; it may come into force"
+            raise ConnectError(f"{text} later", reason="connection_lost") from error
     return _result(received)
 
 

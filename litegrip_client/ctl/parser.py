@@ -139,6 +139,8 @@ class LateParser(Parser):
         return options, rest
 
 
+_CLOSE = 0.7
+"""From so much likeness on (of 1) a name is asked for: --socket is none for --force."""
 _FEW = 12
 """Names that are listed where none comes close."""
 
@@ -148,7 +150,7 @@ Fill: TypeAlias = "Callable[[LateParser], None]"
 
 def _did_you_mean(given: str, names: Iterable[str]) -> str:
     """Return the question, if a name comes close to what was given, else nothing."""
-    close = get_close_matches(given, list(names), 1)
+    close = get_close_matches(given, list(names), 1, _CLOSE)
     return f"; did you mean {close[0]!r}?" if close else ""
 
 
@@ -187,6 +189,8 @@ def parse(given: list[str], rows: Sequence[Row]) -> argparse.Namespace:
         message = f"unrecognized arguments: {' '.join(rest)}"
         if options.command == "grasp" and re.fullmatch(f"{NUMBER}N?", rest[0]):
             message += f"; a force is an option: --force {rest[0].rstrip('N')}"
+        if options.command in ("open", "close") and _TARGET.fullmatch(rest[0].strip()):
+            message += f"; to an opening or a position: {PROGRAM} move {rest[0].strip()}"
         message += _did_you_mean(rest[0].partition("=")[0], options.known)
         raise UsageError(message, parser.format_usage(), options.help_of)
     chosen = getattr(options, "channel", None) or os.environ.get(CHANNEL_VARIABLE)
@@ -222,7 +226,7 @@ def for_gripper(call: str, rows: Sequence[Row], text: str) -> str:
     """Return a text of ours; the commands in it that are for a gripper begin with `call`."""
     if call == PROGRAM:
         return text
-    names = "|".join(row.name for row in rows if not row.is_local)
+    names = "|".join(row.name for row in rows if not row.is_local or row.name == "doctor")
     return re.sub(rf"\b{PROGRAM}(?= (?:{names})\b)", lambda _: call, text)
 
 
@@ -306,6 +310,21 @@ def not_negative(text: str) -> float:
     if not value >= 0.0:
         raise ArgumentTypeError(f"{text!r} is not a number of 0 or more")
     return value
+
+
+def in_unit(read: Callable[[str], float], unit: str) -> Callable[[str], float]:
+    """Return what reads as `read` does, and takes the unit, which is known, behind the number."""
+    known = (unit, unit.replace("·", ""))
+
+    def read_in_unit(text: str) -> float:
+        found = re.fullmatch(rf"({NUMBER}) ?([^\d.]\D*)", text.strip())
+        if found is None:
+            return read(text)
+        if found[2] not in known:
+            raise ArgumentTypeError(f"{text!r} is not in {unit}: give it in {unit}, or as a number")
+        return read(found[1])
+
+    return read_in_unit
 
 
 def _number(text: str) -> float:

@@ -4,7 +4,7 @@ import sys
 from argparse import Namespace
 
 from litegrip_client.ctl.commands import COMMANDS, find, needs_daemon
-from litegrip_client.ctl.commands.state import stop_first
+from litegrip_client.ctl.commands.state import not_stopped, stop_first, stop_within_s
 from litegrip_client.ctl.parser import UsageError, parse
 from litegrip_client.ctl.render import hint_for, names_remedy
 from litegrip_client.ctl.run import (
@@ -15,6 +15,7 @@ from litegrip_client.ctl.run import (
     Run,
     connected,
 )
+from litegrip_client.line.exchange import DEFAULT_TIMEOUT_S
 from litegrip_client.values.errors import CommandError, LiteGripError, ProtocolError, exit_code
 
 
@@ -35,18 +36,26 @@ def _run(options: Namespace, output: Output) -> int:
         command = find(options.command)
         if not needs_daemon(options):
             return command(Run(None, options, output))
-        with connected(options) as connection:
+        limit_s = stop_within_s(options) if options.command == "stop" else DEFAULT_TIMEOUT_S
+        with connected(options, limit_s) as connection:
             return command(Run(connection, options, output))
     except LiteGripError as error:
-        output.error(error, hint_for(error, options), is_said=names_remedy(error))
-        return exit_code(error)
+        return _fail(error, options, output)
     except (KeyError, TypeError, AttributeError) as error:
         strange = ProtocolError(f"the daemon's answer is not as expected: {error!r}")
-        output.error(strange, hint_for(strange, options))
-        return exit_code(strange)
+        return _fail(strange, options, output)
     except KeyboardInterrupt:
         output.end_line()
         return INTERRUPTED
+
+
+def _fail(error: LiteGripError, options: Namespace, output: Output) -> int:
+    """Report an error and what to do."""
+    hint, is_said = hint_for(error, options), names_remedy(error)
+    if options.command == "stop":
+        not_stopped(error, options)
+    output.error(error, hint, is_said=is_said)
+    return exit_code(error)
 
 
 def _refuse(wrong: UsageError, output: Output) -> int:

@@ -28,8 +28,9 @@ if TYPE_CHECKING:  # see core/sockets
     from litegrip_client.ctl.figures import Here
 
 PROTOCOL = 1
-_STOP_WITHIN_S = 1.0
-_STATE_WITHIN_S = 5.0
+_STOP_WITHIN_S = 0.5
+_STATE_WITHIN_S = 0.5
+"""The whole program then asks again, for longer, and says what is wrong."""
 _MOST_BYTES = 65_536
 _LONGEST_CHANNEL = 64
 _NOT_AS_USUAL = (

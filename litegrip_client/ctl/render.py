@@ -10,9 +10,13 @@ from argparse import Namespace
 from collections.abc import Callable
 from time import localtime, strftime, time
 
-from litegrip_client.core.discovery import is_socket_given, running_channels
+from litegrip_client.core.discovery import (
+    channels_with_socket,
+    is_socket_given,
+    running_channels,
+)
 from litegrip_client.core.motion import Motion
-from litegrip_client.ctl.figures import Data, figure, owner, plain
+from litegrip_client.ctl.figures import Data, Here, figure, owner, plain
 from litegrip_client.ctl.run import ENDING, INTERRUPTED, Run
 from litegrip_client.threads.blocking import BlockingWire, complete
 from litegrip_client.values.errors import CancelledError, LiteGripError
@@ -87,11 +91,15 @@ _REMEDIES = {
 """The methods whose commands a hint names: a message that names them needs no hint."""
 
 
-_OTHERWISE = {"not_calibrated": CHOOSE_MOUNT, "unreachable": "see: litegripctl doctor"}
+_OTHERWISE = {
+    "not_calibrated": CHOOSE_MOUNT,
+    "unreachable": "see: litegripctl doctor",
+    "connection_lost": "see what is wrong: litegripctl doctor",
+}
 """Used if the error has no hint of its own; only that hint can offer a template."""
 
 
-_OF_CLIENT = ("no_daemon", "older_daemon")
+_OF_CLIENT = ("no_daemon", "no_answer", "older_daemon")
 """Reasons whose hints are this side's own words."""
 
 
@@ -101,7 +109,7 @@ def hint_for(error: LiteGripError, options: Namespace) -> str:
         running = running_channels()
         # Which of them is meant is not guessed: it may be the one that must not move. Where the
         # default's socket is there, it is known to be meant, and the error says what is wrong.
-        if running and options.channel not in running:
+        if running and options.channel not in channels_with_socket():
             return f"there are: {', '.join(running)}; name one: litegripctl -c {running[0]} ..."
     if options.command == "clear" and error.reason == "lease_held":
         return "ask one of them to clear it"  # the message names who may
@@ -214,6 +222,49 @@ def bar(share: float) -> str:
 def verdict(data: Data) -> str:
     """Return how a motion ended, and if that is how it should end."""
     return f"{'' if data.get('ok') else 'NOT ok: '}{words(data.get('outcome'))}"
+
+
+WHY_NOT = {
+    "blocked": (
+        "something stopped the jaws on their way: take it away, or let go of what is held by"
+        " litegripctl release; then once more"
+    ),
+    "protected": (
+        "something was in the way, and the jaws let go of it: take it away, then once more;"
+        " to hold it: litegripctl grasp"
+    ),
+    "no_stop": (
+        "the jaws passed the calibrated stop and met none: measure again: litegripctl zero"
+    ),
+    "timed_out": (
+        "the jaws neither arrived nor came to rest in time: look at what moves them, and at"
+        " litegripctl health; then once more"
+    ),
+    "wrong_width": "something is held, but not of the width that was asked for",
+    "motor_weak": (
+        "the motor makes less torque than is commanded: how much less, says litegripctl health;"
+        " look at its supply"
+    ),
+    "no_object": (
+        "the jaws came to their empty end: put something between them, then litegripctl open,"
+        " and once more"
+    ),
+    "object_lost": (
+        "it slipped or gave way, and the jaws closed further: grasp it with more force (--force)"
+    ),
+    "not_aligned": "the jaws did not get to its start: take away what is in their way",
+}
+"""By outcome, of those that are not ok: the cause and the next step. What measures the travel has a
+message of the daemon for that."""
+
+
+def why_not(data: Data, here: Here) -> str:
+    """Return why a motion ended as it should not, and what to do; nothing where that is not known.
+
+    It is a line of its own, below another one.
+    """
+    why = None if data.get("ok") else WHY_NOT.get(str(data.get("outcome")))
+    return "" if why is None else f"\n  {here(why)}"
 
 
 def words(name: object) -> str:

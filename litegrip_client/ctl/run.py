@@ -12,11 +12,16 @@ import sys
 from argparse import Namespace
 from collections.abc import Callable, Mapping
 
-from litegrip_client.core.discovery import is_socket_given, running_channels
+from litegrip_client.core.discovery import (
+    channels_with_socket,
+    is_socket_given,
+    running_channels,
+)
 from litegrip_client.core.session import different
 from litegrip_client.core.sockets import DEFAULT_CHANNEL
 from litegrip_client.ctl.streams import write
 from litegrip_client.line.connection import Connection
+from litegrip_client.line.exchange import DEFAULT_TIMEOUT_S
 from litegrip_client.threads.blocking import connect
 from litegrip_client.values.errors import CommandError, LiteGripError
 from litegrip_client.values.version import is_of_debian
@@ -116,18 +121,19 @@ def confirm(question: str) -> bool:
     return ask(f"{question} [y/N]") in ("y", "yes")
 
 
-def connected(options: Namespace) -> Connection:
+def connected(options: Namespace, timeout_s: float = DEFAULT_TIMEOUT_S) -> Connection:
     """Connect to the daemon that the command line names, and check that it is that one.
 
-    Raises `LiteGripError`.
+    Raises `LiteGripError`. `timeout_s` is the time limit of connecting and of each call.
     """
-    if not options.channel_chosen and not is_socket_given(options.socket):
-        # A command that only reads takes the only running daemon, and says so.
-        running = running_channels() if options.only_reads else []
-        if len(running) == 1 and running[0] != DEFAULT_CHANNEL:
-            say(f"{running[0]}, the only daemon here:")
+    is_named = options.channel_chosen or is_socket_given(options.socket)
+    if options.only_reads and not is_named and DEFAULT_CHANNEL not in channels_with_socket():
+        # A command that only reads takes the only daemon that listens to this user, and says so.
+        running = running_channels()
+        if len(running) == 1:
+            say(f"{running[0]}, the only daemon that you can reach:")
             options.channel, options.channel_chosen = running[0], True
-    connection = connect(options.channel, options.socket)
+    connection = connect(options.channel, options.socket, timeout_s)
     connection.voice = options.voice
     try:
         hello = connection.greet("litegripctl")

@@ -255,7 +255,7 @@ def unsubscribing(notification: str, number: int) -> tuple[str, dict[str, Any]]:
 
 def no_answer(message: str, timeout_s: float) -> ConnectError:
     """Make the error for a daemon that does not do something in time."""
-    hint = "see whether it runs: systemctl status 'litegripd@*'"
+    hint = "see what is wrong: litegripctl doctor"
     return ConnectError(
         f"{message} within {timeout_s:g} s",
         reason="no_answer",

@@ -10,6 +10,7 @@ import logging
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NoReturn
 
 from litegrip_client.values.version import installed_version
 from litegripd.app.config import OWN_MECHANICS, Config, ConfigError, find, load, override
@@ -101,9 +102,23 @@ def _config(arguments: argparse.Namespace) -> Config:
     return config
 
 
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        """End, and say of a word that is not known which one may be meant."""
+        from difflib import get_close_matches  # noqa: PLC0415 - seldom needed
+
+        for word in message.partition("unrecognized arguments: ")[2].split()[:1]:
+            options = [name for name in self._option_string_actions if name != SUCCESSOR_OPTION]
+            if close := get_close_matches(word.partition("=")[0], options, 1):
+                message += f"; did you mean {close[0]}?"
+            elif not word.startswith("-"):
+                message += "; --simulate takes mujoco, mujoco:SCENE.xml, or nothing behind it"
+        super().error(message)
+
+
 def make_parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="litegripd",
         allow_abbrev=False,  # a typo must not start a daemon that was not meant
         description="Own one CAN channel with a LiteGrip gripper and let many processes use it.",

@@ -469,7 +469,8 @@ def a_bench(home: Path) -> Iterator[Bench]:
         # What really runs on this machine is nobody's to find, and least of all to stop.
         patch.setattr("litegrip_client.ctl.commands.state.stop_at", _no_stop_socket)
         for module in ("run", "render"):
-            patch.setattr(f"litegrip_client.ctl.{module}.running_channels", site.channels)
+            for name in ("channels_with_socket", "running_channels"):
+                patch.setattr(f"litegrip_client.ctl.{module}.{name}", site.channels)
         yield site
 
 

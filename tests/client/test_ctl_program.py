@@ -2,19 +2,22 @@
 
 import json
 import re
+import socket
 import subprocess
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
 import litegrip_client
+from litegrip_client.core import discovery
 from litegrip_client.ctl.commands import find
 from litegrip_client.ctl.main import main
-from litegrip_client.ctl.render import progress
+from litegrip_client.ctl.render import WHY_NOT, progress, why_not
 from litegripd.model.errors import ERROR_TABLE
+from litegripd.model.state import GraspOutcome, MoveOutcome, ReplayOutcome
 from tests.client.ctl_commands import ACTIONS
 from tests.client.ctl_terminal import COMMAND, ROOT, start
 from tests.client.fake_daemon import DEADLINE_S, HELLO, STATE, FakeDaemon
@@ -70,6 +73,13 @@ def test_progress_without_an_end_has_no_bar_and_a_replay_has_passes(
     data: dict[str, Any], line: str
 ) -> None:
     assert progress(data) == line
+
+
+def test_each_outcome_that_is_not_ok_has_its_cause_and_next_step() -> None:
+    ended = {one for kind in (MoveOutcome, GraspOutcome, ReplayOutcome) for one in get_args(kind)}
+    assert set(WHY_NOT) == ended - {"pressed_home", "reached", "object_held", "completed"}
+    assert why_not({"ok": False, "outcome": "of a newer daemon"}, str) == ""
+    assert why_not({"ok": True, "outcome": "blocked"}, str) == ""
 
 
 @pytest.mark.parametrize("line", ["state", "--json state", "watch --count 2"])
@@ -181,11 +191,48 @@ def test_a_command_that_only_reads_takes_the_only_daemon_and_says_which(
     sim7: FakeDaemon, litegripctl: Ctl
 ) -> None:
     code, out, err = litegripctl("state", "--json")
-    assert (code, err) == (0, "sim7, the only daemon here:\n")
+    assert (code, err) == (0, "sim7, the only daemon that you can reach:\n")
     assert json.loads(out)["mode"]
     with FakeDaemon(Path(sim7.path).with_name("sim8.sock")):
         code, _, err = litegripctl("state")
     assert (code, "there are: sim7, sim8" in err) == (3, True)
+
+
+def test_a_daemon_that_hangs_is_one_of_them_also_when_its_queue_is_full(
+    sim7: FakeDaemon, litegripctl: Ctl
+) -> None:
+    with socket.socket(socket.AF_UNIX) as hung, socket.socket(socket.AF_UNIX) as waits:
+        hung.bind(str(Path(sim7.path).with_name("hung.sock")))
+        hung.listen(0)
+        waits.connect(hung.getsockname())
+        code, _, err = litegripctl("state")
+        assert (code, "there are: hung, sim7; name one" in err) == (3, True)
+    assert sim7.requests == []
+
+
+def test_what_was_left_behind_and_what_is_closed_to_this_user_is_no_choice(
+    sim7: FakeDaemon, litegripctl: Ctl, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("gone", "closed"):
+        with socket.socket(socket.AF_UNIX) as dead:
+            dead.bind(str(Path(sim7.path).with_name(f"{name}.sock")))
+    real = discovery._how
+    monkeypatch.setattr(
+        discovery, "_how", lambda path: "closed" if "closed" in path else real(path)
+    )
+    code, _, err = litegripctl("state")
+    assert (code, err) == (0, "sim7, the only daemon that you can reach:\n")
+    code, _, err = litegripctl("open")
+    assert (code, "there are: sim7; name one" in err) == (3, True)
+
+
+def test_the_default_is_meant_where_its_socket_was_left_behind(
+    sim7: FakeDaemon, litegripctl: Ctl
+) -> None:
+    with socket.socket(socket.AF_UNIX) as dead:
+        dead.bind(str(Path(sim7.path).with_name("can0.sock")))
+    code, out, err = litegripctl("state")
+    assert (code, out, "refused: nobody listens" in err) == (3, "", True)
 
 
 def test_a_closed_socket_of_the_default_channel_is_no_matter_of_its_name(
@@ -200,8 +247,8 @@ def test_a_closed_socket_of_the_default_channel_is_no_matter_of_its_name(
     code, _, err = litegripctl("state")
     what, hint = err.splitlines()
     assert code == 3
-    assert "permission denied: only for the group" in what
-    assert hint.strip().startswith("join the group")
+    assert "permission denied: only for " in what
+    assert "litegripctl doctor" in hint  # it is closed, and none is offered in its place
 
 
 def test_the_help_lists_every_exit_code(capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,7 +1,9 @@
 """How litegripctl stops: by the socket for stops, else as any other request."""
 
+import json
 import socket
 from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
@@ -66,8 +68,81 @@ def test_an_answer_that_is_none_is_told(
 
 
 def test_an_answer_that_does_not_come_is_told(tmp_path: Path) -> None:
+    told = r"its answer did not come within 0\.01 s"
+    with hung(tmp_path / "x.stop.sock"), pytest.raises(ConnectError, match=told):
+        stop_at(str(tmp_path / "x.sock"), "hold", None, 0.01)
+
+
+@contextmanager
+def hung(path: Path, queue: int = 8) -> Iterator[socket.socket]:
+    """Listen, and take nobody."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listener:
-        listener.bind(str(tmp_path / "x.stop.sock"))
-        listener.listen()
-        with pytest.raises(ConnectError, match="its answer did not come"):
-            stop_at(str(tmp_path / "x.sock"), "hold", None, 0.01)
+        listener.bind(str(path))
+        listener.listen(queue)
+        yield listener
+
+
+@pytest.fixture
+def quickly(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wait less for answers that do not come."""
+    monkeypatch.setattr("litegrip_client.ctl.quick._STOP_WITHIN_S", 0.01)
+    for name in ("STOP_WITHIN_S", "FAR_STOP_WITHIN_S"):
+        monkeypatch.setattr(f"litegrip_client.ctl.commands.state.{name}", 0.01)
+
+
+FOLLOWS = "Cut the motor's power. Why: "
+
+
+@pytest.mark.usefixtures("quickly")
+@pytest.mark.parametrize("line", ["-c left stop", "-c left stop --why hand"])
+def test_a_stop_that_is_not_answered_says_first_to_cut_the_power(
+    tmp_path: Path, litegripctl: Ctl, line: str
+) -> None:
+    (tmp_path / "xdg/litegripd").mkdir(parents=True)
+    with hung(tmp_path / "xdg/litegripd/left.stop.sock"):
+        code, out, err = litegripctl(*line.split())
+    first, second = err.splitlines()
+    assert (code, out) == (3, "")
+    assert first.startswith(f"litegripctl: STOP not confirmed by left. {FOLLOWS}the stop was sent")
+    assert second == "  see what is wrong: litegripctl -c left doctor"
+
+
+@pytest.mark.usefixtures("quickly")
+def test_where_too_many_stops_wait_already_it_says_so_too(tmp_path: Path, litegripctl: Ctl) -> None:
+    """A full queue is refused at once at one socket, and in time at the other."""
+    paths = [tmp_path / "x.stop.sock", tmp_path / "x.sock"]
+    with hung(paths[0], 0), hung(paths[1], 0), ExitStack() as stack:
+        for path in paths:
+            waits = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
+            waits.connect(str(path))
+        code, _, err = litegripctl("--socket", str(paths[1]), "stop")
+    assert (code, f"STOP did not reach {paths[1]}. {FOLLOWS}" in err) == (3, True)
+    assert "accepts no connection in time" in err
+
+
+@pytest.mark.usefixtures("quickly")
+def test_a_daemon_that_hangs_in_its_answer_to_the_other_socket_is_told_as_soon(
+    tmp_path: Path, litegripctl: Ctl
+) -> None:
+    with hung(tmp_path / "x.sock"):
+        code, _, err = litegripctl("--socket", str(tmp_path / "x.sock"), "stop", "--json")
+        told = json.loads(litegripctl("--socket", str(tmp_path / "x.sock"), "stop", "--json")[1])
+    assert (code, err, told["error"]["data"]["reason"]) == (3, "", "no_answer")
+    assert told["error"]["message"].startswith(f"STOP not confirmed by {tmp_path}/x.sock. Cut")
+    assert told["error"]["message"].endswith("did not answer hello within 0.01 s")
+
+
+def test_a_stop_that_reaches_no_daemon_says_so_and_names_those_that_run(
+    tmp_path: Path, litegripctl: Ctl, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("litegrip_client.core.sockets.SYSTEM_DIRECTORY", str(tmp_path))
+    (tmp_path / "xdg/litegripd").mkdir(parents=True)
+    with FakeDaemon(tmp_path / "xdg/litegripd/left.sock"):
+        for line, whom, hint in (
+            ("stop", "can0", "there are: left; name one: litegripctl -c left ..."),
+            ("-c lef stop", "lef", "did you mean left? there is one for left"),
+        ):
+            code, _, err = litegripctl(*line.split())
+            first, second = err.splitlines()
+            assert (code, second.strip().startswith(hint)) == (3, True)
+            assert first.startswith(f"litegripctl: STOP did not reach {whom}. {FOLLOWS}no daemon")

@@ -170,18 +170,62 @@ def test_without_the_right_the_error_names_the_group_of_the_socket(
     for group, told in (("robots", "only for the group robots"), ("root", GROUP_HINT)):
         found = grp.struct_group((group, "x", number, []))
         monkeypatch.setattr(grp, "getgrgid", {number: found}.__getitem__)
+        monkeypatch.setattr(
+            grp, "getgrnam", {"litegrip": grp.struct_group(("litegrip", "x", 1, []))}.__getitem__
+        )
         with pytest.raises(ConnectError, match=told) as caught:
             connect("can0", str(closed))
         named = "robots" if group == "robots" else "litegrip"
         assert f"sudo usermod -aG {named} $USER" in str(caught.value)
 
 
+def test_nobody_is_sent_into_a_group_that_is_not_there(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def refuse(path: str, timeout_s: float) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    closed = tmp_path / "can0.sock"
+    closed.touch()
+    root = grp.struct_group(("root", "x", closed.stat().st_gid, []))
+    monkeypatch.setattr(grp, "getgrgid", {root.gr_gid: root}.__getitem__)
+    monkeypatch.setattr(grp, "getgrnam", {}.__getitem__)
+    monkeypatch.setattr(blocking, "Connection", refuse)
+    with pytest.raises(ConnectError, match="denied: only for who started it") as caught:
+        connect("can0", str(closed))
+    assert caught.value.data["hint"] == "'litegripctl doctor' says what opens it to you"
+
+
 def test_the_daemons_that_run_are_named_where_another_one_was_asked_for(
     machine: Path,
 ) -> None:
-    (machine / "can7.sock").touch()
-    (machine / "can7.stop.sock").touch()
-    with pytest.raises(ConnectError, match="there is one for can7: name that; or start one"):
+    (machine / "can8.sock").touch()
+    with (
+        FakeDaemon(machine / "can7.sock"),
+        FakeDaemon(machine / "can7.stop.sock"),
+        pytest.raises(
+            ConnectError, match="there is one for can7: name that; or start one"
+        ) as caught,
+    ):
+        connect("left")
+    assert "can8" not in str(caught.value)
+
+
+def test_a_name_that_comes_close_is_asked_for_whether_its_daemon_runs_or_not(
+    machine: Path,
+) -> None:
+    (machine / "left.sock").touch()
+    with pytest.raises(ConnectError, match=r"\ndid you mean left\? start one with"):
+        connect("lef")
+
+
+def test_a_daemon_that_is_closed_to_this_user_is_named_as_that(
+    machine: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (machine / "simx.sock").touch()
+    monkeypatch.setattr(discovery, "_how", lambda path: "closed")
+    told = r"there is one for simx, closed to this user \('litegripctl -c simx doctor' says what"
+    with pytest.raises(ConnectError, match=told):
         connect("can3")
 
 

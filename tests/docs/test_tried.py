@@ -42,6 +42,8 @@ TRIED: list[tuple[str, str | None]] = [
     ("the daemon ends with exit code 2", "symptom:configuration"),
     ("the unit ends with `203/EXEC`", None),
     ("a process listens, but does not", "vm:managed.groups_of_channels"),
+    ("`STOP not confirmed by can0`", ("tests/client/test_ctl_stop.py::"
+     "test_a_stop_that_is_not_answered_says_first_to_cut_the_power")),
     ("`can0.sock: not a socket", "symptom:daemon"),
     # A gripper at rest
     ("the motor has latched", ("tests/app/test_at_rest.py::"

@@ -31,6 +31,11 @@ def test_an_object_is_grasped_lost_and_grasped_again(folder: Path) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
     watched = [line for line in done.stdout.splitlines() if line.startswith("watcher |")]
     assert any("moving    grasp" in line for line in watched)
+    shown = [
+        line.partition("|")[0].strip()
+        for line in done.stdout.partition("object_lost")[0].splitlines()
+    ]
+    assert "watcher" in shown  # as it happens, not all of it at the end
     moved = [line for line in done.stdout.splitlines() if line.startswith("  mover |")]
     assert any("object_lost" in line for line in moved)
     assert "object_held, 39." in moved[-1]

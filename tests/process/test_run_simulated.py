@@ -1,13 +1,15 @@
 """What `make run` runs: it says what to type once that works, and for whose gripper."""
 
 import contextlib
+import os
+import signal
 from pathlib import Path
 
 import pytest
 
 from litegrip_client import ConnectError, LiteGrip
 from litegrip_client.threads.blocking import connect
-from tests.process.daemon_process import daemon
+from tests.process.daemon_process import DEADLINE_S, daemon
 from tests.process.run_simulated import Run, run
 
 pytestmark = pytest.mark.alone
@@ -27,6 +29,15 @@ def test_it_says_what_to_type_when_clients_are_served_already(tmp_path: Path) ->
             gripper.enable()
     assert "not granted" not in started.said
     assert "the motor is off" in started.said
+
+
+def test_a_daemon_that_was_killed_is_told_in_words(tmp_path: Path) -> None:
+    started = Run(tmp_path)
+    with connect("sim0") as connection:
+        os.kill(connection.call("hello")["pid"], signal.SIGKILL)
+    assert started.process.wait(DEADLINE_S) == 1
+    assert started.end() == 1
+    assert "The daemon was ended by SIGKILL: start it again." in started.said
 
 
 def test_mujoco_has_a_loose_cube_to_grasp(tmp_path: Path) -> None:

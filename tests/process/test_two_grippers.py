@@ -50,7 +50,8 @@ def serving(line: str) -> Iterator["subprocess.Popen[bytes]"]:
 def test_each_line_succeeds_and_both_grippers_move(tmp_path: Path) -> None:
     services, lines = typed()
     channels = ("left", "right")
-    assert services == [*(f"litegripd {name} --simulate" for name in channels), services[2]]
+    config = "--config examples/simulated.toml"  # whose motor bears a busy machine
+    assert services == [*(f"litegripd {name} {config}" for name in channels), services[2]]
     with contextlib.ExitStack() as stack:
         for channel, line in zip(channels, services, strict=False):
             process = stack.enter_context(serving(line))

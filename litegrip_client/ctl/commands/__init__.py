@@ -54,7 +54,9 @@ COMMANDS = (
     CommandRow("enable", "enable the motor; it stays enabled", "motions"),
     CommandRow("disable", "disable the motor: no torque", "motions"),
     CommandRow("clear-fault", "clear a fault of the motor; it stays disabled", "motions"),
-    CommandRow("open", "open the jaws to the stop", "motions"),
+    CommandRow(
+        "open", "open the jaws, to the calibration's work stroke or else to the stop", "motions"
+    ),
     CommandRow("close", "close the jaws to the stop", "motions"),
     CommandRow("grasp", "close until something is held, and hold it with a force", "motions"),
     CommandRow("release", "open a little, to let go", "motions"),

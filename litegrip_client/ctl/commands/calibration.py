@@ -16,7 +16,7 @@ from litegrip_client.core.calibrations import warnings_in
 from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.ctl.figures import Data, figure, plain
 from litegrip_client.ctl.files import put_file, refuse_existing
-from litegrip_client.ctl.parser import LateParser, positive
+from litegrip_client.ctl.parser import LateParser, in_unit, positive
 from litegrip_client.ctl.render import CHOOSE_MOUNT, finish, verdict
 from litegrip_client.ctl.run import (
     INTERRUPTED,
@@ -178,7 +178,7 @@ def zero_options(parser: LateParser) -> None:
 def _stroke_options(parser: LateParser) -> None:
     parser.add_argument(
         "--stroke-mm",
-        type=positive,
+        type=in_unit(positive, "mm"),
         metavar="MM",
         help="how far the jaws open, as a caliper measures it (default: as configured)",
     )

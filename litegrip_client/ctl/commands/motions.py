@@ -9,7 +9,7 @@ from argparse import _ActionsContainer
 
 from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.ctl.figures import Data, figure, owner, plain
-from litegrip_client.ctl.parser import LateParser, count, not_negative, positive, target
+from litegrip_client.ctl.parser import LateParser, count, in_unit, not_negative, positive, target
 from litegrip_client.ctl.render import (
     clock_of,
     finish,
@@ -17,6 +17,7 @@ from litegrip_client.ctl.render import (
     opening_of,
     start,
     verdict,
+    why_not,
     words,
 )
 from litegrip_client.ctl.run import ENDING, Commands, Run
@@ -86,15 +87,25 @@ def register(run: Run) -> int:
     return run.done({"registers": rows}, "\n".join(lines))
 
 
+_IN_THE_WAY = """\
+Where something is in the way, the jaws let go of it; the command says so, and
+ends with the exit code 1. To close on an object and hold it: litegripctl grasp
+"""
+
+
 def to_stop_options(parser: LateParser) -> None:
     """Add the arguments of `open` and `close`."""
+    parser.epilog = _IN_THE_WAY
     _speed_options(parser)
     _no_wait_options(parser)
 
 
 def _speed_options(parser: _ActionsContainer) -> None:
     parser.add_argument(
-        "--speed", type=positive, metavar="MM_S", help="in mm/s (default: the daemon's)"
+        "--speed",
+        type=in_unit(positive, "mm/s"),
+        metavar="MM_S",
+        help="in mm/s (default: the daemon's)",
     )
 
 
@@ -128,7 +139,9 @@ def move_options(parser: LateParser) -> None:
     )
     pace = parser.add_mutually_exclusive_group()
     _speed_options(pace)
-    pace.add_argument("--duration", type=positive, metavar="S", help="how long it takes, in s")
+    pace.add_argument(
+        "--duration", type=in_unit(positive, "s"), metavar="S", help="how long it takes, in s"
+    )
     _no_wait_options(parser)
 
 
@@ -142,12 +155,13 @@ def move(run: Run) -> int:
 def _move(run: Run, method: str, params: Data) -> int:
     if run.options.no_wait:
         return start(run, method, params)
-    return finish(run, method, params, lambda data: _moved_text(run.options.command, data))
+    return finish(run, method, params, lambda data: _moved_text(run, data))
 
 
-def _moved_text(name: str, data: Data) -> str:
+def _moved_text(run: Run, data: Data) -> str:
     """Return how a motion ended."""
-    return f"{name}: {verdict(data)}, at {opening_of(data)}"
+    text = f"{run.options.command}: {verdict(data)}, at {opening_of(data)}"
+    return f"{text}{why_not(data, run.here)}"
 
 
 _GRASP = """\
@@ -168,21 +182,27 @@ def grasp_options(parser: LateParser) -> None:
     """Add the arguments of `grasp`."""
     parser.description, parser.epilog = _GRASP, _GRASP_EXAMPLES
     parser.add_argument(
-        "--force", type=positive, metavar="N", help="in newtons, 0.5 to 40 (default: the daemon's)"
+        "--force",
+        type=in_unit(positive, "N"),
+        metavar="N",
+        help="in newtons, 0.5 to 40 (default: the daemon's)",
     )
     _speed_options(parser)
     parser.add_argument(
-        "--width", type=positive, metavar="MM", help="how wide the object must be, in mm; give both"
+        "--width",
+        type=in_unit(positive, "mm"),
+        metavar="MM",
+        help="how wide the object must be, in mm; give both",
     )
     parser.add_argument(
         "--tolerance",
-        type=not_negative,
+        type=in_unit(not_negative, "mm"),
         metavar="MM",
         help="how far the width may be off, in mm; give both",
     )
     parser.add_argument(
         "--hold",
-        type=not_negative,
+        type=in_unit(not_negative, "s"),
         metavar="S",
         help="hold for S seconds, and then check that it is still held",
     )
@@ -213,11 +233,13 @@ def grasp(run: Run) -> int:
 
 CONTINUOUS_N = 20.0
 """What the vendor recommends for continuous work."""
+MOST_N = 40.0
+"""The daemon refuses more, and that is enough to say."""
 
 
 def _note_force(run: Run, force_n: float | None) -> None:
     """Say of a large force that it is not for long."""
-    if force_n is not None and force_n > CONTINUOUS_N:
+    if force_n is not None and CONTINUOUS_N < force_n <= MOST_N:
         run.output.note(
             f"the vendor recommends {CONTINUOUS_N:g} N for continuous work; how long the coil bears"
             f" {force_n:g} N: {run.here('litegripctl health')} (heat, time to limit)"
@@ -234,7 +256,7 @@ def _grasp_text(run: Run, data: Data) -> str:
     if data.get("ok") or data.get("state", {}).get("force_set_n") is not None:
         text += f", holding {figure(data.get('force_n'), '.1f', 'N')}"
         text += run.here("; let go with: litegripctl release")
-    return text
+    return f"{text}{why_not(data, run.here)}"
 
 
 def release_options(parser: LateParser) -> None:
@@ -244,7 +266,11 @@ def release_options(parser: LateParser) -> None:
         "calibrated travel, then hold."
     )
     parser.add_argument(
-        "--by", type=positive, default=10.0, metavar="MM", help="how far to open, in mm (10)"
+        "--by",
+        type=in_unit(positive, "mm"),
+        default=10.0,
+        metavar="MM",
+        help="how far to open, in mm (10)",
     )
 
 
@@ -262,7 +288,7 @@ def release(run: Run) -> int:
         )
     target_mm = min(opening_mm + run.options.by, calibration["travel_mm"])
     return finish(
-        run, "motion.move", {"opening_mm": target_mm}, lambda data: _moved_text("release", data)
+        run, "motion.move", {"opening_mm": target_mm}, lambda data: _moved_text(run, data)
     )
 
 
@@ -271,7 +297,9 @@ def force_options(parser: LateParser) -> None:
     parser.description = (
         "Squeeze with another force from now on; jaws that hold nothing close with it."
     )
-    parser.add_argument("newtons", type=positive, metavar="N", help="in newtons, 0.5 to 40")
+    parser.add_argument(
+        "newtons", type=in_unit(positive, "N"), metavar="N", help="in newtons, 0.5 to 40"
+    )
 
 
 def force(run: Run) -> int:
@@ -355,6 +383,8 @@ def job(run: Run) -> int:
     if data["error"]:
         error = from_error_object(data["error"], voice=run.voice)
         rows.append(("why", plain(error.message)))
+    if why := why_not(data["result"] or {"ok": True}, run.here):
+        rows.append(("why", why.strip()))
     rows += [
         (name, plain(f"{value:.4g}" if isinstance(value, float) else value))
         for name, value in (data["result"] or {}).items()

@@ -13,7 +13,7 @@ from litegrip_client.ctl.commands import is_name
 from litegrip_client.ctl.commands.trajectories import fetched_whole
 from litegrip_client.ctl.figures import figure, plain
 from litegrip_client.ctl.files import put_file, refuse_existing
-from litegrip_client.ctl.parser import LateParser, positive
+from litegrip_client.ctl.parser import LateParser, in_unit, positive
 from litegrip_client.ctl.run import Commands, Run, installing
 from litegrip_client.values.errors import CommandError
 from litegrip_client.values.trajectory import Trajectory
@@ -76,7 +76,9 @@ def plot_options(parser: LateParser) -> None:
     parser.add_argument(
         "-o", "--output", metavar="PNG", help="the picture (default: beside FILE, as .png)"
     )
-    parser.add_argument("--last", type=positive, metavar="S", help="only the last S seconds of it")
+    parser.add_argument(
+        "--last", type=in_unit(positive, "s"), metavar="S", help="only the last S seconds of it"
+    )
 
 
 def plot(run: Run) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from argparse import ArgumentTypeError
 
 from litegrip_client.ctl.figures import figure
-from litegrip_client.ctl.parser import LateParser, not_negative, number, positive
+from litegrip_client.ctl.parser import LateParser, in_unit, not_negative, number, positive
 from litegrip_client.ctl.run import Commands, Run
 from litegrip_client.values.errors import CommandError
 
@@ -43,14 +43,20 @@ def _object_options(parser: LateParser) -> None:
         "--stiffness", type=positive, metavar="NM_RAD", help="250 is rigid (default), 10 is foam"
     )
     parser.add_argument(
-        "--slip", type=not_negative, metavar="MM_S", help="how fast it gives way under pressure"
+        "--slip",
+        type=in_unit(not_negative, "mm/s"),
+        metavar="MM_S",
+        help="how fast it gives way under pressure",
     )
 
 
 def _push_options(parser: LateParser) -> None:
     parser.description = "Push the jaws by a hand, until the next push."
     parser.add_argument(
-        "torque", type=number, metavar="NM", help="positive closes, negative opens, 0 lets go"
+        "torque",
+        type=in_unit(number, "N·m"),
+        metavar="NM",
+        help="positive closes, negative opens, 0 lets go",
     )
 
 
@@ -63,13 +69,13 @@ def _fault_options(parser: LateParser) -> None:
 
 def _heat_options(parser: LateParser) -> None:
     parser.description = "Let the motor's coil have a temperature; it then cools as ever."
-    parser.add_argument("coil", type=number, metavar="C", help="in °C")
+    parser.add_argument("coil", type=in_unit(number, "°C"), metavar="C", help="in °C")
 
 
 def _width(text: str) -> float | None:
     if text == "none":
         return None
-    width_mm = number(text)
+    width_mm = in_unit(number, "mm")(text)
     if not width_mm > 0.0:
         raise ArgumentTypeError(f"{text!r} is no width: say millimetres above 0, or none")
     return width_mm

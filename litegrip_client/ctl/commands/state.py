@@ -5,16 +5,15 @@ from __future__ import annotations
 import os
 from argparse import Namespace
 from collections.abc import Iterator
-from contextlib import suppress
 from functools import partial
 from itertools import chain, islice
 
-from litegrip_client.core.discovery import socket_paths
-from litegrip_client.core.sockets import STOP_LEVELS
-from litegrip_client.core.stop import is_taken_as_meant, stop_at, stop_params
+from litegrip_client.core.discovery import is_socket_given, socket_paths
+from litegrip_client.core.sockets import SOCKET_VARIABLE, STOP_LEVELS
+from litegrip_client.core.stop import STOP_WITHIN_S, is_taken_as_meant, stop_at, stop_params
 from litegrip_client.ctl import render
 from litegrip_client.ctl.figures import Data, figure, owner, plain
-from litegrip_client.ctl.parser import LateParser, count, positive
+from litegrip_client.ctl.parser import LateParser, count, in_unit, positive
 from litegrip_client.ctl.run import (
     NOT_OK,
     OK,
@@ -27,10 +26,10 @@ from litegrip_client.ctl.run import (
     may_ask,
 )
 from litegrip_client.ctl.state_view import state_line, state_text, stopped
-from litegrip_client.values.errors import CommandError
+from litegrip_client.values.errors import CommandError, ConnectError, LiteGripError
 from litegrip_client.values.table import aligned
 
-STOP_WITHIN_S = 2.5
+FAR_STOP_WITHIN_S = 2.5
 """A portal reports after 2 s that a stop is not confirmed, and says what to do then."""
 
 
@@ -123,9 +122,22 @@ def _jaws(state: Data) -> str:
     return f"the jaws hold on{by}"
 
 
-_NOT_LISTENING = (FileNotFoundError, ConnectionRefusedError, PermissionError, TimeoutError)
-"""What a stop raises if nobody listens for stops, or not to this user. The other socket then
-says so."""
+def stop_within_s(options: Namespace) -> float:
+    """Return how long a stop may go without an answer: a hung daemon is told soon.
+
+    What is behind a socket that was named may be as far away as what has a dot in its name.
+    """
+    is_far = "." in options.channel or is_socket_given(options.socket)
+    return FAR_STOP_WITHIN_S if is_far else STOP_WITHIN_S
+
+
+def not_stopped(error: LiteGripError, options: Namespace) -> None:
+    """Have a stop's error say first that nobody knows of the stop, and what to do; as the page."""
+    whom = options.channel
+    if is_socket_given(options.socket) and not options.channel_chosen:
+        whom = options.socket or os.environ[SOCKET_VARIABLE]
+    how = "did not reach" if error.reason == "no_daemon" else "not confirmed by"
+    error.message = f"STOP {how} {whom}. Cut the motor's power. Why: {error.message}"
 
 
 def stop_first(options: Namespace, output: Output) -> bool:
@@ -136,10 +148,14 @@ def stop_first(options: Namespace, output: Output) -> bool:
     if not is_taken_as_meant(stop_params(options.level, options.why)):
         return False
     for path in socket_paths(options.channel, options.socket):
-        with suppress(*_NOT_LISTENING):
-            data = stop_at(path, options.level, options.why, STOP_WITHIN_S)
-            output.result(data, stopped(data, options.here))
-            return True
+        try:
+            data = stop_at(path, options.level, options.why, stop_within_s(options))
+        except ConnectError:
+            raise
+        except OSError:  # nobody listens for stops there, or not to this user
+            continue  # the other socket then says so
+        output.result(data, stopped(data, options.here))
+        return True
     return False
 
 
@@ -187,7 +203,9 @@ and with --plain, a line for each state.
 def watch_options(parser: LateParser) -> None:
     """Add the arguments of `watch`."""
     parser.description = _WATCH
-    parser.add_argument("--hz", type=positive, default=5.0, metavar="N", help="0.1 to 200 (5)")
+    parser.add_argument(
+        "--hz", type=in_unit(positive, "Hz"), default=5.0, metavar="N", help="0.1 to 200 (5)"
+    )
     parser.add_argument("--count", type=count, metavar="N", help="end after N states")
     parser.add_argument(
         "--plain", action="store_true", help="lines, and no live view, in a terminal as well"

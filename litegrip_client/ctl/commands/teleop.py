@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 from litegrip_client.ctl.figures import Data, figure, plain
-from litegrip_client.ctl.parser import LateParser, count, not_negative, positive
+from litegrip_client.ctl.parser import LateParser, count, in_unit, not_negative, positive
 from litegrip_client.ctl.run import Commands, Run
 
 _LOOK_EVERY_S = 0.2
@@ -77,20 +77,23 @@ def _master_options(parser: LateParser) -> None:
         "--host", help="with --link udp: the follower's machine, or several: A,B,C:PORT"
     )
     parser.add_argument(
-        "--rate", type=positive, metavar="HZ", help="frames a second (default: the control rate)"
+        "--rate",
+        type=in_unit(positive, "Hz"),
+        metavar="HZ",
+        help="frames a second (default: the control rate)",
     )
     parser.add_argument(
         "--no-require-ready", action="store_true", help="go slack at once, whoever follows"
     )
     parser.add_argument(
         "--ready-timeout",
-        type=not_negative,
+        type=in_unit(not_negative, "s"),
         metavar="S",
         help="go slack after so long, though no slave is ready (10; 0: never)",
     )
     parser.add_argument(
         "--reflect-force",
-        type=positive,
+        type=in_unit(positive, "N"),
         metavar="N",
         help="push back with what slaves press with, by N newtons at most (default: slack)",
     )
@@ -108,31 +111,34 @@ def _slave_options(parser: LateParser) -> None:
     )
     parser.add_argument(
         "--torque-limit",
-        type=positive,
+        type=in_unit(positive, "N·m"),
         metavar="NM",
         help="let go at this torque or more, in N·m (default: never)",
     )
     parser.add_argument(
         "--force-limit",
-        type=positive,
+        type=in_unit(positive, "N"),
         metavar="N",
         help="push by no more than this, in newtons; more than 20 (2 N·m) counts as that",
     )
     parser.add_argument(
         "--align-speed",
-        type=positive,
+        type=in_unit(positive, "mm/s"),
         metavar="MM_S",
         help="go to where the leader is at this speed (default: speed_mm_s of the configuration)",
     )
     parser.add_argument(
         "--lead-cap",
-        type=not_negative,
+        type=in_unit(not_negative, "mm"),
         metavar="MM",
         help="lead the jaws by no more than this, 1.34 N·m a mm (max_lead_mm); 0: 2 N·m, the most",
     )
     parser.add_argument("--reflect", action="store_true", help="report that force to the leader")
     parser.add_argument(
-        "--watchdog", type=positive, metavar="S", help="hold after so long without a frame (0.2)"
+        "--watchdog",
+        type=in_unit(positive, "s"),
+        metavar="S",
+        help="hold after so long without a frame (0.2)",
     )
 
 

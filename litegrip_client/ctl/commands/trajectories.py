@@ -11,8 +11,8 @@ from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.core.trajectories import Recording, fetch, fetch_grips, listed, named, send
 from litegrip_client.ctl.figures import Data, Here, figure, plain
 from litegrip_client.ctl.files import put_file, refuse_existing
-from litegrip_client.ctl.parser import LateParser, count, positive
-from litegrip_client.ctl.render import bar, date, finish, jaws_now, opening_of, verdict
+from litegrip_client.ctl.parser import LateParser, count, in_unit, positive
+from litegrip_client.ctl.render import bar, date, finish, jaws_now, opening_of, verdict, why_not
 from litegrip_client.ctl.run import INTERRUPTED, Command, Commands, Run, say
 from litegrip_client.threads.blocking import BlockingWire, complete, pause
 from litegrip_client.values.errors import CancelledError, CommandError
@@ -322,10 +322,14 @@ def record_options(parser: LateParser) -> None:
     parser.description = _RECORD
     parser.add_argument("name", metavar="NAME", help="the name under which the daemon keeps it")
     parser.add_argument(
-        "--seconds", type=positive, required=True, metavar="S", help="how long, in s"
+        "--seconds", type=in_unit(positive, "s"), required=True, metavar="S", help="how long, in s"
     )
     parser.add_argument(
-        "--rate", type=positive, default=100.0, metavar="HZ", help="samples a second (100)"
+        "--rate",
+        type=in_unit(positive, "Hz"),
+        default=100.0,
+        metavar="HZ",
+        help="samples a second (100)",
     )
     parser.add_argument(
         "--no-zero-gravity",
@@ -437,10 +441,10 @@ def play(run: Run) -> int:
             params.update(named(complete(send(wire, content, None, share, grips))))
     else:
         params["name"] = options.name
-    return finish(run, "trajectory.play", params, played_text)
+    return finish(run, "trajectory.play", params, lambda data: played_text(data, run.here))
 
 
-def played_text(data: Data) -> str:
+def played_text(data: Data, here: Here) -> str:
     """Return how a replay ended."""
     loops = data.get("loops")
     passes = f"{loops} pass" if loops == 1 else f"{loops} passes"
@@ -451,7 +455,7 @@ def played_text(data: Data) -> str:
         differs = figure(data.get("width_difference_mm"), "+.1f", "mm")
         grips = grips_counted(data["grips"])
         text += f"; {grips}, the last one {width} wide, at most {differs} to taught"
-    return text
+    return f"{text}{why_not(data, here)}"
 
 
 COMMANDS: Commands = {

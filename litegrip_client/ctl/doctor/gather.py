@@ -20,12 +20,12 @@ import litegrip_client
 from litegrip_client.core.discovery import (
     FLEET_PROGRAM,
     GROUP,
+    channels_with_socket,
     enabled_channels,
     is_enabled,
     is_socket_given,
     is_unit_installed,
     program_of,
-    running_channels,
     socket_paths,
 )
 from litegrip_client.ctl.doctor.facts import (
@@ -187,11 +187,12 @@ def _last_line(done: subprocess.CompletedProcess[bytes]) -> str:
 
 
 def other_channels(usual: str) -> tuple[str, ...]:
-    """Return the channels that this machine has in place of the usual one, as `state` names them.
+    """Return the channels that this machine has in place of the usual one.
 
-    None where the usual one is of this machine, or has a unit that is enabled: it may be meant.
+    Those of daemons that were killed are among them: the doctor says that of them. None where the
+    usual one is of this machine, or has a unit that is enabled: it may be meant.
     """
-    found = tuple(dict.fromkeys([*running_channels(), *enabled_channels()]))
+    found = tuple(dict.fromkeys([*channels_with_socket(), *enabled_channels()]))
     return () if _is_own(usual) or usual in found else found
 
 

@@ -204,7 +204,7 @@ def test_what_was_recorded_and_played_tells_of_grips() -> None:
         {"name": "pick", "samples": 3, "grips": 1}, str
     )
     data = {**PLAYED, "grips": 2, "width_mm": 44.0, "width_difference_mm": -4.0}
-    assert played_text(data).endswith(
+    assert played_text(data, str).endswith(
         "; 2 grips, the last one 44.0 mm wide, at most -4.0 mm to taught"
     )
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import litegrip_client
-from litegrip_client.core.discovery import running_channels
+from litegrip_client.core.discovery import channels_with_socket
 from litegrip_client.core.sockets import SYSTEM_DIRECTORY
 from litegrip_client.ctl.doctor import gather
 from litegrip_client.ctl.doctor.facts import Configuration, System, User
@@ -35,7 +35,7 @@ class Machine:
         for name, value in (
             ("system", self._system),
             ("is_unit_installed", lambda: True),
-            ("running_channels", list),  # not those of the machine that this runs on
+            ("channels_with_socket", list),  # not those of the machine that this runs on
             ("is_can", lambda name: name in self.links),
             ("user", lambda group: User("alice", 1000, group)),
             ("shortages", lambda _written: ()),
@@ -174,7 +174,7 @@ def test_a_socket_without_a_daemon_is_of_no_known_channel(
 def test_on_a_robot_with_stable_names_those_are_named_and_not_can0(
     tmp_path: Path, machine: Machine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(gather, "running_channels", running_channels)
+    monkeypatch.setattr(gather, "channels_with_socket", channels_with_socket)
     monkeypatch.setattr("litegrip_client.core.sockets.SYSTEM_DIRECTORY", str(tmp_path / "run"))
     monkeypatch.setattr("litegrip_client.core.discovery.ENABLED_DIRECTORY", str(tmp_path / "wants"))
     for path in ("run/left.sock", "run/left.stop.sock", "wants/litegripd@right.service"):
