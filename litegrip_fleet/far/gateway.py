@@ -26,6 +26,7 @@ from litegrip_fleet.far.far_session import FarSession
 from litegrip_fleet.wire.answers import UNREACHABLE, error_line, error_object
 from litegrip_fleet.wire.daemon_lines import generation_in, is_id
 from litegrip_fleet.wire.keys import Caller, Place, caller_in, stopper_in
+from litegrip_fleet.wire.membership import Membership
 from litegrip_fleet.wire.messages import Ask, BadMessageError, Push, Reply, packed, unpacked
 from litegrip_fleet.wire.network import all_in_order, hand_over, the_newest
 from litegrip_fleet.wire.site import LOOK_WITHIN_S, TWO_GATEWAYS
@@ -64,14 +65,14 @@ class Gateway:
 
     def __init__(
         self,
-        session: zenoh.Session,
+        network: Membership,
         place: Place,
         channel: str,
         switch: DeadMansSwitch | None = None,
     ) -> None:
         self.place = place
         self._switch = switch
-        self._session = session
+        self._network = network
         self._channel = channel
         self._version = client_version()
         self._connections: dict[str, _Connection] = {}
@@ -79,6 +80,10 @@ class Gateway:
         self._voided: frozenset[str] = frozenset()
         self._generation: int | None = None
         self._path: str | None = None
+        self._offered_by: zenoh.Session | None = None
+        self._offered: list[zenoh.Queryable[Any]] = []
+        self._is_reached = False
+        self._token: zenoh.LivelinessToken | None = None
         self._asking: asyncio.Task[None] | None = None
         self._asked_by: list[zenoh.Query] = []
         self._waiting: dict[str, deque[tuple[zenoh.Query, Caller]]] = {}
@@ -86,41 +91,56 @@ class Gateway:
 
     async def run(self) -> None:
         """Serve until cancelled: stops always, sessions while the daemon answers."""
+        try:
+            await asyncio.gather(self._look(), self._know_the_daemon())
+        finally:
+            for connection in list(self._connections.values()):
+                connection.close()
+            for one in self._offered:
+                one.undeclare()
+
+    def _offer(self, session: zenoh.Session) -> None:
+        """Be asked by this session; what was offered by another ends with that."""
         loop = asyncio.get_running_loop()
+        self._offered_by = session
         key = self.place.key
-        rpc = self._session.declare_queryable(f"{key}/rpc/**", all_in_order())
+        rpc = session.declare_queryable(f"{key}/rpc/**", all_in_order())
         hand_over(
             rpc, lambda query: loop.call_soon_threadsafe(self._queue, query), f"rpc {self.place}"
         )
-        hellos = self._session.declare_queryable(self.place.about, all_in_order())
+        hellos = session.declare_queryable(self.place.about, all_in_order())
         hand_over(
             hellos,
             lambda query: loop.call_soon_threadsafe(self._asked_about, query),
             f"hello {self.place}",
         )
         # A flood of them does not hold up other grippers' stops: one that gives way is asked again.
-        stops = self._session.declare_queryable(f"{key}/stop/*", the_newest())
+        stops = session.declare_queryable(f"{key}/stop/*", the_newest())
         # On a thread of its own: nothing else that the gateway does is before it.
         hand_over(stops, lambda query: self._stop(query, loop), f"stop {self.place}")
-        look = asyncio.create_task(self._look())
-        try:
-            await asyncio.to_thread(self._warn_of_another)
-            while True:
-                await self._watch()
-                await asyncio.sleep(RECONNECT_EVERY_S)
-        finally:
-            look.cancel()
-            for connection in list(self._connections.values()):
-                connection.close()
-            for queryable in (rpc, stops, hellos):
-                queryable.undeclare()
+        self._offered = [rpc, hellos, stops]
+        if self._is_reached:
+            self._show_alive()
+
+    def _show_alive(self) -> None:
+        """Say that the daemon can be reached."""
+        if (session := self._offered_by) is not None:
+            self._token = session.liveliness().declare_token(self.place.alive)
 
     def _warn_of_another(self) -> None:
-        replies = self._session.liveliness().get(self.place.alive, timeout=LOOK_WITHIN_S)
+        if (session := self._network.session) is None:
+            return
+        replies = session.liveliness().get(self.place.alive, timeout=LOOK_WITHIN_S)
         if any(reply.ok is not None for reply in replies):
             _log.error("%s: %s", self.place, TWO_GATEWAYS)
 
     # The daemon -----------------------------------------------------------------------------------
+
+    async def _know_the_daemon(self) -> None:
+        await asyncio.to_thread(self._warn_of_another)
+        while True:
+            await self._watch()
+            await asyncio.sleep(RECONNECT_EVERY_S)
 
     async def _watch(self) -> None:
         """Be connected to the daemon, and known to be alive, until it goes."""
@@ -131,14 +151,14 @@ class Gateway:
                 _log.warning("%s: %s", self.place, error.message)
             self._hello = {"error": error.message}
             return
-        token = None
         try:
             hello = await asked_of(reader, writer, "hello", {"client": "gateway"})
             self._generation = hello["stop_generation"]
             self._voided = await _voided(reader, writer)
             self._hello = hello  # from now on there are sessions, and each knows what is voided
             await asked_of(reader, writer, "events.subscribe", {"kinds": ["stop"]})
-            token = self._session.liveliness().declare_token(self.place.alive)
+            self._is_reached = True
+            self._show_alive()
             _log.info("%s: %s can be reached", self.place, self._channel, extra={REPEATS: True})
             while line := await reader.readline():
                 self._note(line)
@@ -148,8 +168,10 @@ class Gateway:
             _log.warning("%s: %s: %s", self.place, self._channel, error)
         finally:
             writer.close()
-            if token is not None:
-                token.undeclare()
+            if self._is_reached:
+                self._is_reached = False
+                if self._token is not None:
+                    self._token.undeclare()
                 _log.warning("%s: %s has gone", self.place, self._channel)
             self._hello = {"error": f"the daemon of {self._channel} has gone"}
 
@@ -187,7 +209,7 @@ class Gateway:
 
     async def _how_it_is(self) -> dict[str, Any]:
         """Return the daemon's version, verdict, mode and owner; or why it does not answer."""
-        about: dict[str, Any] = {"gateway": self._version}
+        about: dict[str, Any] = {"gateway": self._version, "kept_out": self._network.kept_out}
         if self._switch is not None:
             about["silent"] = self._switch.silent
         try:
@@ -243,7 +265,7 @@ class Gateway:
         elif connection is None and ask.op == "open" and not self._hello:
             query.drop()  # the daemon has not been asked yet: the portal asks again
         elif connection is None and ask.op == "open":
-            connection = _Connection(self._session, self.place, caller, self._forget(key))
+            connection = _Connection(self._network, self.place, caller, self._forget(key))
             self._connections[key] = connection
             task = asyncio.get_running_loop().create_task(self._open(query, connection, ask))
             task.add_done_callback(_log_failure)
@@ -347,8 +369,11 @@ class Gateway:
             connection.close()
 
     async def _look(self) -> None:
-        """End the sessions whose portal does not show life."""
+        """Offer what is asked by the session of the time, and end those without signs of life."""
         while True:
+            session = self._network.session
+            if session is not None and session is not self._offered_by:
+                self._offer(session)
             await asyncio.sleep(LOOK_EVERY_S)
             now_s = time.monotonic()
             for connection in list(self._connections.values()):
@@ -394,9 +419,7 @@ class _Connection:
     far: FarSession
     _reader: asyncio.StreamReader
 
-    def __init__(
-        self, session: zenoh.Session, place: Place, caller: Caller, on_closed: Any
-    ) -> None:
+    def __init__(self, network: Membership, place: Place, caller: Caller, on_closed: Any) -> None:
         self.caller = caller
         self.ready = False
         self.about: dict[str, Any] | None = None
@@ -406,7 +429,7 @@ class _Connection:
         self._room = asyncio.Event()
         self._awaits_life = False
         self._half_closed = False
-        self._session = session
+        self._network = network
         self._key = zenoh.KeyExpr(place.to(caller.user, caller.session))
 
     def attach(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -432,7 +455,9 @@ class _Connection:
         A declared publisher would not send before it had heard of the subscriber: the first
         messages of a session would be lost.
         """
-        self._session.put(
+        if (session := self._network.session) is None:
+            return
+        session.put(
             self._key,
             piece,
             attachment=packed(push),

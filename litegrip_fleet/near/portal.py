@@ -102,6 +102,7 @@ class Portal:
         self._clock = RemoteClock()
         self._clients: dict[str, _Client] = {}
         self._beat_s = time.monotonic()
+        self._subscribed_by: zenoh.Session | None = None
         self._subscriber: Any = None
         self._room = threading.Semaphore(MOST_PUSHES)
         self._serving: set[asyncio.Task[None]] = set()
@@ -151,7 +152,8 @@ class Portal:
     def _tick(self) -> None:
         now_s = time.monotonic()
         self._beat_s = now_s
-        if self._subscriber is None and (session := self._session()) is not None:
+        session = self._session()
+        if session is not None and session is not self._subscribed_by:
             self._subscribe(session)  # before a session needs it: the router has to hear of it
         for client in list(self._clients.values()):
             client.tick(now_s)
@@ -243,6 +245,7 @@ class Portal:
         """Subscribe to what the gateway sends to this portal's sessions."""
         loop = asyncio.get_running_loop()
         key = self.place.to(self.user, f"{self._identity}-*").replace("-*", "-$*")
+        self._subscribed_by = session
         self._subscriber = session.declare_subscriber(key, the_newest())
 
         def take(sample: zenoh.Sample) -> None:

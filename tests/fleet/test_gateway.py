@@ -59,7 +59,7 @@ def take(gateway: Gateway, query: Any) -> None:
 
 def opened(gateway: Gateway, about: dict[str, Any]) -> _Connection:
     """Return a session that a gateway has begun."""
-    connection = _Connection(gateway._session, LEFT, CALLER, gateway._forget(KEY))
+    connection = _Connection(gateway._network, LEFT, CALLER, gateway._forget(KEY))
     connection.far = FarSession(
         Ask("open"),
         time.monotonic(),
@@ -135,6 +135,43 @@ def test_a_flood_of_one_user_waits_for_everybody_else() -> None:
     assert taken.index("op2") <= 2
     assert sum(query.dropped for query in queries) == 10
     assert gateway._waiting == {}
+
+
+class Session:
+    """A session on the network; `offers` has what is declared by it."""
+
+    def __init__(self) -> None:
+        self.offers: list[str] = []
+
+    def declare_queryable(self, key: str, _queue: object) -> Any:
+        self.offers.append(key)
+        return SimpleNamespace(handler=self, undeclare=lambda: None)
+
+    def recv(self) -> None:
+        raise zenoh.ZError("closed")
+
+    def liveliness(self) -> Any:
+        return SimpleNamespace(declare_token=self.offers.append)
+
+
+def test_what_is_offered_and_alive_is_so_by_the_session_of_the_time() -> None:
+    first, second = Session(), Session()
+    network = SimpleNamespace(session=first)
+    gateway = Gateway(cast(Any, network), LEFT, "can0")
+
+    async def look() -> None:
+        looking = asyncio.create_task(gateway._look())
+        while not first.offers:
+            await asyncio.sleep(0)
+        gateway._is_reached = True
+        network.session = second
+        while not second.offers:
+            await asyncio.sleep(0)
+        looking.cancel()
+
+    asyncio.run(look())
+    assert LEFT.alive not in first.offers
+    assert second.offers == [*first.offers, LEFT.alive]
 
 
 def test_an_answer_reaches_its_client_whatever_its_id_is() -> None:
