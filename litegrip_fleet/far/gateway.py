@@ -17,13 +17,14 @@ import zenoh
 
 from litegrip_client.core.sockets import STOP_LEVELS, stop_path
 from litegrip_client.core.stop import WHY_CHARACTERS
-from litegrip_client.values.errors import LiteGripError
+from litegrip_client.values.errors import LiteGripError, from_error_object
 from litegrip_client.values.repeats import EACH, REPEATS
 from litegrip_client.values.version import client_version
 from litegrip_fleet.far.daemon import STOP_WITHIN_S, asked_of, connected, how_it_is, unreachable
 from litegrip_fleet.far.dead_man import DeadMansSwitch
 from litegrip_fleet.far.far_session import FarSession
-from litegrip_fleet.wire.answers import UNREACHABLE, error_line, error_object
+from litegrip_fleet.far.room import MOST_SESSIONS, why_full
+from litegrip_fleet.wire.answers import TOO_MANY_CONNECTIONS, UNREACHABLE, error_line, error_object
 from litegrip_fleet.wire.daemon_lines import generation_in, is_id
 from litegrip_fleet.wire.keys import Caller, Place, caller_in, stopper_in
 from litegrip_fleet.wire.membership import Membership
@@ -35,12 +36,6 @@ _log = logging.getLogger(__name__)
 
 LOOK_EVERY_S = 0.05
 RECONNECT_EVERY_S = 0.5
-MOST_SESSIONS = 56
-"""For each gripper; the daemon lets 64 connections of a user in."""
-
-MOST_OF_A_USER = 28
-"""Of them: one user's programs leave room for another's."""
-
 MOST_WAITING = 1024
 """So many of a user's messages wait to be taken; more are dropped, and the portal asks again."""
 
@@ -300,7 +295,7 @@ class Gateway:
     async def _begin(self, connection: "_Connection", ask: Ask) -> dict[str, Any]:
         """Open a session's connection to the daemon, in its user's name; return what it is."""
         caller = connection.caller
-        self._check_room(caller.user)
+        self._check_room(caller)
         if "error" in self._hello:
             raise unreachable(str(self._hello["error"]))
         user = f"{caller.user}@{self.place.site}"
@@ -328,16 +323,12 @@ class Gateway:
             "gateway": self._version,
         }
 
-    def _check_room(self, user: str) -> None:
-        """Raise `LiteGripError` if there are too many sessions, the new one included."""
-        own = sum(one.caller.user == user for one in self._connections.values())
-        text = ""
-        if own > MOST_OF_A_USER:
-            text = f"{user} has {MOST_OF_A_USER} of the gateway's sessions"
-        elif len(self._connections) > MOST_SESSIONS:
-            text = f"the gateway has {MOST_SESSIONS} sessions"
-        if text:
-            raise unreachable(f"{text}, no more are let in: close one")
+    def _check_room(self, new: Caller) -> None:
+        """Raise `LiteGripError` if there is no room for a session, which is among them already."""
+        why = why_full([one.caller for one in self._connections.values()], new)
+        if why is not None:
+            full = error_object(TOO_MANY_CONNECTIONS, why, limit=MOST_SESSIONS)
+            raise from_error_object(full)
 
     def _note_for(self, far: FarSession) -> Any:
         """Return what learns of stops by a session's lines, for that session alone.

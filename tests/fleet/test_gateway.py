@@ -5,14 +5,10 @@ import time
 from types import SimpleNamespace
 from typing import Any, cast
 
-import pytest
 import zenoh
 
-from litegrip_client.values.errors import LiteGripError
 from litegrip_fleet.far.far_session import FarSession
 from litegrip_fleet.far.gateway import (
-    MOST_OF_A_USER,
-    MOST_SESSIONS,
     MOST_WAITING,
     Gateway,
     _Connection,
@@ -95,23 +91,6 @@ def test_a_line_of_a_daemon_that_has_ended_is_no_count_of_the_next_ones_stops() 
     gateway._generation = 0  # the next daemon's, by its hello
     gateway._note_for(connection.far)(b'{"jsonrpc":"2.0","id":1,"result":{"generation":40}}\n')
     assert (gateway._generation, connection.far.generation) == (0, 40)
-
-
-def test_one_users_sessions_leave_room_for_anothers() -> None:
-    gateway = made()
-
-    def begin(user: str, count: int) -> None:
-        for number in range(count):
-            caller = Caller(user, f"s-{number}", "observer")
-            key = LEFT.rpc(user, caller.session, caller.role)
-            gateway._connections[key] = _Connection(NOTHING, LEFT, caller, gateway._forget(key))
-            gateway._check_room(user)
-
-    with pytest.raises(LiteGripError, match=f"op1 has {MOST_OF_A_USER} of"):
-        begin("op1", MOST_OF_A_USER + 1)
-    begin("op2", 1)
-    with pytest.raises(LiteGripError, match=f"the gateway has {MOST_SESSIONS} sessions"):
-        begin("op3", MOST_OF_A_USER)
 
 
 def test_a_flood_of_one_user_waits_for_everybody_else() -> None:

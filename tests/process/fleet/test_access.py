@@ -6,13 +6,15 @@ What the rules cannot see, hostile and repeated messages, is tried in test_hosti
 import json
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import pytest
 import zenoh
 
+from litegrip_fleet.far.room import MOST_OF_A_USER, MOST_SESSIONS
 from litegrip_fleet.wire.messages import Ask, Reply, packed, unpacked
 from litegrip_fleet.wire.network import the_newest
-from tests.process.daemon_process import DEADLINE_S, wait_a_moment
+from tests.process.daemon_process import DEADLINE_S, DaemonProcess, wait_a_moment
 from tests.process.fleet.fleet_process import Fleet, make_certificates
 from tests.process.fleet.on_network import LEFT, answers, connected
 
@@ -180,3 +182,29 @@ def test_a_gateway_sees_its_own_grippers_and_no_others(site: Fleet) -> None:
         assert seen(gateway, f"{LEFT.key}/**") == []
         assert seen(gateway, "litegripd/1/*/*/alive") == []
         assert seen(forger, LEFT.alive) == []
+
+
+def test_two_users_who_fill_a_grippers_sessions_leave_one_for_a_third(
+    site: Fleet, gripper: DaemonProcess
+) -> None:
+    """And who is refused is told why, and who has them."""
+
+    def filled(session: zenoh.Session, user: str, role: str) -> dict[str, Any]:
+        for number in range(2 * MOST_SESSIONS):
+            key, begins = LEFT.rpc(user, f"many-{number}", role), packed(Ask("open", ttl_s=5.0))
+            while not (found := answers(session, key, b"", begins)):
+                continue
+            if (gone := unpacked(Reply, found[0].attached).gone) is not None:
+                return gone
+        raise AssertionError("there is no end")
+
+    with connected(site, "op1") as op1, connected(site, "viewer") as viewer:
+        assert filled(op1, "op1", "operator")["data"]["reason"] == "too_many_connections"
+        told = filled(viewer, "viewer", "observer")
+        assert f"op1 has {MOST_OF_A_USER}, viewer has " in told["message"]
+        with connected(site, "op2") as op2:
+            begun = opening(op2, "op2", "operator")
+        assert begun is not None
+        assert begun.about is not None
+    with gripper.connect() as local:  # they end with their time, for the tests that follow
+        local.until(lambda _state: len(local.result("clients.list")["clients"]) < MOST_OF_A_USER)
