@@ -9,8 +9,8 @@ import json
 import logging
 import secrets
 import socket
+import threading
 import time
-from collections import deque
 from typing import Any
 
 import zenoh
@@ -24,9 +24,17 @@ from litegrip_fleet.far.daemon import STOP_WITHIN_S, asked_of, connected, how_it
 from litegrip_fleet.far.dead_man import DeadMansSwitch
 from litegrip_fleet.far.far_session import FarSession
 from litegrip_fleet.far.room import MOST_SESSIONS, why_full
-from litegrip_fleet.wire.answers import TOO_MANY_CONNECTIONS, UNREACHABLE, error_line, error_object
-from litegrip_fleet.wire.daemon_lines import generation_in, is_id
+from litegrip_fleet.far.turns import Turns
+from litegrip_fleet.wire.answers import (
+    TOO_LATE,
+    TOO_MANY_CONNECTIONS,
+    UNREACHABLE,
+    error_line,
+    error_object,
+)
+from litegrip_fleet.wire.daemon_lines import generation_in, is_clearing, is_id
 from litegrip_fleet.wire.keys import Caller, Place, caller_in, stopper_in
+from litegrip_fleet.wire.lateness import is_over
 from litegrip_fleet.wire.membership import Membership
 from litegrip_fleet.wire.messages import Ask, BadMessageError, Push, Reply, packed, unpacked
 from litegrip_fleet.wire.network import all_in_order, hand_over, the_newest
@@ -36,9 +44,6 @@ _log = logging.getLogger(__name__)
 
 LOOK_EVERY_S = 0.05
 RECONNECT_EVERY_S = 0.5
-MOST_WAITING = 1024
-"""So many of a user's messages wait to be taken; more are dropped, and the portal asks again."""
-
 MOST_UNREAD_BYTES = 1024 * 1024
 """What a session has sent and its daemon has not read; beyond it, the session is ended."""
 
@@ -47,6 +52,11 @@ MOST_ASKED_ABOUT = 64
 
 _ID_CHARACTERS = 64
 """Of a stop; one whose id is longer, or cannot be printed, is answered without it."""
+
+_OVER = error_object(
+    TOO_LATE,
+    "this stop was reported as not confirmed, and a stop was cleared since: it was not carried out",
+)
 
 _ALIVE_ID = secrets.token_hex(16).encode()
 """No client can have it: what it is answered is not passed on."""
@@ -75,14 +85,15 @@ class Gateway:
         self._voided: frozenset[str] = frozenset()
         self._generation: int | None = None
         self._path: str | None = None
+        self._cleared_s: float | None = None
         self._offered_by: zenoh.Session | None = None
         self._offered: list[zenoh.Queryable[Any]] = []
         self._is_reached = False
         self._token: zenoh.LivelinessToken | None = None
         self._asking: asyncio.Task[None] | None = None
         self._asked_by: list[zenoh.Query] = []
-        self._waiting: dict[str, deque[tuple[zenoh.Query, Caller]]] = {}
-        """By user, the next one first."""
+        self._about_room = threading.Semaphore(MOST_ASKED_ABOUT)
+        self._turns: Turns[tuple[zenoh.Query, Caller]] = Turns()
 
     async def run(self) -> None:
         """Serve until cancelled: stops always, sessions while the daemon answers."""
@@ -103,10 +114,10 @@ class Gateway:
         hand_over(
             rpc, lambda query: loop.call_soon_threadsafe(self._queue, query), f"rpc {self.place}"
         )
-        hellos = session.declare_queryable(self.place.about, all_in_order())
+        hellos = session.declare_queryable(self.place.about, the_newest())
         hand_over(
             hellos,
-            lambda query: loop.call_soon_threadsafe(self._asked_about, query),
+            lambda query: self._let_in_about(query, loop),
             f"hello {self.place}",
         )
         # A flood of them does not hold up other grippers' stops: one that gives way is asked again.
@@ -151,12 +162,14 @@ class Gateway:
             self._generation = hello["stop_generation"]
             self._voided = await _voided(reader, writer)
             self._hello = hello  # from now on there are sessions, and each knows what is voided
-            await asked_of(reader, writer, "events.subscribe", {"kinds": ["stop"]})
+            await asked_of(reader, writer, "events.subscribe", {"kinds": ["stop", "stop_cleared"]})
             self._is_reached = True
             self._show_alive()
             _log.info("%s: %s can be reached", self.place, self._channel, extra={REPEATS: True})
             while line := await reader.readline():
                 self._note(line)
+                if is_clearing(line):
+                    self._cleared_s = time.monotonic()
                 if not line.startswith(_ALIVE_ANSWER):  # a stop: how many there were by now
                     writer.write(_ALIVE)
         except (LiteGripError, OSError, ValueError, KeyError) as error:
@@ -181,11 +194,15 @@ class Gateway:
         if generation is not None:
             self._generation = max(generation, self._generation or 0)
 
+    def _let_in_about(self, query: zenoh.Query, loop: asyncio.AbstractEventLoop) -> None:
+        """Hand a query over to the loop, as long as few wait there; on the queries' own thread."""
+        if self._about_room.acquire(blocking=False):
+            loop.call_soon_threadsafe(self._asked_about, query)
+        else:
+            query.drop()
+
     def _asked_about(self, query: zenoh.Query) -> None:
         """Have a query answered; who asks while the daemon is asked gets the same answer."""
-        if len(self._asked_by) >= MOST_ASKED_ABOUT:
-            query.drop()
-            return
         self._asked_by.append(query)
         if self._asking is None:
             self._asking = asyncio.get_running_loop().create_task(self._say_how_it_is())
@@ -197,6 +214,7 @@ class Gateway:
         finally:
             self._asking = None
             queries, self._asked_by = self._asked_by, []
+            self._about_room.release(len(queries))  # one at least: who had it asked
         answer = json.dumps(about).encode()
         for query in queries:
             with query:
@@ -224,24 +242,16 @@ class Gateway:
     # Sessions -------------------------------------------------------------------------------------
 
     def _queue(self, query: zenoh.Query) -> None:
-        """Have a query of a portal's taken in its user's turn: a flood waits for everybody else."""
-        caller = caller_in(str(query.key_expr))
-        waiting = None if caller is None else self._waiting.get(caller.user)
-        if caller is None or (waiting is not None and len(waiting) >= MOST_WAITING):
+        """Have a query of a portal's taken in its turn: a flood waits for everybody else."""
+        caller, was_idle = caller_in(str(query.key_expr)), not self._turns
+        if caller is None or not self._turns.add(caller.user, caller.session, (query, caller)):
             query.drop()
-            return
-        if not self._waiting:
+        elif was_idle:
             asyncio.get_running_loop().call_soon(self._take_turn)
-        self._waiting.setdefault(caller.user, deque()).append((query, caller))
 
     def _take_turn(self) -> None:
-        """Take one query of the user whose turn it is."""
-        user, waiting = next(iter(self._waiting.items()))
-        query, caller = waiting.popleft()
-        del self._waiting[user]
-        if waiting:
-            self._waiting[user] = waiting  # behind the others
-        if self._waiting:
+        query, caller = self._turns.take()
+        if self._turns:
             asyncio.get_running_loop().call_soon(self._take_turn)
         self._asked(query, caller)
 
@@ -382,6 +392,10 @@ class Gateway:
             if user is None:
                 return
             line = b"" if payload is None else payload.to_bytes()
+            if is_over(_sent_s(query), time.monotonic(), self._cleared_s):
+                _log.warning("%s: a stop by %s came after it was cleared", self.place, user)
+                query.reply(self.place.stop(user), error_line(None, _OVER))
+                return
             answer = self._stopped(in_the_name_of(f"{user}@{self.place.site}", line))
             loop.call_soon_threadsafe(self._note, answer)
             became = "stopped" if b'"result":' in answer else "NOT stopped for sure, though asked"
@@ -493,6 +507,17 @@ class _Connection:
             self._writer = None
         if self.task is not None and self.task is not asyncio.current_task():
             self.task.cancel()
+
+
+def _sent_s(query: zenoh.Query) -> float | None:
+    """Return when a stop was sent, by this machine's clock; None where that is not known."""
+    if (attached := query.attachment) is None:
+        return None
+    try:
+        return unpacked(Ask, attached.to_bytes()).at_s
+    except BadMessageError as error:
+        _log.debug("a stop is of unknown age: %s", error)
+        return None
 
 
 def _log_failure(task: "asyncio.Task[None]") -> None:

@@ -9,10 +9,10 @@ import zenoh
 
 from litegrip_fleet.far.far_session import FarSession
 from litegrip_fleet.far.gateway import (
-    MOST_WAITING,
     Gateway,
     _Connection,
 )
+from litegrip_fleet.far.turns import MOST_OF_A_PROGRAM, MOST_WAITING, Turns
 from litegrip_fleet.wire.keys import Caller, Place
 from litegrip_fleet.wire.messages import Ask, Reply, packed, unpacked
 
@@ -99,21 +99,40 @@ def test_a_flood_of_one_user_waits_for_everybody_else() -> None:
     gateway._asked = asked  # type: ignore[method-assign]
 
     async def flooded() -> list[Query]:
-        queries = [Query(Ask("live")) for _ in range(MOST_WAITING + 10)]
+        queries = [Query(Ask("live")) for _ in range(MOST_OF_A_PROGRAM + 10)]
         loop, queue = asyncio.get_running_loop(), cast(Any, gateway._queue)
         for query in queries:
             loop.call_soon(queue, query)
         other: Any = Query(Ask("live"))
         other.key_expr = LEFT.rpc("op2", "s-1", "observer")
         loop.call_soon(queue, other)
-        while len(taken) <= MOST_WAITING:
+        while len(taken) <= MOST_OF_A_PROGRAM:
             await asyncio.sleep(0)
         return queries
 
     queries = asyncio.run(flooded())
     assert taken.index("op2") <= 2
     assert sum(query.dropped for query in queries) == 10
-    assert gateway._waiting == {}
+    assert not gateway._turns
+
+
+def test_a_flood_of_one_program_waits_for_the_same_users_others() -> None:
+    turns = Turns[str]()
+    while turns.add("op1", "flood", "flood"):
+        pass
+    assert turns.add("op1", "polite", "polite")
+    assert turns.add("op2", "other", "other")
+    assert sorted(turns.take() for _ in range(4)) == ["flood", "flood", "other", "polite"]
+
+
+def test_a_user_has_no_more_room_with_many_programs() -> None:
+    turns = Turns[int]()
+    kept = [turns.add("op1", f"s-{number}", number) for number in range(MOST_WAITING + 10)]
+    assert sum(kept) == MOST_WAITING
+    assert turns.add("op2", "s-0", 0)
+    taken = [turns.take() for _ in range(MOST_WAITING + 1)]
+    assert sorted(taken) == sorted([*range(MOST_WAITING), 0])
+    assert not turns
 
 
 class Session:
