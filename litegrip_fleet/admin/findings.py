@@ -82,11 +82,24 @@ def of_file(file: FileFacts, *, parts_are_others: bool) -> Finding:
 # Certificates -------------------------------------------------------------------------------------
 
 
+_TELEOPERATION = "litegrip teleoperation"
+"""How etc/zenoh-certificates calls an authority of leaders and followers; that of a fleet is called
+"litegrip fleet"."""
+
+
 def of_certificate(certificate: Certificate | str, now_s: float, file: str) -> Finding:
     """Judge the own certificate or an authority's; of the own one, say why it cannot be used."""
     if isinstance(certificate, str):
         return error(f"{file} {certificate}", advice=RENEW)
-    return _of_dates(certificate, now_s, f"{certificate.common_name}, {file},")
+    found = _of_dates(certificate, now_s, f"{certificate.common_name}, {file},")
+    if found.level != "ok" or certificate.common_name != _TELEOPERATION:
+        return found
+    return warning(
+        f"{file} is teleoperation's authority: each machine with a certificate of it is let in by"
+        " the router, and nobody need have listed it",
+        advice="etc/zenoh-certificates NEW_DIRECTORY ROUTER gateway:NAME user:NAME makes an"
+        " authority for the fleet alone",
+    )
 
 
 def _of_dates(certificate: Certificate, now_s: float, called: str) -> Finding:
@@ -350,6 +363,15 @@ def of_remote(place: Place, about: Mapping[str, Any] | None) -> Finding:
         )
     if "error" in about:
         return error(f"{place}: {about['error']}", advice="on its machine: litegripd-fleet check")
+    if kept_out := about.get("kept_out"):
+        times = "once" if kept_out == 1 else f"{kept_out} times"
+        return warning(
+            f"{place} is on the network; {times} since its gateway began, somebody else was"
+            " connected with its id and kept it out, until it came by another",
+            "journalctl -u litegripd-fleet@router",
+            "on the router's machine, that says by whose certificate; then make a new authority,"
+            " and certificates for everybody else",
+        )
     return ok(f"{place} is on the network; its daemon's verdict is {about.get('verdict')}")
 
 

@@ -29,6 +29,7 @@ from litegrip_fleet.admin.acl_check import UnreadableError, access_control_in, w
 from litegrip_fleet.admin.certificates import Certificate, CertificateError, own, watch
 from litegrip_fleet.admin.check import examine
 from litegrip_fleet.admin.config import FleetConfig, FleetConfigError, PortalConfig, load
+from litegrip_fleet.admin.guests import Guests
 from litegrip_fleet.admin.options import (
     EXIT_FAILED,
     EXIT_NETWORK,
@@ -41,15 +42,15 @@ from litegrip_fleet.far.dead_man import DeadMansSwitch
 from litegrip_fleet.far.gateway import Gateway
 from litegrip_fleet.near.portal import Portal
 from litegrip_fleet.wire.keys import BadNameError, check_name
+from litegrip_fleet.wire.membership import Membership
 from litegrip_fleet.wire.network import (
     Network,
     NetworkError,
     close,
-    log_routers,
+    hand_over,
     opened,
-    opening,
     reached,
-    session_in,
+    the_newest,
 )
 from litegrip_fleet.wire.site import About, Stopped, look
 
@@ -99,16 +100,16 @@ def _gateway(config: FleetConfig, _arguments: argparse.Namespace) -> int:
     certificate = _begun(config)
 
     async def on_network(switch: DeadMansSwitch | None) -> None:
-        connecting = opening(config.network)
-        logging_routers = asyncio.create_task(log_routers(connecting, _where(config)))
-        session = await asyncio.wrap_future(connecting)
-        gateways = [
-            Gateway(session, place, channel, switch) for place, channel in part.places.items()
-        ]
+        network = Membership(config.network)
+        looking = asyncio.create_task(network.run())
         try:
-            await asyncio.gather(logging_routers, *(gateway.run() for gateway in gateways))
+            await asyncio.wrap_future(network.begun)
+            gateways = [
+                Gateway(network, place, channel, switch) for place, channel in part.places.items()
+            ]
+            await asyncio.gather(looking, *(gateway.run() for gateway in gateways))
         finally:
-            close(session)
+            network.close()
 
     async def serve() -> None:
         if not part.stop_when_silent:
@@ -128,11 +129,10 @@ def _portal(config: FleetConfig, _arguments: argparse.Namespace) -> int:
     certificate = _begun(config)
 
     async def serve() -> None:
-        connecting = opening(config.network)
-        session = partial(session_in, connecting)
+        network = Membership(config.network)
         portals = [
             Portal(
-                session,
+                lambda: network.session,
                 place,
                 Path(part.socket_path(place)),
                 user=part.user,
@@ -146,34 +146,39 @@ def _portal(config: FleetConfig, _arguments: argparse.Namespace) -> int:
         ]
         try:
             await asyncio.gather(
-                asyncio.wrap_future(connecting),
-                log_routers(connecting, _where(config)),
+                asyncio.wrap_future(network.begun),
+                network.run(),
                 *(portal.run() for portal in portals),
             )
         finally:
-            if (connected := session()) is not None:
-                close(connected)
+            network.close()
 
     return asyncio.run(_until_a_signal(serve, certificate))
 
 
-def _where(config: FleetConfig) -> str:
-    return ", ".join(config.network.connect)
-
-
 def _router(config: FleetConfig, _arguments: argparse.Namespace) -> int:
     certificate = _begun(config, as_server=True)
-    network = _router_network(config)
+    part, network = config.router, _router_network(config)
 
     async def serve() -> None:
         session = opened(network, "router")
         _log.info("listening at %s", ", ".join(network.listen))
+        if part is not None and network.rules is not None:
+            guests = Guests(part.users, part.gateways)
+            coming = session.info.declare_link_events_listener(the_newest(), history=True)
+            hand_over(coming, partial(_noted, guests), "guests")
         try:
             await asyncio.Event().wait()
         finally:
             close(session)
 
     return asyncio.run(_until_a_signal(serve, certificate))
+
+
+def _noted(guests: Guests, event: zenoh.LinkEvent) -> None:
+    name = event.link.auth_identifier
+    if name is not None and event.kind == zenoh.SampleKind.PUT:
+        guests.came(name, str(event.link.zid))
 
 
 def _router_network(config: FleetConfig) -> Network:

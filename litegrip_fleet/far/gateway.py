@@ -9,23 +9,33 @@ import json
 import logging
 import secrets
 import socket
+import threading
 import time
-from collections import deque
 from typing import Any
 
 import zenoh
 
 from litegrip_client.core.sockets import STOP_LEVELS, stop_path
 from litegrip_client.core.stop import WHY_CHARACTERS
-from litegrip_client.values.errors import LiteGripError
+from litegrip_client.values.errors import LiteGripError, from_error_object
 from litegrip_client.values.repeats import EACH, REPEATS
 from litegrip_client.values.version import client_version
 from litegrip_fleet.far.daemon import STOP_WITHIN_S, asked_of, connected, how_it_is, unreachable
 from litegrip_fleet.far.dead_man import DeadMansSwitch
 from litegrip_fleet.far.far_session import FarSession
-from litegrip_fleet.wire.answers import UNREACHABLE, error_line, error_object
-from litegrip_fleet.wire.daemon_lines import generation_in, is_id
+from litegrip_fleet.far.room import MOST_SESSIONS, why_full
+from litegrip_fleet.far.turns import Turns
+from litegrip_fleet.wire.answers import (
+    TOO_LATE,
+    TOO_MANY_CONNECTIONS,
+    UNREACHABLE,
+    error_line,
+    error_object,
+)
+from litegrip_fleet.wire.daemon_lines import generation_in, is_clearing, is_id
 from litegrip_fleet.wire.keys import Caller, Place, caller_in, stopper_in
+from litegrip_fleet.wire.lateness import is_over
+from litegrip_fleet.wire.membership import Membership
 from litegrip_fleet.wire.messages import Ask, BadMessageError, Push, Reply, packed, unpacked
 from litegrip_fleet.wire.network import all_in_order, hand_over, the_newest
 from litegrip_fleet.wire.site import LOOK_WITHIN_S, TWO_GATEWAYS
@@ -34,15 +44,6 @@ _log = logging.getLogger(__name__)
 
 LOOK_EVERY_S = 0.05
 RECONNECT_EVERY_S = 0.5
-MOST_SESSIONS = 56
-"""For each gripper; the daemon lets 64 connections of a user in."""
-
-MOST_OF_A_USER = 28
-"""Of them: one user's programs leave room for another's."""
-
-MOST_WAITING = 1024
-"""So many of a user's messages wait to be taken; more are dropped, and the portal asks again."""
-
 MOST_UNREAD_BYTES = 1024 * 1024
 """What a session has sent and its daemon has not read; beyond it, the session is ended."""
 
@@ -51,6 +52,11 @@ MOST_ASKED_ABOUT = 64
 
 _ID_CHARACTERS = 64
 """Of a stop; one whose id is longer, or cannot be printed, is answered without it."""
+
+_OVER = error_object(
+    TOO_LATE,
+    "this stop was reported as not confirmed, and a stop was cleared since: it was not carried out",
+)
 
 _ALIVE_ID = secrets.token_hex(16).encode()
 """No client can have it: what it is answered is not passed on."""
@@ -64,14 +70,14 @@ class Gateway:
 
     def __init__(
         self,
-        session: zenoh.Session,
+        network: Membership,
         place: Place,
         channel: str,
         switch: DeadMansSwitch | None = None,
     ) -> None:
         self.place = place
         self._switch = switch
-        self._session = session
+        self._network = network
         self._channel = channel
         self._version = client_version()
         self._connections: dict[str, _Connection] = {}
@@ -79,48 +85,68 @@ class Gateway:
         self._voided: frozenset[str] = frozenset()
         self._generation: int | None = None
         self._path: str | None = None
+        self._cleared_s: float | None = None
+        self._offered_by: zenoh.Session | None = None
+        self._offered: list[zenoh.Queryable[Any]] = []
+        self._is_reached = False
+        self._token: zenoh.LivelinessToken | None = None
         self._asking: asyncio.Task[None] | None = None
         self._asked_by: list[zenoh.Query] = []
-        self._waiting: dict[str, deque[tuple[zenoh.Query, Caller]]] = {}
-        """By user, the next one first."""
+        self._about_room = threading.Semaphore(MOST_ASKED_ABOUT)
+        self._turns: Turns[tuple[zenoh.Query, Caller]] = Turns()
 
     async def run(self) -> None:
         """Serve until cancelled: stops always, sessions while the daemon answers."""
+        try:
+            await asyncio.gather(self._look(), self._know_the_daemon())
+        finally:
+            for connection in list(self._connections.values()):
+                connection.close()
+            for one in self._offered:
+                one.undeclare()
+
+    def _offer(self, session: zenoh.Session) -> None:
+        """Be asked by this session; what was offered by another ends with that."""
         loop = asyncio.get_running_loop()
+        self._offered_by = session
         key = self.place.key
-        rpc = self._session.declare_queryable(f"{key}/rpc/**", all_in_order())
+        rpc = session.declare_queryable(f"{key}/rpc/**", all_in_order())
         hand_over(
             rpc, lambda query: loop.call_soon_threadsafe(self._queue, query), f"rpc {self.place}"
         )
-        hellos = self._session.declare_queryable(self.place.about, all_in_order())
+        hellos = session.declare_queryable(self.place.about, the_newest())
         hand_over(
             hellos,
-            lambda query: loop.call_soon_threadsafe(self._asked_about, query),
+            lambda query: self._let_in_about(query, loop),
             f"hello {self.place}",
         )
         # A flood of them does not hold up other grippers' stops: one that gives way is asked again.
-        stops = self._session.declare_queryable(f"{key}/stop/*", the_newest())
+        stops = session.declare_queryable(f"{key}/stop/*", the_newest())
         # On a thread of its own: nothing else that the gateway does is before it.
         hand_over(stops, lambda query: self._stop(query, loop), f"stop {self.place}")
-        look = asyncio.create_task(self._look())
-        try:
-            await asyncio.to_thread(self._warn_of_another)
-            while True:
-                await self._watch()
-                await asyncio.sleep(RECONNECT_EVERY_S)
-        finally:
-            look.cancel()
-            for connection in list(self._connections.values()):
-                connection.close()
-            for queryable in (rpc, stops, hellos):
-                queryable.undeclare()
+        self._offered = [rpc, hellos, stops]
+        if self._is_reached:
+            self._show_alive()
+
+    def _show_alive(self) -> None:
+        """Say that the daemon can be reached."""
+        if (session := self._offered_by) is not None:
+            self._token = session.liveliness().declare_token(self.place.alive)
 
     def _warn_of_another(self) -> None:
-        replies = self._session.liveliness().get(self.place.alive, timeout=LOOK_WITHIN_S)
+        if (session := self._network.session) is None:
+            return
+        replies = session.liveliness().get(self.place.alive, timeout=LOOK_WITHIN_S)
         if any(reply.ok is not None for reply in replies):
             _log.error("%s: %s", self.place, TWO_GATEWAYS)
 
     # The daemon -----------------------------------------------------------------------------------
+
+    async def _know_the_daemon(self) -> None:
+        await asyncio.to_thread(self._warn_of_another)
+        while True:
+            await self._watch()
+            await asyncio.sleep(RECONNECT_EVERY_S)
 
     async def _watch(self) -> None:
         """Be connected to the daemon, and known to be alive, until it goes."""
@@ -131,25 +157,29 @@ class Gateway:
                 _log.warning("%s: %s", self.place, error.message)
             self._hello = {"error": error.message}
             return
-        token = None
         try:
             hello = await asked_of(reader, writer, "hello", {"client": "gateway"})
             self._generation = hello["stop_generation"]
             self._voided = await _voided(reader, writer)
             self._hello = hello  # from now on there are sessions, and each knows what is voided
-            await asked_of(reader, writer, "events.subscribe", {"kinds": ["stop"]})
-            token = self._session.liveliness().declare_token(self.place.alive)
+            await asked_of(reader, writer, "events.subscribe", {"kinds": ["stop", "stop_cleared"]})
+            self._is_reached = True
+            self._show_alive()
             _log.info("%s: %s can be reached", self.place, self._channel, extra={REPEATS: True})
             while line := await reader.readline():
                 self._note(line)
+                if is_clearing(line):
+                    self._cleared_s = time.monotonic()
                 if not line.startswith(_ALIVE_ANSWER):  # a stop: how many there were by now
                     writer.write(_ALIVE)
         except (LiteGripError, OSError, ValueError, KeyError) as error:
             _log.warning("%s: %s: %s", self.place, self._channel, error)
         finally:
             writer.close()
-            if token is not None:
-                token.undeclare()
+            if self._is_reached:
+                self._is_reached = False
+                if self._token is not None:
+                    self._token.undeclare()
                 _log.warning("%s: %s has gone", self.place, self._channel)
             self._hello = {"error": f"the daemon of {self._channel} has gone"}
 
@@ -164,11 +194,15 @@ class Gateway:
         if generation is not None:
             self._generation = max(generation, self._generation or 0)
 
+    def _let_in_about(self, query: zenoh.Query, loop: asyncio.AbstractEventLoop) -> None:
+        """Hand a query over to the loop, as long as few wait there; on the queries' own thread."""
+        if self._about_room.acquire(blocking=False):
+            loop.call_soon_threadsafe(self._asked_about, query)
+        else:
+            query.drop()
+
     def _asked_about(self, query: zenoh.Query) -> None:
         """Have a query answered; who asks while the daemon is asked gets the same answer."""
-        if len(self._asked_by) >= MOST_ASKED_ABOUT:
-            query.drop()
-            return
         self._asked_by.append(query)
         if self._asking is None:
             self._asking = asyncio.get_running_loop().create_task(self._say_how_it_is())
@@ -180,6 +214,7 @@ class Gateway:
         finally:
             self._asking = None
             queries, self._asked_by = self._asked_by, []
+            self._about_room.release(len(queries))  # one at least: who had it asked
         answer = json.dumps(about).encode()
         for query in queries:
             with query:
@@ -187,7 +222,7 @@ class Gateway:
 
     async def _how_it_is(self) -> dict[str, Any]:
         """Return the daemon's version, verdict, mode and owner; or why it does not answer."""
-        about: dict[str, Any] = {"gateway": self._version}
+        about: dict[str, Any] = {"gateway": self._version, "kept_out": self._network.kept_out}
         if self._switch is not None:
             about["silent"] = self._switch.silent
         try:
@@ -207,24 +242,16 @@ class Gateway:
     # Sessions -------------------------------------------------------------------------------------
 
     def _queue(self, query: zenoh.Query) -> None:
-        """Have a query of a portal's taken in its user's turn: a flood waits for everybody else."""
-        caller = caller_in(str(query.key_expr))
-        waiting = None if caller is None else self._waiting.get(caller.user)
-        if caller is None or (waiting is not None and len(waiting) >= MOST_WAITING):
+        """Have a query of a portal's taken in its turn: a flood waits for everybody else."""
+        caller, was_idle = caller_in(str(query.key_expr)), not self._turns
+        if caller is None or not self._turns.add(caller.user, caller.session, (query, caller)):
             query.drop()
-            return
-        if not self._waiting:
+        elif was_idle:
             asyncio.get_running_loop().call_soon(self._take_turn)
-        self._waiting.setdefault(caller.user, deque()).append((query, caller))
 
     def _take_turn(self) -> None:
-        """Take one query of the user whose turn it is."""
-        user, waiting = next(iter(self._waiting.items()))
-        query, caller = waiting.popleft()
-        del self._waiting[user]
-        if waiting:
-            self._waiting[user] = waiting  # behind the others
-        if self._waiting:
+        query, caller = self._turns.take()
+        if self._turns:
             asyncio.get_running_loop().call_soon(self._take_turn)
         self._asked(query, caller)
 
@@ -243,7 +270,7 @@ class Gateway:
         elif connection is None and ask.op == "open" and not self._hello:
             query.drop()  # the daemon has not been asked yet: the portal asks again
         elif connection is None and ask.op == "open":
-            connection = _Connection(self._session, self.place, caller, self._forget(key))
+            connection = _Connection(self._network, self.place, caller, self._forget(key))
             self._connections[key] = connection
             task = asyncio.get_running_loop().create_task(self._open(query, connection, ask))
             task.add_done_callback(_log_failure)
@@ -278,7 +305,7 @@ class Gateway:
     async def _begin(self, connection: "_Connection", ask: Ask) -> dict[str, Any]:
         """Open a session's connection to the daemon, in its user's name; return what it is."""
         caller = connection.caller
-        self._check_room(caller.user)
+        self._check_room(caller)
         if "error" in self._hello:
             raise unreachable(str(self._hello["error"]))
         user = f"{caller.user}@{self.place.site}"
@@ -306,16 +333,12 @@ class Gateway:
             "gateway": self._version,
         }
 
-    def _check_room(self, user: str) -> None:
-        """Raise `LiteGripError` if there are too many sessions, the new one included."""
-        own = sum(one.caller.user == user for one in self._connections.values())
-        text = ""
-        if own > MOST_OF_A_USER:
-            text = f"{user} has {MOST_OF_A_USER} of the gateway's sessions"
-        elif len(self._connections) > MOST_SESSIONS:
-            text = f"the gateway has {MOST_SESSIONS} sessions"
-        if text:
-            raise unreachable(f"{text}, no more are let in: close one")
+    def _check_room(self, new: Caller) -> None:
+        """Raise `LiteGripError` if there is no room for a session, which is among them already."""
+        why = why_full([one.caller for one in self._connections.values()], new)
+        if why is not None:
+            full = error_object(TOO_MANY_CONNECTIONS, why, limit=MOST_SESSIONS)
+            raise from_error_object(full)
 
     def _note_for(self, far: FarSession) -> Any:
         """Return what learns of stops by a session's lines, for that session alone.
@@ -347,8 +370,11 @@ class Gateway:
             connection.close()
 
     async def _look(self) -> None:
-        """End the sessions whose portal does not show life."""
+        """Offer what is asked by the session of the time, and end those without signs of life."""
         while True:
+            session = self._network.session
+            if session is not None and session is not self._offered_by:
+                self._offer(session)
             await asyncio.sleep(LOOK_EVERY_S)
             now_s = time.monotonic()
             for connection in list(self._connections.values()):
@@ -366,6 +392,10 @@ class Gateway:
             if user is None:
                 return
             line = b"" if payload is None else payload.to_bytes()
+            if is_over(_sent_s(query), time.monotonic(), self._cleared_s):
+                _log.warning("%s: a stop by %s came after it was cleared", self.place, user)
+                query.reply(self.place.stop(user), error_line(None, _OVER))
+                return
             answer = self._stopped(in_the_name_of(f"{user}@{self.place.site}", line))
             loop.call_soon_threadsafe(self._note, answer)
             became = "stopped" if b'"result":' in answer else "NOT stopped for sure, though asked"
@@ -394,9 +424,7 @@ class _Connection:
     far: FarSession
     _reader: asyncio.StreamReader
 
-    def __init__(
-        self, session: zenoh.Session, place: Place, caller: Caller, on_closed: Any
-    ) -> None:
+    def __init__(self, network: Membership, place: Place, caller: Caller, on_closed: Any) -> None:
         self.caller = caller
         self.ready = False
         self.about: dict[str, Any] | None = None
@@ -406,7 +434,7 @@ class _Connection:
         self._room = asyncio.Event()
         self._awaits_life = False
         self._half_closed = False
-        self._session = session
+        self._network = network
         self._key = zenoh.KeyExpr(place.to(caller.user, caller.session))
 
     def attach(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -432,7 +460,9 @@ class _Connection:
         A declared publisher would not send before it had heard of the subscriber: the first
         messages of a session would be lost.
         """
-        self._session.put(
+        if (session := self._network.session) is None:
+            return
+        session.put(
             self._key,
             piece,
             attachment=packed(push),
@@ -477,6 +507,17 @@ class _Connection:
             self._writer = None
         if self.task is not None and self.task is not asyncio.current_task():
             self.task.cancel()
+
+
+def _sent_s(query: zenoh.Query) -> float | None:
+    """Return when a stop was sent, by this machine's clock; None where that is not known."""
+    if (attached := query.attachment) is None:
+        return None
+    try:
+        return unpacked(Ask, attached.to_bytes()).at_s
+    except BadMessageError as error:
+        _log.debug("a stop is of unknown age: %s", error)
+        return None
 
 
 def _log_failure(task: "asyncio.Task[None]") -> None:

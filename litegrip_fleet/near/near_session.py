@@ -77,7 +77,8 @@ class NearSession:
         self._unconfirmed_bytes = 0
         self._line = bytearray()
         self._behind_since_s: float | None = None
-        self._introductions: dict[str | int, str] = {}
+        self._introductions: dict[str | int, list[str]] = {}
+        """By the id, in the order in which they were asked for: one may have been used twice."""
 
     def opened(self, about: dict[str, Any] | None) -> None:
         """Store by which way the gripper is reached, as `hello` describes it."""
@@ -209,7 +210,7 @@ class NearSession:
         if isinstance(request, dict) and request.get("method") in INTRODUCTIONS:
             identity = request.get("id")
             if is_id(identity):
-                self._introductions[identity] = request["method"]
+                self._introductions.setdefault(identity, []).append(request["method"])
 
     def _amended(self, line: bytes) -> bytes:
         """Return an answer; one that says where the gripper is, says where it is met here.
@@ -223,7 +224,10 @@ class NearSession:
         identity = answer.get("id") if isinstance(answer, dict) else None
         if not is_id(identity) or identity not in self._introductions:
             return line
-        method, result = self._introductions.pop(identity), answer.get("result")
+        method, *others = self._introductions.pop(identity)
+        if others:
+            self._introductions[identity] = others
+        result = answer.get("result")
         if not isinstance(result, dict):
             return line
         if method == "health":

@@ -37,7 +37,7 @@ from litegrip_fleet.wire.answers import (
 from litegrip_fleet.wire.daemon_lines import MAX_LINE_BYTES, TOO_LONG, generation_in, is_sample
 from litegrip_fleet.wire.foreign import stop_problem
 from litegrip_fleet.wire.keys import Place
-from litegrip_fleet.wire.lateness import RemoteClock
+from litegrip_fleet.wire.lateness import STOP_WITHIN_S, RemoteClock
 from litegrip_fleet.wire.messages import Ask, BadMessageError, Push, Reply, packed, unpacked
 from litegrip_fleet.wire.network import Answered, ask, hand_over, the_newest
 from litegrip_fleet.wire.site import TWO_GATEWAYS
@@ -49,7 +49,6 @@ STALLED_S = 0.2
 """When the portal itself did not run for so long, a line may be as old as its last look."""
 
 OPEN_WITHIN_S = 2.0
-STOP_WITHIN_S = 2.0
 _ASK_AGAIN_S = 0.4
 _CONGESTED_BYTES = 65_536
 MOST_UNREAD_BYTES = 4 * 1024 * 1024
@@ -102,6 +101,7 @@ class Portal:
         self._clock = RemoteClock()
         self._clients: dict[str, _Client] = {}
         self._beat_s = time.monotonic()
+        self._subscribed_by: zenoh.Session | None = None
         self._subscriber: Any = None
         self._room = threading.Semaphore(MOST_PUSHES)
         self._serving: set[asyncio.Task[None]] = set()
@@ -151,7 +151,8 @@ class Portal:
     def _tick(self) -> None:
         now_s = time.monotonic()
         self._beat_s = now_s
-        if self._subscriber is None and (session := self._session()) is not None:
+        session = self._session()
+        if session is not None and session is not self._subscribed_by:
             self._subscribe(session)  # before a session needs it: the router has to hear of it
         for client in list(self._clients.values()):
             client.tick(now_s)
@@ -243,6 +244,7 @@ class Portal:
         """Subscribe to what the gateway sends to this portal's sessions."""
         loop = asyncio.get_running_loop()
         key = self.place.to(self.user, f"{self._identity}-*").replace("-*", "-$*")
+        self._subscribed_by = session
         self._subscriber = session.declare_subscriber(key, the_newest())
 
         def take(sample: zenoh.Sample) -> None:
@@ -336,7 +338,8 @@ class Portal:
 
     async def _stopped(self, line: bytes) -> bytes:
         """Stop; return the daemon's answer, or that the stop is not confirmed."""
-        answer = await stop_one(self._session, self.place, self.user, line)
+        sent = packed(Ask("line", at_s=self._clock.at(time.monotonic())))
+        answer = await stop_one(self._session, self.place, self.user, line, sent)
         if answer is not None:
             # A client that reads that it is in force, and then clears it, knows of it.
             for client in self._clients.values():
@@ -351,9 +354,16 @@ class Portal:
 
 
 async def stop_one(
-    session_of: Callable[[], zenoh.Session | None], place: Place, user: str, line: bytes
+    session_of: Callable[[], zenoh.Session | None],
+    place: Place,
+    user: str,
+    line: bytes,
+    sent: bytes,
 ) -> bytes | None:
-    """Stop a gripper, asking again until it answers; None when it has not in time."""
+    """Stop a gripper, asking again until it answers; None when it has not in time.
+
+    `sent` is a message that says when that was, attached to each query.
+    """
     loop = asyncio.get_running_loop()
     ends_s = loop.time() + STOP_WITHIN_S
     while (left_s := ends_s - loop.time()) > 0.0:
@@ -361,7 +371,7 @@ async def stop_one(
         if session is not None:
             within_s = min(left_s, _ASK_AGAIN_S * 2)
             key = place.stop(user)
-            answers = await ask(session, key, line, None, loop, within_s=within_s, is_stop=True)
+            answers = await ask(session, key, line, sent, loop, within_s=within_s, is_stop=True)
             said = [answer.payload for answer in answers if answer.payload]
             if said:  # of two gateways, both have to confirm it
                 return next((payload for payload in said if stop_problem(payload)), said[0])

@@ -29,6 +29,13 @@ def generation_in(line: bytes) -> int | None:
     return max(found, default=None)
 
 
+def is_clearing(line: bytes) -> bool:
+    """Return True for the event that a stop was cleared."""
+    return (
+        line.startswith(b'{"jsonrpc":"2.0","method":"event"') and b'"kind":"stop_cleared"' in line
+    )
+
+
 def is_sample(line: bytes) -> bool:
     """Return True for a sample of the state, which a newer one replaces."""
     return line.startswith(b'{"jsonrpc":"2.0","method":"state.')

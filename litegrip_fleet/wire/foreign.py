@@ -5,7 +5,7 @@ Whatever is wrong with it is said of that gripper alone.
 
 import json
 import reprlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from litegrip_client.core.sockets import STOP_LEVELS
@@ -26,7 +26,8 @@ def facts_of(value: Mapping[str, Any]) -> dict[str, Any]:
     """Return how a gripper is: what is known of the members below, each of its type.
 
     `version`, `gateway`, `verdict`, `mode`, `owner` and `error` are printable texts, `age_s` is in
-    seconds, `silent` names users. An answer that has one of another type is an `error`.
+    seconds, `silent` names users, `kept_out` counts how often somebody else had the gateway's id.
+    An answer that has one of another type is an `error`.
     """
     facts: dict[str, Any] = {}
     for name in _TEXTS:
@@ -34,19 +35,38 @@ def facts_of(value: Mapping[str, Any]) -> dict[str, Any]:
             facts[name] = _shown(text)
         elif text is not None:
             return _wrong(name, text)
-    age_s, silent = value.get("age_s"), value.get("silent", [])
-    is_number = isinstance(age_s, int | float) and not isinstance(age_s, bool)
-    if age_s is not None and not (is_number and abs(age_s) < 1e9):  # NaN is not
-        return _wrong("age_s", age_s)
-    if not isinstance(silent, list) or not all(isinstance(one, str) for one in silent):
-        return _wrong("silent", silent)
+    for name, (fits, default) in _OTHERS.items():
+        if not fits(value.get(name, default)):
+            return _wrong(name, value[name])
     if "error" not in facts:
         if not {"version", "verdict", "mode"} <= facts.keys():
             return {"error": "an answer without version, verdict and mode"}
-        facts = {"owner": None, **facts, "age_s": age_s}
+        facts = {"owner": None, **facts, "age_s": value.get("age_s")}
+    if "kept_out" in value:
+        facts["kept_out"] = value["kept_out"]
     if "silent" in value:
-        facts["silent"] = [_shown(user) for user in silent[:_MOST_SILENT]]
+        facts["silent"] = [_shown(user) for user in value["silent"][:_MOST_SILENT]]
     return facts
+
+
+def _is_age(value: object) -> bool:
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return value is None or (is_number and abs(value) < 1e9)  # type: ignore[arg-type] # NaN is not
+
+
+def _is_count(value: object) -> bool:
+    return type(value) is int and 0 <= value < 1_000_000_000
+
+
+def _are_names(value: object) -> bool:
+    return isinstance(value, list) and all(isinstance(one, str) for one in value)
+
+
+_OTHERS: Mapping[str, tuple[Callable[[object], bool], object]] = {
+    "age_s": (_is_age, None),
+    "kept_out": (_is_count, 0),
+    "silent": (_are_names, []),
+}
 
 
 def stop_problem(payload: bytes) -> str | None:

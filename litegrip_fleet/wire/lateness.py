@@ -12,6 +12,9 @@ cut must move nothing."""
 
 SET_POINT_COUNTS_S = 0.2
 
+STOP_WITHIN_S = 2.0
+"""A stop that is not answered by then is reported as not confirmed."""
+
 _BEST_OF = 8
 _ROUNDING_S = 1e-6
 
@@ -50,3 +53,13 @@ def late_by(at_s: float | None, now_s: float, counts_s: float) -> float | None:
         return float("inf")
     age_s = now_s - at_s
     return age_s if age_s > counts_s else None
+
+
+def is_over(at_s: float | None, now_s: float, cleared_s: float | None) -> bool:
+    """Return True for a stop that was reported as not confirmed, and is older than a clearing.
+
+    Nobody expects it any more. One that may still be waited for counts, whenever somebody cleared.
+    """
+    if at_s is None or cleared_s is None:
+        return False
+    return at_s < cleared_s and now_s - at_s > STOP_WITHIN_S

@@ -16,8 +16,6 @@ from typing import Any
 
 import zenoh
 
-from litegrip_client.values.repeats import REPEATS
-
 _log = logging.getLogger(__name__)
 
 LEASE_MS = 2000
@@ -35,7 +33,8 @@ QUERY_WITHIN_S = 1.0
 CONNECT_WITHIN_S = 3.0
 """So long a command waits for a router."""
 
-LOOK_EVERY_S = 0.5
+RETRY_EVERY_MS = 1000
+"""So often a session that is out tries to connect; by default zenoh waits up to 4 s."""
 
 
 class NetworkError(Exception):
@@ -71,6 +70,11 @@ def configuration(network: Network, mode: str) -> zenoh.Config:
         "connect/endpoints": list(network.connect),
         "connect/timeout_ms": -1,
         "connect/exit_on_failure": False,
+        "connect/retry": {
+            "period_init_ms": RETRY_EVERY_MS,
+            "period_max_ms": RETRY_EVERY_MS,
+            "period_increase_factor": 1,
+        },
         "listen/endpoints": list(network.listen),
         # Payloads from 3072 bytes are lost by it without a word (zenoh issue 2628).
         "transport/shared_memory": {"enabled": False, "mode": "lazy"},
@@ -135,31 +139,6 @@ def reached(network: Network) -> zenoh.Session:
         raise NetworkError(f"{text}; look with: litegripd-fleet check") from None
 
 
-def session_in(connecting: "futures.Future[zenoh.Session]") -> zenoh.Session | None:
-    """Return the session, None while it is being opened, or if that has failed."""
-    is_there = connecting.done() and connecting.exception() is None
-    return connecting.result() if is_there else None
-
-
-async def log_routers(connecting: "futures.Future[zenoh.Session]", where: str) -> None:
-    """Log whether a router can be reached, and each change of that; until cancelled."""
-    loop = asyncio.get_running_loop()
-    begun_s, was_there = loop.time(), None
-    while True:
-        session = session_in(connecting)
-        is_there = session is not None and bool(session.info.routers_zid())
-        if is_there and not was_there:
-            _log.info("connected to a router (%s)", where, extra={REPEATS: True})
-            was_there = True
-        elif not is_there and was_there:
-            _log.warning("the connection to the router is lost (%s): trying again", where)
-            was_there = False
-        elif was_there is None and loop.time() - begun_s > CONNECT_WITHIN_S:
-            _log.warning("no router answers at %s: trying again", where)
-            was_there = False
-        await asyncio.sleep(LOOK_EVERY_S)
-
-
 def close(session: zenoh.Session) -> None:
     """Close a session; it takes 10 s where the network does not answer, and is then logged."""
     try:
@@ -169,9 +148,11 @@ def close(session: zenoh.Session) -> None:
 
 
 def hand_over(
-    source: "zenoh.Queryable[Any] | zenoh.Subscriber[Any]", take: Callable[[Any], object], name: str
+    source: "zenoh.Queryable[Any] | zenoh.Subscriber[Any] | zenoh.LinkEventsListener[Any]",
+    take: Callable[[Any], object],
+    name: str,
 ) -> None:
-    """Take what comes from a queryable or a subscriber, on a thread of its own, until it ends."""
+    """Take what comes from a source of zenoh's, on a thread of its own, until it ends."""
     queue = source.handler  # the source itself cannot be undeclared while a thread waits at it
 
     def read() -> None:

@@ -10,12 +10,13 @@ import zenoh
 
 from litegrip_fleet.wire.foreign import facts_in, stop_problem
 from litegrip_fleet.wire.keys import PREFIX, Place, place_in
+from litegrip_fleet.wire.lateness import STOP_WITHIN_S
 from litegrip_fleet.wire.network import Answered, ask
 
 TWO_GATEWAYS = "two gateways offer it: each would carry out what is asked; end one of them"
 LOOK_WITHIN_S = 1.0
-STOP_WITHIN_S = 2.0
 _ASK_AGAIN_S = 0.5
+_LOOK_AGAIN_S = 0.05
 
 
 def alive(session: zenoh.Session, site: str = "*") -> list[Place]:
@@ -36,21 +37,30 @@ class About:
 
 async def look(session: zenoh.Session, site: str = "*") -> list[About]:
     """Ask how all grippers of a site are; one that is there and does not answer has an error."""
-    loop = asyncio.get_running_loop()
     begun_s = time.monotonic()
-    there = asyncio.create_task(asyncio.to_thread(alive, session, site))
-    key = f"{PREFIX}/{site}/*/hello"
+    looking = asyncio.create_task(asyncio.to_thread(alive, session, site))
+    found = await _asked_all(session, site, begun_s)
+    there = await looking
+    while not found.keys() >= set(there) and time.monotonic() - begun_s < LOOK_WITHIN_S:
+        await asyncio.sleep(_LOOK_AGAIN_S)  # a flood of such questions: some get no answer
+        found = {**await _asked_all(session, site, begun_s), **found}
+    for place in there:
+        silent = {"error": "it is there, and does not answer"}
+        found.setdefault(place, About(place, LOOK_WITHIN_S, silent))
+    return [found[place] for place in sorted(found)]
+
+
+async def _asked_all(session: zenoh.Session, site: str, begun_s: float) -> dict[Place, About]:
+    loop, key = asyncio.get_running_loop(), f"{PREFIX}/{site}/*/hello"
+    within_s = max(begun_s + LOOK_WITHIN_S - time.monotonic(), _LOOK_AGAIN_S)
     found: dict[Place, About] = {}
-    for answer in await ask(session, key, b"", None, loop, within_s=LOOK_WITHIN_S):
+    for answer in await ask(session, key, b"", None, loop, within_s=within_s):
         place, facts = place_in(answer.key), facts_in(answer.payload)
         if place in found:
             facts = {"error": TWO_GATEWAYS}
         if place is not None:
             found[place] = About(place, answer.at_s - begun_s, facts)
-    for place in await there:
-        silent = {"error": "it is there, and does not answer"}
-        found.setdefault(place, About(place, LOOK_WITHIN_S, silent))
-    return [found[place] for place in sorted(found)]
+    return found
 
 
 @dataclass(frozen=True, slots=True)

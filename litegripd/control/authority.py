@@ -231,6 +231,10 @@ LOSS_TEXTS: Mapping[LossCause, str] = {
 MOST_WAITING = 64
 
 
+LONGEST_REMOTE_TTL_S = 5.0
+"""Of a lease that a user of another machine resumes: as long as a gateway lets one be asked for."""
+
+
 @dataclass(frozen=True, slots=True)
 class LeaseOptions:
     """The options of a lease.
@@ -426,7 +430,11 @@ class Lease:
                 " the lease since; acquire it again ({lease.acquire})"
             )
             return Refusal("lease_lost", text)
-        return self._grant(owner, lapsed.options, now_s)
+        options = lapsed.options
+        if owner.remote is not None:  # behind a network, nobody sees that the holder has gone
+            ttl_s = min(options.ttl_s or LONGEST_REMOTE_TTL_S, LONGEST_REMOTE_TTL_S)
+            options = replace(options, ttl_s=ttl_s)
+        return self._grant(owner, options, now_s)
 
     def may_resume(self, number: int) -> bool:
         """Return True if this lease lapsed, and nobody has one or waits for one since."""

@@ -622,13 +622,18 @@ class Controller:
 
         They do so at once, or after the end of a motion that continues: a detached one, or another
         client's. A disabling always continues. What the holder has queued under a lost lease never
-        begins, detached or not: the lease's options say how the jaws are left.
+        begins, detached or not: the lease's options say how the jaws are left. Nor does what a user
+        of another machine has queued, with a lease or without.
         """
         running = self.jobs.running
         holder = None if loss is None else loss.grant.owner.client
         self._drop_queued(
             events.loss_refusal(loss),
-            lambda job: job.owner.client == holder or _falls(job, loss, client),
+            lambda job: (
+                job.owner.client == holder
+                or _falls(job, loss, client)
+                or (job.owner.client == client and job.owner.remote is not None)
+            ),
         )
         ends = running is not None and running.kind != "disable" and _falls(running, loss, client)
         if running is not None and ends:

@@ -102,7 +102,7 @@ def test_a_key_with_a_password_does_not_ask_for_it(made: Path, tmp_path: Path) -
 
 def test_the_authority_is_read(made: Path) -> None:
     (authority,) = authorities(str(made / "op1/ca.pem"))
-    assert authority.common_name == "litegrip teleoperation"
+    assert authority.common_name == "litegrip fleet"
     assert authority.until_s > own(files(made, "op1")).until_s
 
 

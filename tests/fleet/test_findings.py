@@ -91,6 +91,12 @@ def test_certificates(certificate: Certificate | str, level: str, words: list[st
     says(findings.of_certificate(certificate, NOW_S, "own.pem"), level, *words)
 
 
+def test_the_authority_of_a_fleet_is_not_teleoperations() -> None:
+    for name, level in (("litegrip fleet", "ok"), ("litegrip teleoperation", "warning")):
+        authority = Certificate(name, (), NOW_S - DAY_S, NOW_S + 99 * DAY_S, "1")
+        says(findings.of_certificate(authority, NOW_S, "ca.pem"), level, "ca.pem")
+
+
 def test_the_clock() -> None:
     assert findings.of_clock([], NOW_S) is None
     says(findings.of_clock([GOOD], NOW_S), "ok", "2027-01-15")
@@ -228,6 +234,8 @@ def test_what_is_offered() -> None:
 def test_remote_grippers() -> None:
     says(findings.of_remote(LEFT, {"verdict": "ok"}), "ok", "verdict is ok")
     says(findings.of_remote(LEFT, None), "error", "not on the network", "[router.users]")
+    kept_out = findings.of_remote(LEFT, {"verdict": "ok", "kept_out": 2})
+    says(kept_out, "warning", "2 times", "with its id", "litegripd-fleet@router")
     says(findings.of_remote(LEFT, {"error": "it is silent"}), "error", "it is silent")
 
 

@@ -45,6 +45,7 @@ WRONG: tuple[tuple[str, object], ...] = (
     *((name, 7) for name in ("version", "gateway", "verdict", "mode", "owner", "error")),
     *(("age_s", value) for value in ("now", True, [0.1], float("nan"), 1e300)),
     *(("silent", value) for value in ("op1", {"op1": 1}, [7])),
+    *(("kept_out", value) for value in ("2", True, -1, 10**9, 0.5, None)),
     ("version", {"a": {"b": [[[]]]}}),
 )
 

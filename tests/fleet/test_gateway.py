@@ -5,18 +5,14 @@ import time
 from types import SimpleNamespace
 from typing import Any, cast
 
-import pytest
 import zenoh
 
-from litegrip_client.values.errors import LiteGripError
 from litegrip_fleet.far.far_session import FarSession
 from litegrip_fleet.far.gateway import (
-    MOST_OF_A_USER,
-    MOST_SESSIONS,
-    MOST_WAITING,
     Gateway,
     _Connection,
 )
+from litegrip_fleet.far.turns import MOST_OF_A_PROGRAM, MOST_WAITING, Turns
 from litegrip_fleet.wire.keys import Caller, Place
 from litegrip_fleet.wire.messages import Ask, Reply, packed, unpacked
 
@@ -59,7 +55,7 @@ def take(gateway: Gateway, query: Any) -> None:
 
 def opened(gateway: Gateway, about: dict[str, Any]) -> _Connection:
     """Return a session that a gateway has begun."""
-    connection = _Connection(gateway._session, LEFT, CALLER, gateway._forget(KEY))
+    connection = _Connection(gateway._network, LEFT, CALLER, gateway._forget(KEY))
     connection.far = FarSession(
         Ask("open"),
         time.monotonic(),
@@ -97,44 +93,83 @@ def test_a_line_of_a_daemon_that_has_ended_is_no_count_of_the_next_ones_stops() 
     assert (gateway._generation, connection.far.generation) == (0, 40)
 
 
-def test_one_users_sessions_leave_room_for_anothers() -> None:
-    gateway = made()
-
-    def begin(user: str, count: int) -> None:
-        for number in range(count):
-            caller = Caller(user, f"s-{number}", "observer")
-            key = LEFT.rpc(user, caller.session, caller.role)
-            gateway._connections[key] = _Connection(NOTHING, LEFT, caller, gateway._forget(key))
-            gateway._check_room(user)
-
-    with pytest.raises(LiteGripError, match=f"op1 has {MOST_OF_A_USER} of"):
-        begin("op1", MOST_OF_A_USER + 1)
-    begin("op2", 1)
-    with pytest.raises(LiteGripError, match=f"the gateway has {MOST_SESSIONS} sessions"):
-        begin("op3", MOST_OF_A_USER)
-
-
 def test_a_flood_of_one_user_waits_for_everybody_else() -> None:
     gateway, taken = made(), list[str]()
     asked: Any = lambda _query, caller: taken.append(caller.user)  # noqa: E731
     gateway._asked = asked  # type: ignore[method-assign]
 
     async def flooded() -> list[Query]:
-        queries = [Query(Ask("live")) for _ in range(MOST_WAITING + 10)]
+        queries = [Query(Ask("live")) for _ in range(MOST_OF_A_PROGRAM + 10)]
         loop, queue = asyncio.get_running_loop(), cast(Any, gateway._queue)
         for query in queries:
             loop.call_soon(queue, query)
         other: Any = Query(Ask("live"))
         other.key_expr = LEFT.rpc("op2", "s-1", "observer")
         loop.call_soon(queue, other)
-        while len(taken) <= MOST_WAITING:
+        while len(taken) <= MOST_OF_A_PROGRAM:
             await asyncio.sleep(0)
         return queries
 
     queries = asyncio.run(flooded())
     assert taken.index("op2") <= 2
     assert sum(query.dropped for query in queries) == 10
-    assert gateway._waiting == {}
+    assert not gateway._turns
+
+
+def test_a_flood_of_one_program_waits_for_the_same_users_others() -> None:
+    turns = Turns[str]()
+    while turns.add("op1", "flood", "flood"):
+        pass
+    assert turns.add("op1", "polite", "polite")
+    assert turns.add("op2", "other", "other")
+    assert sorted(turns.take() for _ in range(4)) == ["flood", "flood", "other", "polite"]
+
+
+def test_a_user_has_no_more_room_with_many_programs() -> None:
+    turns = Turns[int]()
+    kept = [turns.add("op1", f"s-{number}", number) for number in range(MOST_WAITING + 10)]
+    assert sum(kept) == MOST_WAITING
+    assert turns.add("op2", "s-0", 0)
+    taken = [turns.take() for _ in range(MOST_WAITING + 1)]
+    assert sorted(taken) == sorted([*range(MOST_WAITING), 0])
+    assert not turns
+
+
+class Session:
+    """A session on the network; `offers` has what is declared by it."""
+
+    def __init__(self) -> None:
+        self.offers: list[str] = []
+
+    def declare_queryable(self, key: str, _queue: object) -> Any:
+        self.offers.append(key)
+        return SimpleNamespace(handler=self, undeclare=lambda: None)
+
+    def recv(self) -> None:
+        raise zenoh.ZError("closed")
+
+    def liveliness(self) -> Any:
+        return SimpleNamespace(declare_token=self.offers.append)
+
+
+def test_what_is_offered_and_alive_is_so_by_the_session_of_the_time() -> None:
+    first, second = Session(), Session()
+    network = SimpleNamespace(session=first)
+    gateway = Gateway(cast(Any, network), LEFT, "can0")
+
+    async def look() -> None:
+        looking = asyncio.create_task(gateway._look())
+        while not first.offers:
+            await asyncio.sleep(0)
+        gateway._is_reached = True
+        network.session = second
+        while not second.offers:
+            await asyncio.sleep(0)
+        looking.cancel()
+
+    asyncio.run(look())
+    assert LEFT.alive not in first.offers
+    assert second.offers == [*first.offers, LEFT.alive]
 
 
 def test_an_answer_reaches_its_client_whatever_its_id_is() -> None:

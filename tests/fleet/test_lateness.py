@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegrip_fleet.wire.lateness import MOTION_COUNTS_S, RemoteClock, late_by
+from litegrip_fleet.wire.lateness import MOTION_COUNTS_S, RemoteClock, is_over, late_by
 
 
 def trip(clock: RemoteClock, sent_s: float, there_s: float, back_s: float, ahead_s: float) -> None:
@@ -57,3 +57,20 @@ def test_the_error_stays_below_the_latest_trip_while_clocks_drift(
         ahead_s = drift_s * number
         trip(clock, 100.0 * number, trip_s / 2, trip_s / 2, ahead_s)
         assert error_s(clock, ahead_s) <= trip_s + 1e-6
+
+
+@pytest.mark.parametrize(
+    ("at_s", "cleared_s", "over"),
+    [
+        (97.0, 97.5, True),
+        (97.0, 99.9, True),
+        (97.0, 96.9, False),  # cleared before it was sent
+        (97.0, None, False),
+        (None, 99.9, False),  # when it was sent is not known: it counts
+        (98.1, 99.9, False),  # somebody may still wait for it
+    ],
+)
+def test_a_stop_that_nobody_waits_for_is_over_once_one_was_cleared(
+    at_s: float | None, cleared_s: float | None, over: bool
+) -> None:
+    assert is_over(at_s, 100.0, cleared_s) is over

@@ -243,3 +243,41 @@ def test_a_gripper_that_pushes_without_end_leaves_others_their_turn(
 
     asyncio.run(asyncio.wait_for(others(), 60.0))
     assert 0 < most <= 64
+
+
+def test_what_is_sent_to_a_portal_is_heard_by_the_session_of_the_time() -> None:
+    class Session:
+        def __init__(self) -> None:
+            self.heard = 0
+
+        def declare_subscriber(self, _key: str, _queue: object) -> "Session":
+            self.heard += 1
+            return self
+
+        @property
+        def handler(self) -> "Session":
+            return self
+
+        def recv(self) -> None:
+            raise zenoh.ZError("closed")
+
+    sessions = [Session(), Session()]
+    now: list[Session] = []
+
+    async def tick() -> None:
+        portal = Portal(
+            lambda: cast(zenoh.Session, now[-1]) if now else None,
+            Place("lab", "left"),
+            Path("/nowhere/lab.left.sock"),
+            user="op1",
+            role="operator",
+            ttl_s=1.0,
+        )
+        portal._tick()
+        for session in sessions:
+            now.append(session)
+            portal._tick()
+            portal._tick()
+
+    asyncio.run(tick())
+    assert [session.heard for session in sessions] == [1, 1]

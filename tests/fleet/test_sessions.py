@@ -634,6 +634,23 @@ def test_a_lease_that_is_waited_for_is_renewed_as_its_own_request_says() -> None
     assert not scene.far.renews
 
 
+def test_two_introductions_with_one_id_both_say_where_the_gripper_is_met() -> None:
+    scene = Scene()
+    scene.near.opened({"site": "lab"})
+    for method in ("hello", "health", "hello"):
+        scene.say(method, 1)
+    scene.run(0.1)
+    for result in ({"channel": "can0"}, {"verdict": "ok"}, {"channel": "can0"}, {"other": 1}):
+        scene.daemon_says(id=1, result=result)
+    scene.run(0.1)
+    first, health, second, other = (told["result"] for told in scene.told)
+    assert first == second
+    assert first["channel"] == "lab.left"
+    assert health["verdict"] == "ok"
+    assert "channel" not in health
+    assert other == {"other": 1}
+
+
 def test_hello_says_by_which_way_it_came() -> None:
     scene = Scene()
     scene.near.opened({"site": "lab", "gripper": "left", "user": "op1@lab"})

@@ -34,11 +34,11 @@ def test_one_that_has_not_stopped_is_not_confirmed(
     answering(monkeypatch, *payloads)
     stopped = asyncio.run(site.stop_all(SESSION, "lab", "op1", [LEFT], b"hold\n"))
     assert (stopped.ok, stopped.confirmed, stopped.failed) == (False, {}, {LEFT: "no daemon"})
-    assert asyncio.run(portal.stop_one(lambda: SESSION, LEFT, "op1", b"hold\n")) == NOT_DONE
+    assert asyncio.run(portal.stop_one(lambda: SESSION, LEFT, "op1", b"hold\n", b"")) == NOT_DONE
 
 
 def test_both_confirm_it(monkeypatch: pytest.MonkeyPatch) -> None:
     answering(monkeypatch, DONE, DONE)
     stopped = asyncio.run(site.stop_all(SESSION, "lab", "op1", [LEFT], b"hold\n"))
     assert (stopped.ok, list(stopped.confirmed), stopped.failed) == (True, [LEFT], {})
-    assert asyncio.run(portal.stop_one(lambda: SESSION, LEFT, "op1", b"hold\n")) == DONE
+    assert asyncio.run(portal.stop_one(lambda: SESSION, LEFT, "op1", b"hold\n", b"")) == DONE

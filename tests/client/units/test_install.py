@@ -564,7 +564,31 @@ def test_only_names_of_interfaces_get_into_a_rule(system: System, name: str) -> 
     assert not system.root.exists()
 
 
+ROOT = Path(__file__).parents[3]
 ANALYZE = shutil.which("systemd-analyze")
+
+
+def test_a_part_of_a_fleet_says_how_it_is_closed_to_strangers() -> None:
+    """The page's drop-in is what the unit has to be uncommented."""
+    unit = (ROOT / "systemd/litegripd-fleet@.service").read_text(encoding="utf-8")
+    page = (ROOT / "docs/fleet-security.md").read_text(encoding="utf-8")
+    lines = re.findall(r"^#(IPAddress.*)$", unit, re.MULTILINE)
+    assert [line.partition("=")[0] for line in lines] == ["IPAddressDeny", "IPAddressAllow"]
+    assert "\n".join(["```ini", "[Service]", *lines, "```"]) in page
+
+
+@pytest.mark.skipif(ANALYZE is None, reason="there is no systemd-analyze")
+def test_systemd_accepts_a_part_that_is_closed_to_strangers(tmp_path: Path) -> None:
+    text = (ROOT / "systemd/litegripd-fleet@.service").read_text(encoding="utf-8")
+    text = re.sub(r"^#(IPAddress)", r"\1", text, flags=re.MULTILINE)
+    assert "\nIPAddressAllow=" in text
+    unit = tmp_path / "litegripd-fleet@router.service"
+    unit.write_text(re.sub(r"^ExecStart=.*", "ExecStart=/bin/true", text, flags=re.MULTILINE))
+    verified = subprocess.run(
+        [str(ANALYZE), "verify", "--man=no", str(unit)], capture_output=True, text=True, check=False
+    )
+    assert "IPAddress" not in verified.stderr
+    assert verified.returncode == 0, verified.stderr
 
 
 @pytest.mark.skipif(ANALYZE is None, reason="there is no systemd-analyze")

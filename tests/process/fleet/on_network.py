@@ -15,19 +15,23 @@ from tests.process.fleet.fleet_process import Fleet
 LEFT = Place("lab", "left")
 
 
+def configuration_of(lab: Fleet, name: str, certificates: Path | None = None) -> zenoh.Config:
+    """Return the configuration of who has a certificate, and tries until he is let in."""
+    own = (certificates or lab.certificates) / name
+    tls = Tls(str(own / "ca.pem"), str(own / "own.pem"), str(own / "own.key"))
+    return configuration(Network([lab.endpoint], tls=tls), "client")
+
+
 @contextlib.contextmanager
 def connected(
     lab: Fleet, name: str | None, certificates: Path | None = None
 ) -> Iterator[zenoh.Session]:
     """Be on the network with a certificate, or without one; raises `ZError` if not let in."""
-    folder = certificates or lab.certificates
-    own = folder / (name or "op1")
-    tls = Tls(str(own / "ca.pem"), str(own / "own.pem"), str(own / "own.key"))
-    config = configuration(Network([lab.endpoint], tls=tls), "client")
+    config = configuration_of(lab, name or "op1", certificates)
     config.insert_json5("connect/timeout_ms", "2000")
     config.insert_json5("connect/exit_on_failure", "true")
     if name is None:
-        authority = {"root_ca_certificate": tls.ca}
+        authority = {"root_ca_certificate": str(lab.certificates / "op1/ca.pem")}
         config.insert_json5("transport/link/tls", json.dumps(authority))
     session = zenoh.open(config)
     try:

@@ -5,14 +5,17 @@ What the rules cannot see, hostile and repeated messages, is tried in test_hosti
 
 import json
 import subprocess
+import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 import zenoh
 
+from litegrip_fleet.far.room import MOST_OF_A_USER, MOST_SESSIONS
 from litegrip_fleet.wire.messages import Ask, Reply, packed, unpacked
 from litegrip_fleet.wire.network import the_newest
-from tests.process.daemon_process import DEADLINE_S, wait_a_moment
+from tests.process.daemon_process import DEADLINE_S, DaemonProcess, wait_a_moment
 from tests.process.fleet.fleet_process import Fleet, make_certificates
 from tests.process.fleet.on_network import LEFT, answers, connected
 
@@ -141,24 +144,72 @@ def test_a_certificate_of_another_authority_is_not_let_in(site: Fleet, tmp_path:
         pass
 
 
+def test_a_certificate_that_is_made_here_is_let_in_while_it_is_valid(
+    site: Fleet, tmp_path: Path
+) -> None:
+    """So that the next tests refuse what they say."""
+    make_certificate(site.certificates, tmp_path / "op1", -3600, 3600)
+    with connected(site, "op1", tmp_path) as session:
+        assert list(session.info.routers_zid())
+
+
 def test_an_expired_certificate_is_not_let_in(site: Fleet, tmp_path: Path) -> None:
     folder = tmp_path / "expired"
-    make_expired(site.certificates, folder / "op1")
+    make_certificate(site.certificates, folder / "op1", -48 * 3600, -24 * 3600)
     with pytest.raises(zenoh.ZError), connected(site, "op1", folder):
         pass
 
 
-def make_expired(authority: Path, own: Path) -> None:
-    """Make a certificate for op1 that was good for a day, long ago."""
+def test_a_certificate_of_a_machine_whose_clock_is_hours_ahead_is_not_let_in_yet(
+    site: Fleet, tmp_path: Path
+) -> None:
+    folder = tmp_path / "early"
+    make_certificate(site.certificates, folder / "op1", 3 * 3600, 24 * 3600)
+    with pytest.raises(zenoh.ZError), connected(site, "op1", folder):
+        pass
+
+
+def test_a_certificate_that_is_over_in_mid_session_ends_it_and_lets_nobody_in_again(
+    site: Fleet, tmp_path: Path
+) -> None:
+    """The gateway's session for it then shows no life, and ends with its time to live."""
+    folder = tmp_path / "short"
+    until_s = make_certificate(site.certificates, folder / "op1", -3600, 8)
+    with connected(site, "op1", folder) as session:
+        key = LEFT.rpc("op1", "short", "operator")
+        while not answers(session, key, b"", packed(Ask("open", ttl_s=5.0))):
+            assert time.time() < until_s, "this machine is too busy: it is over"
+        while session.info.routers_zid():
+            assert time.time() < until_s + DEADLINE_S
+            wait_a_moment(site.router.process)
+        assert time.time() > until_s - 1.0
+        assert answers(session, key, b"", packed(Ask("live"))) == []
+    with pytest.raises(zenoh.ZError), connected(site, "op1", folder):
+        pass
+    with connected(site, "op1") as session:  # with another certificate, he is the same user
+        assert opening(session, "op1", "operator") is not None
+
+
+def make_certificate(authority: Path, own: Path, from_s: float, until_s: float) -> float:
+    """Make a certificate for op1, valid from and until so many seconds after now.
+
+    Return the Unix time when it is over.
+    """
+    now_s = time.time()
+    starts, ends = (
+        time.strftime("%Y%m%d%H%M%SZ", time.gmtime(now_s + after_s))
+        for after_s in (from_s, until_s)
+    )
     own.mkdir(parents=True)
     (own / "ca.pem").write_bytes((authority / "ca.pem").read_bytes())
     (own / "index").touch()
     (own / "ca.cnf").write_text(
         f"[ca]\ndefault_ca=own\n[own]\ndatabase={own}/index\nnew_certs_dir={own}\nrand_serial=yes\n"
-        "default_md=sha256\npolicy=any\n[any]\ncommonName=supplied\n",
+        "default_md=sha256\npolicy=any\nx509_extensions=client\n[any]\ncommonName=supplied\n"
+        "[client]\nbasicConstraints=critical,CA:FALSE\nextendedKeyUsage=clientAuth\n",
         encoding="utf-8",
     )
-    dates = "-startdate 20200101000000Z -enddate 20200102000000Z"
+    dates = f"-startdate {starts} -enddate {ends}"
     for command in (
         f"req -newkey rsa:2048 -nodes -subj /CN=op1 -keyout {own}/own.key -out {own}/own.csr",
         f"ca -batch -config {own}/ca.cnf -cert {authority}/ca.pem -keyfile {authority}/ca.key",
@@ -166,6 +217,7 @@ def make_expired(authority: Path, own: Path) -> None:
         files = f"-in {own}/own.csr -out {own}/own.pem {dates}" if command[:2] == "ca" else ""
         arguments = ["openssl", *command.split(), *files.split()]
         subprocess.run(arguments, check=True, capture_output=True, timeout=DEADLINE_S)
+    return now_s + until_s
 
 
 def test_a_gateway_sees_its_own_grippers_and_no_others(site: Fleet) -> None:
@@ -180,3 +232,29 @@ def test_a_gateway_sees_its_own_grippers_and_no_others(site: Fleet) -> None:
         assert seen(gateway, f"{LEFT.key}/**") == []
         assert seen(gateway, "litegripd/1/*/*/alive") == []
         assert seen(forger, LEFT.alive) == []
+
+
+def test_two_users_who_fill_a_grippers_sessions_leave_one_for_a_third(
+    site: Fleet, gripper: DaemonProcess
+) -> None:
+    """And who is refused is told why, and who has them."""
+
+    def filled(session: zenoh.Session, user: str, role: str) -> dict[str, Any]:
+        for number in range(2 * MOST_SESSIONS):
+            key, begins = LEFT.rpc(user, f"many-{number}", role), packed(Ask("open", ttl_s=5.0))
+            while not (found := answers(session, key, b"", begins)):
+                continue
+            if (gone := unpacked(Reply, found[0].attached).gone) is not None:
+                return gone
+        raise AssertionError("there is no end")
+
+    with connected(site, "op1") as op1, connected(site, "viewer") as viewer:
+        assert filled(op1, "op1", "operator")["data"]["reason"] == "too_many_connections"
+        told = filled(viewer, "viewer", "observer")
+        assert f"op1 has {MOST_OF_A_USER}, viewer has " in told["message"]
+        with connected(site, "op2") as op2:
+            begun = opening(op2, "op2", "operator")
+        assert begun is not None
+        assert begun.about is not None
+    with gripper.connect() as local:  # they end with their time, for the tests that follow
+        local.until(lambda _state: len(local.result("clients.list")["clients"]) < MOST_OF_A_USER)

@@ -26,9 +26,10 @@ from bench.hostile.clients import OTHERS_RIGHT
 from bench.hostile.lines import HostileLines
 from bench.hostile.polite import Polite
 from litegrip_fleet.far.gateway import MOST_ASKED_ABOUT
-from litegrip_fleet.wire.lateness import MOTION_COUNTS_S
+from litegrip_fleet.wire.lateness import MOTION_COUNTS_S, STOP_WITHIN_S
 from litegrip_fleet.wire.messages import LONGEST_BYTES, VERSION, Ask, Reply, packed, unpacked
 from litegrip_fleet.wire.network import Answered, ask, the_newest
+from litegrip_fleet.wire.site import look
 from litegripd.app.build import METHODS
 from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess
 from tests.process.fleet.fleet_process import Fleet, Part, fleet
@@ -60,7 +61,8 @@ ODD: tuple[object, ...] = (
 @pytest.fixture
 def lab(tmp_path: Path, certificates: Path, gripper: DaemonProcess) -> Iterator[Fleet]:
     """A fleet for each test: what one has sent may still be on its way."""
-    with fleet(tmp_path / "fleet", certificates, {"left": gripper.socket_path}) as running:
+    sockets, users = {"left": gripper.socket_path}, {"op1": "operator", "viewer": "observer"}
+    with fleet(tmp_path / "fleet", certificates, sockets, users=users) as running:
         yield running
 
 
@@ -295,7 +297,65 @@ def test_a_flood_of_questions_how_it_is_costs_one_connection(
         assert len(answers(session, LEFT.about)) == 1
 
 
+def test_a_stop_that_was_not_confirmed_does_nothing_after_a_later_clearing(
+    lab: Fleet, gripper: DaemonProcess
+) -> None:
+    """The gateway's clock is this machine's; what is sent here is as old as it says."""
+    stop = b'{"jsonrpc":"2.0","id":1,"method":"stop","params":{"level":"hold"}}\n'
+
+    def sent(at_s: float | None) -> dict[str, Any]:
+        message = None if at_s is None else packed(Ask("line", at_s=at_s))
+        (answer,) = answers(session, LEFT.stop("op1"), stop, message)
+        said: dict[str, Any] = json.loads(answer.payload)
+        return said
+
+    with gripper.connect() as local, connected(lab, "op1") as session:
+        reply_to(session, "s-1", Ask("open", ttl_s=5.0))  # from now on it is heard
+        begun_s = time.monotonic()
+        assert "result" in sent(begun_s)
+        local.result("stop.clear")
+        local.until(lambda state: bool(state["monotonic_s"] > begun_s + STOP_WITHIN_S + 0.1))
+        assert sent(begun_s)["error"]["data"]["reason"] == "too_late"
+        assert local.result("state.get")["stop"] is None
+        assert "came after it was cleared" in lab.gateway.log
+        assert "result" in sent(time.monotonic())
+        local.result("stop.clear")
+        assert "result" in sent(None)
+        assert local.result("state.get")["stop"] is not None
+
+
 # A flood ------------------------------------------------------------------------------------------
+
+
+def test_a_flood_of_questions_how_it_is_leaves_the_list_right(lab: Fleet) -> None:
+    over, room = threading.Event(), threading.Semaphore(10 * UNANSWERED)
+    done = zenoh.handlers.Callback(lambda _reply: None, room.release)
+    with (
+        connected(lab, "viewer") as flooding,
+        connected(lab, "op1") as session,
+        ThreadPoolExecutor(1) as aside,
+    ):
+
+        def flood() -> int:
+            count = 0
+            while not over.is_set():
+                if room.acquire(timeout=0.1):
+                    flooding.get(LEFT.about, handler=done, timeout=1.0)
+                    count += 1
+            return count
+
+        while not answers(session, LEFT.about):
+            continue
+        sent = aside.submit(flood)
+        try:
+            rows = [asyncio.run(look(session)) for _ in range(10)]
+        finally:
+            over.set()
+        print(f"{sent.result(DEADLINE_S)} questions beside")
+        assert [[(row.place, row.facts.get("error")) for row in found] for found in rows] == [
+            [(LEFT, None)]
+        ] * 10
+
 
 READS = """
 import sys
