@@ -23,26 +23,25 @@ function takeToken() {
 function start() {
   const channels = document.body.dataset.channels.split(" ");
   document.title = `LiteGrip ${channels.join(", ")}`;
-  const stops = document.querySelectorAll("[data-stop-all]");
   const token = takeToken();
   if (!token) {
     notice(
       "This address lacks its secret: open the whole one that litegripd-web printed, or your bookmark of it. " +
         "The page keeps no secret when it is loaded again.",
     );
-    for (const button of stops) button.disabled = true;
+    $("stop").disabled = true;
     return;
   }
   if (!isSecureContext) {
     notice("Browsers have no cryptography for this address: open the page at 127.0.0.1 or localhost, or with TLS.");
-    for (const button of stops) button.disabled = true;
+    $("stop").disabled = true;
     return;
   }
   document.body.classList.toggle("several", channels.length > 1);
   const secret = new Secret(token);
   const panels = channels.map((channel) => new Panel(channel, secret, $("grippers")));
-  const stop = new Stop(panels, document.querySelectorAll("[data-stop-text]"));
-  for (const button of stops) button.onclick = () => stop.press();
+  const stop = new Stop(panels, $("notice"));
+  $("stop").onclick = () => stop.press();
   addEventListener(
     "keydown",
     (event) => {

@@ -50,7 +50,7 @@ export class Panel extends EventTarget {
     this.world = new World(this);
     this.jaws = new Jaws(this.#nodes.jaws, this.world);
     this.control = new Control(this);
-    const stop = new Stop([this], [this.#nodes.outcome]);
+    const stop = new Stop([this], this.#nodes.outcome);
     this.#nodes.stop.onclick = () => stop.press();
     const { wire } = this;
     wire.addEventListener("up", ({ detail }) => this.#begin(detail));

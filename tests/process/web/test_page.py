@@ -554,18 +554,6 @@ def test_a_frozen_page_server_is_late_too(
         expect(tab.locator("#notice")).to_contain_text("Stopped.")
 
 
-def test_stop_in_a_dialog_by_mouse_and_key(operated: Tab, client: Client) -> None:
-    enable(operated, client)
-    button(operated, "Zero …").click()
-    dialog = operated.get_by_role("dialog", name="Measure the travel")
-    dialog.get_by_role("button", name="STOP").click()
-    client.until(lambda state: state["stop"] is not None)
-    client.result("stop.clear")
-    operated.keyboard.press("Escape")
-    client.until(lambda state: state["stop"] is not None)
-    expect(dialog.locator("[data-stop-text]")).to_contain_text("Stopped.")
-
-
 def test_a_lost_object_is_said_loudly_until_the_next_motion(
     window: BrowserContext, looking: Page, client: Client
 ) -> None:

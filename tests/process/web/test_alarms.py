@@ -1,0 +1,81 @@
+"""STOP, and what goes wrong: in sight and at hand wherever the page is scrolled, on each screen."""
+
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, expect
+from playwright.sync_api import Page as Tab
+
+from tests.process.daemon_process import DEADLINE_S, Client
+from tests.process.web.on_page import button, opened, take_control
+from tests.process.web.page_process import Page
+
+SCREENS = {"wide": (1400, 900), "phone": (390, 844), "phone, on its side": (844, 390)}
+
+
+@pytest.fixture(params=SCREENS)
+def window(chromium: Browser, request: pytest.FixtureRequest) -> Iterator[BrowserContext]:
+    """A window of each kind; all can be touched."""
+    width, height = SCREENS[request.param]
+    window = chromium.new_context(viewport={"width": width, "height": height}, has_touch=True)
+    window.set_default_timeout(DEADLINE_S * 1000)
+    yield window
+    window.close()
+
+
+def middle(tab: Tab, selector: str) -> tuple[float, float]:
+    """Return where somebody aims who sees it there: nothing is scrolled, nothing waited for."""
+    box = tab.locator(selector).bounding_box()
+    assert box is not None
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
+STOPS_IN_SIGHT = """
+() => [...document.querySelectorAll("button")].filter(
+  (node) => node.innerText.startsWith("STOP") && node.checkVisibility({visibilityProperty: true})
+).length
+"""
+
+
+@pytest.mark.parametrize("how", ["mouse", "touch", "Enter", "Escape"])
+def test_stop_works_behind_an_open_dialog(
+    window: BrowserContext, operating: Page, client: Client, how: str
+) -> None:
+    tab = opened(window, operating)
+    take_control(tab)
+    button(tab, "Zero …").click()
+    expect(tab.get_by_role("dialog")).to_be_visible()
+    assert tab.evaluate(STOPS_IN_SIGHT) == 1
+    if how == "mouse":
+        tab.mouse.click(*middle(tab, "#stop"))
+    elif how == "touch":
+        tab.touchscreen.tap(*middle(tab, "#stop"))
+    else:
+        if how == "Enter":
+            tab.locator("#stop").focus()
+        tab.keyboard.press(how)
+    client.until(lambda state: state["stop"] is not None)
+    expect(tab.locator("#notice")).to_contain_text("Stopped.")
+    expect(tab.get_by_role("dialog")).to_be_visible()
+    button(tab, "Cancel").click()
+    expect(tab.get_by_role("dialog")).to_be_hidden()
+
+
+def test_the_page_behind_a_dialog_is_out_of_reach(
+    window: BrowserContext, operating: Page, client: Client
+) -> None:
+    tab = opened(window, operating)
+    take_control(tab)
+    button(tab, "Zero …").click()
+    expect(tab.get_by_role("dialog")).to_be_visible()
+    tab.get_by_label("The jaws open").focus()
+    for _ in range(12):  # more than what can be reached
+        tab.keyboard.press("Tab")
+        assert tab.evaluate("!document.activeElement.closest('main, footer')")
+    place = tab.locator("[data-do=enable]").bounding_box()
+    assert place is not None
+    behind = "([x, y]) => document.elementFromPoint(x, y)?.closest('main') ?? null"
+    assert tab.evaluate(behind, [place["x"] + 2, place["y"] + 2]) is None
+    button(tab, "Cancel").click()
+    button(tab, "Zero …").click()  # the page is within reach again
+    expect(tab.get_by_role("dialog")).to_be_visible()
