@@ -113,7 +113,7 @@ export class Control {
     this.#isStopped = state.stop !== null;
     this.#allow();
     this.#showTarget();
-    this.#panel.node("clear-fault").hidden = state.mode !== "fault";
+    this.#panel.node("clear-fault").disabled = state.mode !== "fault";
   }
 
   /* Let be pressed what would do something now: behind a stop nothing that moves, and no opening is
@@ -140,8 +140,7 @@ export class Control {
 
   #showTarget() {
     const slider = this.#panel.node("slider");
-    const held = this.#isHolding && this.#has ? ": something is held" : "";
-    const text = `${figure(Number(slider.value), 1, "mm")}${held}`;
+    const text = this.#isHolding && this.#has ? "something is held" : figure(Number(slider.value), 1, "mm");
     this.#panel.node("slider-text").textContent = text;
     slider.setAttribute("aria-valuetext", text);
   }

@@ -13,6 +13,14 @@ function notice(text) {
   delete $("notice").dataset.stop;
 }
 
+/* Say in the bar, which is always in sight, what is wrong with each gripper. */
+function showAlarms(panels) {
+  const wrong = panels.filter(({ alarms }) => alarms.length);
+  const told = wrong.map(({ channel, alarms }) => (panels.length > 1 ? `${channel}: ` : "") + alarms.join(", "));
+  $("alarm").textContent = told.join("; ");
+  $("alarm").hidden = told.length === 0;
+}
+
 /* The secret stands behind the address, where no server sees it. From here on it is in memory alone. */
 function takeToken() {
   const token = location.hash.slice(1);
@@ -40,6 +48,7 @@ function start() {
   document.body.classList.toggle("several", channels.length > 1);
   const secret = new Secret(token);
   const panels = channels.map((channel) => new Panel(channel, secret, $("grippers")));
+  for (const panel of panels) panel.addEventListener("alarms", () => showAlarms(panels));
   const stop = new Stop(panels, $("notice"));
   $("stop").onclick = () => stop.press();
   addEventListener(

@@ -18,7 +18,7 @@ const HEALTH = { ok: "Healthy", degraded: "Impaired", down: "Out of order" };
 const UNSEEN =
   "No software sees what else pushes the jaws, a hand or a weight, nor a motor that makes other than it reports.";
 
-/* Dispatches "state" when a new one has been shown. */
+/* Dispatches "state" when a new one has been shown, and "alarms" when other things are wrong. */
 export class Panel extends EventTarget {
   #nodes = {};
   #offsetS = 0;
@@ -31,6 +31,7 @@ export class Panel extends EventTarget {
   #facts = new Map();
   gripper = null;
   state = null;
+  alarms = [];
 
   constructor(channel, secret, place) {
     super();
@@ -54,7 +55,7 @@ export class Panel extends EventTarget {
     this.#nodes.stop.onclick = () => stop.press();
     const { wire } = this;
     wire.addEventListener("up", ({ detail }) => this.#begin(detail));
-    wire.addEventListener("down", ({ detail }) => this.#end(detail.message));
+    wire.addEventListener("down", ({ detail }) => this.#end(detail));
     wire.addEventListener("state.sample", ({ detail }) => this.#show(detail.state));
     wire.addEventListener("event", ({ detail }) => this.#take(detail));
     setInterval(() => this.#look(), LOOK_EVERY_MS);
@@ -118,6 +119,24 @@ export class Panel extends EventTarget {
     }
   }
 
+  /* What is wrong now, the worst first; all of it is said elsewhere, too. */
+  #alarm(alarms) {
+    if (alarms.join() === this.alarms.join()) return;
+    this.alarms = alarms;
+    this.dispatchEvent(new Event("alarms"));
+  }
+
+  #showAlarms() {
+    if (this.state === null) return; // there is no connection, which is what is said
+    const { mode, status, stop } = this.state;
+    const alarms = [];
+    if (this.#lost !== null) alarms.push("OBJECT LOST");
+    if (mode === "fault") alarms.push(`FAULT: ${status.replaceAll("_", " ")}`);
+    if (this.#isLate) alarms.push("LATE");
+    if (stop !== null) alarms.push("STOPPED");
+    this.#alarm(alarms);
+  }
+
   /* What litegripd-web has kept of the last minute, as moments for the plots. */
   #moments({ fields, rows }) {
     return rows.map((row) => this.#moment(Object.fromEntries(fields.map((name, at) => [name, row[at]]))));
@@ -133,11 +152,11 @@ export class Panel extends EventTarget {
     };
   }
 
-  #end(message) {
+  #end({ message, lacks }) {
     this.state = null;
     this.#hush();
     this.#lease = this.#health = null;
-    this.#nodes.mode.textContent = "no daemon";
+    this.#nodes.mode.textContent = `no ${lacks}`;
     this.#nodes.mode.dataset.mode = "offline";
     this.#nodes.why.textContent = message;
     this.#nodes.stopped.hidden = this.#nodes.doubted.hidden = true;
@@ -146,6 +165,7 @@ export class Panel extends EventTarget {
     this.#isLate = false;
     this.article.classList.remove("late");
     this.article.classList.add("down");
+    this.#alarm([`NO ${lacks.toUpperCase()}`]);
     this.jaws.show({ opening: null, command: null, isGrasped: false, isStale: true });
     this.control.end();
     this.world.end();
@@ -215,6 +235,7 @@ export class Panel extends EventTarget {
     if (event.kind === "object_lost") this.#lost = event;
     else if (event.kind === "job_started") this.#lost = null;
     this.#showLoss(this.#lost !== null);
+    this.#showAlarms();
     if (this.#lost === null) return;
     const message = inPageWords(this.#lost.message, this.#lost.terms?.message);
     text.textContent = `At ${time(this.#lost.monotonic_s + this.#offsetS)}: ${message}.`;
@@ -258,6 +279,7 @@ export class Panel extends EventTarget {
     held.dataset.on = state.is_grasped === null ? "unknown" : state.is_grasped;
     held.textContent = { true: "object detected", false: "no object", null: "object?" }[state.is_grasped];
     stopped.hidden = state.stop === null;
+    this.#showAlarms();
     if (this.#isLate) {
       mode.dataset.mode = "late";
       mode.textContent = "late";

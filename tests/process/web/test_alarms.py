@@ -1,14 +1,17 @@
 """STOP, and what goes wrong: in sight and at hand wherever the page is scrolled, on each screen."""
 
+import contextlib
+import os
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, BrowserContext, expect
 from playwright.sync_api import Page as Tab
 
-from tests.process.daemon_process import DEADLINE_S, Client
-from tests.process.web.on_page import button, opened, take_control
-from tests.process.web.page_process import Page
+from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess
+from tests.process.web.on_page import button, grasp, opened, part, places, take_control
+from tests.process.web.page_process import Page, page
 
 SCREENS = {"wide": (1400, 900), "phone": (390, 844), "phone, on its side": (844, 390)}
 
@@ -79,3 +82,53 @@ def test_the_page_behind_a_dialog_is_out_of_reach(
     button(tab, "Cancel").click()
     button(tab, "Zero …").click()  # the page is within reach again
     expect(tab.get_by_role("dialog")).to_be_visible()
+
+
+def to_the_controls(tab: Tab) -> None:
+    """Scroll to where somebody grasps, who does not see what the jaws' head says."""
+    button(tab, "Grasp").evaluate("(node) => node.scrollIntoView({block: 'end'})")
+    tab.evaluate("scrollBy(0, 100)")
+
+
+def test_a_loss_and_a_fault_are_said_where_the_buttons_are(
+    window: BrowserContext, operating: Page, client: Client
+) -> None:
+    grasp(client)
+    tab = opened(window, operating)
+    take_control(tab)
+    to_the_controls(tab)
+    alarm = tab.locator("#alarm")
+    expect(alarm).to_be_hidden()
+    before = places(tab)
+    client.result("sim.object")
+    expect(alarm).to_have_text("OBJECT LOST")
+    expect(alarm).to_be_in_viewport(ratio=1)
+    tab.keyboard.press("Escape")
+    expect(alarm).to_have_text("OBJECT LOST, STOPPED")
+    button(tab, "Clear the stop").dispatch_event("click")  # without scrolling there
+    client.result("sim.fault", name="overload")
+    expect(alarm).to_have_text("OBJECT LOST, FAULT: overload")
+    expect(alarm).to_be_in_viewport(ratio=1)
+    assert alarm.evaluate("(node) => node.scrollHeight <= node.clientHeight")
+    assert places(tab) == before
+
+
+def test_a_daemon_and_a_page_server_that_are_gone_are_said_where_the_buttons_are(
+    window: BrowserContext, tmp_path: Path
+) -> None:
+    socket_path = tmp_path / "rpc.sock"
+    with contextlib.ExitStack() as stack:
+        daemon = DaemonProcess(
+                tmp_path, f"gone-{os.getpid()}", "--simulate", "--socket", str(socket_path)
+            )
+        stack.callback(daemon.kill)
+        running = stack.enter_context(page("--socket", str(socket_path), "--operate"))
+        tab = opened(window, running)
+        to_the_controls(tab)
+        alarm = tab.locator("#alarm")
+        expect(alarm).to_be_hidden()
+        daemon.kill()
+        expect(alarm).to_have_text("NO DAEMON")
+        expect(alarm).to_be_in_viewport(ratio=1)
+    expect(alarm).to_have_text("NO CONNECTION")
+    expect(part(tab, "mode")).to_have_text("no connection")
