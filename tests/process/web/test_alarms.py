@@ -13,6 +13,7 @@ from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess
 from tests.process.web.on_page import button, grasp, opened, part, places, take_control
 from tests.process.web.page_process import Page, page
 
+RED = "rgb(179, 20, 30)"
 SCREENS = {"wide": (1400, 900), "phone": (390, 844), "phone, on its side": (844, 390)}
 
 
@@ -119,16 +120,49 @@ def test_a_daemon_and_a_page_server_that_are_gone_are_said_where_the_buttons_are
     socket_path = tmp_path / "rpc.sock"
     with contextlib.ExitStack() as stack:
         daemon = DaemonProcess(
-                tmp_path, f"gone-{os.getpid()}", "--simulate", "--socket", str(socket_path)
-            )
+            tmp_path, f"gone-{os.getpid()}", "--simulate", "--socket", str(socket_path)
+        )
         stack.callback(daemon.kill)
         running = stack.enter_context(page("--socket", str(socket_path), "--operate"))
         tab = opened(window, running)
         to_the_controls(tab)
         alarm = tab.locator("#alarm")
         expect(alarm).to_be_hidden()
+        expect(tab.locator("#stop")).to_have_css("background-color", RED)
         daemon.kill()
+        expect(tab.locator("#stop")).not_to_have_css("background-color", RED)
         expect(alarm).to_have_text("NO DAEMON")
         expect(alarm).to_be_in_viewport(ratio=1)
     expect(alarm).to_have_text("NO CONNECTION")
     expect(part(tab, "mode")).to_have_text("no connection")
+
+
+def test_a_page_loaded_again_says_how_to_go_on_and_the_whole_address_works_there(
+    window: BrowserContext, operating: Page, client: Client
+) -> None:
+    tab = opened(window, operating)
+    stop = tab.locator("#stop")
+    expect(stop).to_have_css("background-color", RED)
+    tab.reload()
+    expect(stop).to_be_disabled()
+    expect(stop).not_to_have_css("background-color", RED)
+    told = tab.get_by_role("main")
+    expect(told).to_contain_text("STOP does nothing here")
+    expect(told).to_contain_text(f'echo "{operating.url}#$(cat /run/litegripd-web/token)"')
+    tab.goto(operating.told)  # in the same tab: only what stands behind "#" is another
+    expect(part(tab, "mode")).to_have_text("disabled")
+    expect(stop).to_have_css("background-color", RED)
+    stop.click()
+    client.until(lambda state: state["stop"] is not None)
+
+
+def test_the_address_for_a_bookmark_is_the_whole_one(
+    window: BrowserContext, operating: Page, client: Client
+) -> None:
+    window.grant_permissions(["clipboard-read", "clipboard-write"])
+    tab = opened(window, operating)
+    assert operating.token not in tab.url
+    button(tab, "Copy the whole address").click()
+    expect(tab.get_by_text("Copied: make a bookmark of it.")).to_be_visible()
+    assert tab.evaluate("navigator.clipboard.readText()") == operating.told
+    assert operating.token not in tab.content()
