@@ -127,6 +127,7 @@ export class Control {
 
   /* Show who has the gripper; null where that is not known. */
   showLease(lease) {
+    if (lease && !lease.mine) this.#renew(); // who has lost it is told why
     if (lease) this.#set(lease.mine);
     const isTaken = Boolean(lease?.owner) && !lease.mine;
     this.#panel.node("take").hidden = this.#has || isTaken;

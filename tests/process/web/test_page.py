@@ -106,8 +106,11 @@ def test_control_of_another_program_can_be_taken_over(operated: Tab, client: Cli
     button(operated, "Take it over").click()
     expect(button(operated, "Open")).to_be_enabled()
     assert client.refusal("motion.hold") == "lease_lost"
-    client.result("lease.take", why="back")
+    client.result("lease.take", why="I need it")
     expect(button(operated, "Open")).to_be_disabled()
+    for told in (part(operated, "outcome"), operated.locator("#toasts")):
+        expect(told).to_contain_text("You no longer have control")
+        expect(told).to_contain_text(re.compile(r"taken over by .* \(pid \d+, uid \d+\): I need it"))
 
 
 def test_the_slider_moves_the_jaws(operated: Tab, client: Client) -> None:
