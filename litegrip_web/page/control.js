@@ -197,7 +197,7 @@ export class Control {
   }
 
   async #do(name, method, params = {}) {
-    this.#panel.tell(`${name} …`);
+    this.#panel.tell(`${name} …`, false);
     try {
       const result = await this.#call(method, params);
       this.#panel.tell(outcome(name, result));

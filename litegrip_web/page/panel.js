@@ -13,6 +13,7 @@ import { World } from "./world.js";
 const HZ = 20;
 const LOOK_EVERY_MS = 1000;
 const AGE_EVERY_MS = 200;
+const OVERTAKES = new Set(["job_started", "motor", "stop", "stop_cleared"]);
 const LATE_S = 1;
 const HEALTH = { ok: "Healthy", degraded: "Impaired", down: "Out of order" };
 const UNSEEN =
@@ -28,6 +29,8 @@ export class Panel extends EventTarget {
   #lost = null;
   #isLate = false;
   #operates = false;
+  #isOver = false;
+  #toldS = 0;
   #facts = new Map();
   gripper = null;
   state = null;
@@ -66,10 +69,12 @@ export class Panel extends EventTarget {
     return this.#nodes[name];
   }
 
-  /* Say how something ended, or what goes on. */
-  tell(text) {
+  /* Say how something ended, until something else happens; or what goes on, if it is not over. */
+  tell(text, isOver = true) {
     this.#nodes.outcome.textContent = text;
     delete this.#nodes.outcome.dataset.stop;
+    this.#isOver = isOver;
+    this.#toldS = this.wire.age(0) ?? Infinity; // by the daemon's clock, at the latest
   }
 
   /* Say no more what was said of a connection that has ended; what came of a STOP stays. */
@@ -122,6 +127,7 @@ export class Panel extends EventTarget {
   /* What is wrong now, the worst first; all of it is said elsewhere, too. */
   #alarm(alarms) {
     if (alarms.join() === this.alarms.join()) return;
+    if (this.#isOver && alarms.some((alarm) => !this.alarms.includes(alarm))) this.#hush();
     this.alarms = alarms;
     this.dispatchEvent(new Event("alarms"));
   }
@@ -203,6 +209,7 @@ export class Panel extends EventTarget {
   async #take(event) {
     this.events.add(event, this.#offsetS);
     this.#noteLoss(event);
+    if (OVERTAKES.has(event.kind) && this.#isOver && event.monotonic_s > this.#toldS) this.#hush();
     if (event.kind === "lease" || event.kind === "lease_lost") await this.#look();
     if (event.kind === "calibration") {
       this.gripper = (await this.wire.hello()).gripper;

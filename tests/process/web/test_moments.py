@@ -13,7 +13,9 @@ from playwright.sync_api import Page as Tab
 
 from tests.process.daemon_process import Client, DaemonProcess
 from tests.process.web.on_page import (
+    OBJECT_MM,
     button,
+    enable,
     grasp,
     opened,
     part,
@@ -93,3 +95,36 @@ def test_the_ruler_says_the_opening_also_while_it_is_late(
         expect(said).to_have_class("said unknown")
         expect(said).to_have_text(f"{opening_mm:.1f} mm")
     expect(said).to_have_class("said")
+
+
+def test_no_outcome_stands_beside_what_contradicts_it(
+    operated: Tab, simulated: DaemonProcess, client: Client
+) -> None:
+    outcome, mode = part(operated, "outcome"), part(operated, "mode")
+    client.result("sim.object", width_mm=OBJECT_MM)
+    enable(operated, client)
+    button(operated, "Grasp").click()
+    expect(outcome).to_contain_text("grasp: object held")
+    client.result("sim.object")
+    expect(part(operated, "lost")).to_be_visible()
+    expect(outcome).to_have_text("")
+    for told in ("clear the stop: done", "enable: done"):
+        client.result("stop", level="disable")
+        expect(mode).to_have_text("STOPPED")
+        expect(outcome).to_have_text("")
+        button(operated, "Clear the stop").click()
+        expect(outcome).to_have_text("clear the stop: done")
+        if told == "enable: done":
+            button(operated, "Enable").click()
+            expect(outcome).to_have_text(told)
+    client.result("lease.take", why="my turn")
+    expect(outcome).to_contain_text("You no longer have control")
+    told_s = client.result("state.get")["monotonic_s"]
+    client.until(lambda state: bool(state["monotonic_s"] > told_s + 1))  # by the page's clock, too
+    client.result("motion.close")
+    expect(outcome).to_have_text("")
+    button(operated, "Take it over").click()
+    expect(outcome).to_contain_text("You have control")
+    with frozen(simulated.process):  # for longer, maybe, than a lease lives
+        expect(mode).to_have_text("late")
+        expect(outcome).to_have_text("")
