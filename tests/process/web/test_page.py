@@ -11,6 +11,7 @@ import pytest
 from playwright.sync_api import BrowserContext, expect
 from playwright.sync_api import Page as Tab
 
+from litegrip_client.values.voices import CALLS
 from tests.process.daemon_process import Client, DaemonProcess, daemon
 from tests.process.web.on_page import (
     OBJECT_MM,
@@ -110,7 +111,9 @@ def test_control_of_another_program_can_be_taken_over(operated: Tab, client: Cli
     expect(button(operated, "Open")).to_be_disabled()
     for told in (part(operated, "outcome"), operated.locator("#toasts")):
         expect(told).to_contain_text("You no longer have control")
-        expect(told).to_contain_text(re.compile(r"taken over by .* \(pid \d+, uid \d+\): I need it"))
+        expect(told).to_contain_text(
+            re.compile(r"taken over by .* \(pid \d+, uid \d+\): I need it")
+        )
 
 
 def test_the_slider_moves_the_jaws(operated: Tab, client: Client) -> None:
@@ -630,6 +633,36 @@ def test_a_taught_motion_is_not_replaced_unasked(operated: Tab, client: Client) 
     client.until(lambda state: bool(state["job"] and state["job"]["kind"] == "record"))
     button(operated, "End and keep").click()
     expect(part(operated, "outcome")).to_contain_text("kept as wave")
+
+
+def test_messages_have_the_words_of_the_page(operated: Tab, client: Client) -> None:
+    enable(operated, client)
+    part(operated, "name").fill("nothere")
+    button(operated, "Replay").click()
+    outcome = part(operated, "outcome")
+    expect(outcome).to_contain_text("no trajectory 'nothere'; the field “Name” lists them")
+    part(operated, "pace").fill("10")
+    button(operated, "Close").click()
+    client.until(lambda state: bool(state["job"]))
+    button(operated, "Teach").click()
+    expect(outcome).to_contain_text(
+        "wait for it (“Events” tell when it ends), cancel it ('litegripctl cancel JOB') or stop"
+    )
+
+
+WITHOUT_WORDS = """
+async (methods) => {
+  const { inPageWords } = await import("./format.js");
+  const told = (method) =>
+    inPageWords(method, [{ start: 0, end: method.length, method, parameter: null }]);
+  return methods.filter((method) => told(method) === method);
+}
+"""
+
+
+def test_the_page_has_words_for_what_the_shell_has_words_for(shown: Tab) -> None:
+    methods = [method for method, (_, command) in CALLS.items() if command]
+    assert shown.evaluate(WITHOUT_WORDS, methods) == []
 
 
 def test_dark_and_light_are_chosen_and_kept(shown: Tab) -> None:
