@@ -56,6 +56,8 @@ export class Panel extends EventTarget {
     this.control = new Control(this);
     const stop = new Stop([this], this.#nodes.outcome);
     this.#nodes.stop.onclick = () => stop.press();
+    const text = this.#nodes["stop-text"];
+    text.onclick = () => this.#showWhole(text.ariaExpanded === "false");
     const { wire } = this;
     wire.addEventListener("up", ({ detail }) => this.#begin(detail));
     wire.addEventListener("down", ({ detail }) => this.#end(detail));
@@ -301,12 +303,20 @@ export class Panel extends EventTarget {
       mode.textContent = does;
       why.textContent = this.#reason(state);
     }
-    if (state.stop === null) return;
+    if (state.stop === null) return this.#showWhole(false);
     const { by, why: reason, since_s: since, level } = state.stop;
     const when = time(since + this.#offsetS);
     text.textContent =
-      `Stopped (${level}) at ${when} by ${by ?? "somebody unknown"}${reason ? `: ${reason}` : ""}. ` +
-      `Nothing moves until it is cleared: ${this.#operates ? "by who has control" : "'litegripctl clear'"}.`;
+      `Stopped (${level}) at ${when} by ${by ?? "somebody unknown"}${reason ? `: ${reason}` : ""}.`;
+    this.#nodes["stop-until"].textContent =
+      `Nothing moves until it is cleared${this.#operates ? "" : ": 'litegripctl clear'"}.`;
+  }
+
+  /* Show all of a stop's reason, however long it is; or as much as there is room for. */
+  #showWhole(isWhole) {
+    const { stopped, "stop-text": text } = this.#nodes;
+    stopped.parentElement.classList.toggle("whole", isWhole);
+    text.ariaExpanded = isWhole;
   }
 
   /* Say that the millimetres are probably wrong, as long as the daemon doubts them. */

@@ -97,6 +97,40 @@ def test_the_ruler_says_the_opening_also_while_it_is_late(
     expect(said).to_have_class("said")
 
 
+REASON = (
+    "the reason that somebody gave, which goes on and on for a while, and tells who may clear it"
+)
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_a_long_reason_hides_nothing_and_all_of_it_can_be_read(
+    operated: Tab, client: Client, size: str
+) -> None:
+    width, height = SIZES[size]
+    operated.set_viewport_size({"width": width, "height": height})
+    wait_until_it_fits(operated)
+    client.result("stop", level="hold", why=f"{REASON}. {REASON}" if size == "wide" else REASON)
+    text, until = part(operated, "stop-text"), part(operated, "stop-until")
+    expect(text).to_contain_text(REASON)
+    expect(text).to_have_css("-webkit-line-clamp", "1" if size == "wide" else "2")  # with "…"
+    is_cut = "(node) => node.scrollHeight > node.clientHeight"
+    assert text.evaluate(is_cut)
+    is_inside = """(place) => [...place.querySelectorAll("p, button")].every((node) =>
+      node.getBoundingClientRect().bottom <= place.getBoundingClientRect().bottom)"""
+    place = operated.locator(".stop-place")
+    assert place.evaluate(is_inside)
+    expect(until).to_have_text("Nothing moves until it is cleared.")
+    text.click()
+    assert not text.evaluate(is_cut)
+    assert place.evaluate(is_inside)
+    button(operated, "Take control").click()
+    button(operated, "Clear the stop").click()
+    expect(part(operated, "stopped")).to_be_hidden()
+    client.result("stop", level="hold", why="short")
+    expect(text).to_contain_text(": short.")
+    assert place.evaluate("(node) => !node.classList.contains('whole')")
+
+
 def test_no_outcome_stands_beside_what_contradicts_it(
     operated: Tab, simulated: DaemonProcess, client: Client
 ) -> None:

@@ -71,7 +71,7 @@ def test_who_only_looks_finds_nothing_to_act_with_but_the_stop(shown: Tab, clien
     shown.get_by_role("button", name="STOP Esc").click()
     expect(part(shown, "stop-text")).to_contain_text("Stopped (hold)")
     expect(part(shown, "stop-text")).to_contain_text(": STOP on the page")
-    expect(part(shown, "stop-text")).to_contain_text("litegripctl clear")
+    expect(part(shown, "stop-until")).to_contain_text("litegripctl clear")
     state = client.result("state.get")
     assert state["stop"]["level"] == "hold"
     assert state["job"] is None
