@@ -15,7 +15,7 @@ const LOOK_EVERY_MS = 1000;
 const AGE_EVERY_MS = 200;
 const OVERTAKES = new Set(["job_started", "motor", "stop", "stop_cleared"]);
 const LATE_S = 1;
-const HEALTH = { ok: "Healthy", degraded: "Impaired", down: "Out of order" };
+const HEALTH = { ok: "Healthy", degraded: "Degraded", down: "Down" };
 const UNSEEN =
   "No software sees what else pushes the jaws, a hand or a weight, nor a motor that makes other than it reports.";
 
@@ -366,7 +366,6 @@ export class Panel extends EventTarget {
     this.#fact("Coil", figure(state?.coil_temperature_c, 0, "°C"));
     this.#fact("Driver", figure(state?.driver_temperature_c, 0, "°C"));
     this.#fact("Time to the heat limit", isNumber(toLimit) ? figure(toLimit, 0, "s") : heat ? "none" : "--");
-    this.#fact("Tick lateness (99 %)", figure(this.#health?.control?.lateness.p99_us, 0, "µs"));
     this.#showHealth();
     this.#fact("On the object", felt, "wide", UNSEEN);
     this.#fact("Lease", held ? `${owner(held)}${purpose}` : lease ? "free" : "--", "wide");

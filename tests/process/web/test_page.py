@@ -650,6 +650,14 @@ def test_messages_have_the_words_of_the_page(operated: Tab, client: Client) -> N
     )
 
 
+def test_health_is_called_as_the_shell_calls_it(shown: Tab, client: Client) -> None:
+    text = part(shown, "health-text")
+    expect(text).to_have_text("Healthy")
+    client.result("sim.fault", name="overload")
+    verdict = client.until_health(lambda health: bool(health["verdict"] != "ok"))["verdict"]
+    expect(text).to_have_text(re.compile(f"^{verdict.capitalize()}: "))
+
+
 WITHOUT_WORDS = """
 async (methods) => {
   const { inPageWords } = await import("./format.js");
