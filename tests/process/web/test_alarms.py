@@ -91,6 +91,11 @@ def to_the_controls(tab: Tab) -> None:
     tab.evaluate("scrollBy(0, 100)")
 
 
+def aims(tab: Tab) -> list[str]:
+    """Return where all is that somebody aims at; a fault's health may take a line more."""
+    return [place for place in places(tab) if not place.startswith(("facts", "plots"))]
+
+
 def test_a_loss_and_a_fault_are_said_where_the_buttons_are(
     window: BrowserContext, operating: Page, client: Client
 ) -> None:
@@ -100,7 +105,7 @@ def test_a_loss_and_a_fault_are_said_where_the_buttons_are(
     to_the_controls(tab)
     alarm = tab.locator("#alarm")
     expect(alarm).to_be_hidden()
-    before = places(tab)
+    before = aims(tab)
     client.result("sim.object")
     expect(alarm).to_have_text("OBJECT LOST")
     expect(alarm).to_be_in_viewport(ratio=1)
@@ -111,7 +116,7 @@ def test_a_loss_and_a_fault_are_said_where_the_buttons_are(
     expect(alarm).to_have_text("OBJECT LOST, FAULT: overload")
     expect(alarm).to_be_in_viewport(ratio=1)
     assert alarm.evaluate("(node) => node.scrollHeight <= node.clientHeight")
-    assert places(tab) == before
+    assert aims(tab) == before
 
 
 def test_a_daemon_and_a_page_server_that_are_gone_are_said_where_the_buttons_are(
