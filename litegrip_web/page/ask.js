@@ -1,5 +1,7 @@
 /* A question before something of the user's is lost. */
 
+import { open } from "./dialog.js";
+
 /* Ask; return whether the answer was `yes`, the words on that button. */
 export function ask(text, yes) {
   const dialog = document.getElementById("ask");
@@ -7,13 +9,11 @@ export function ask(text, yes) {
   document.getElementById("ask-yes").textContent = yes;
   return new Promise((resolve) => {
     const end = (answer) => {
-      dialog.onclose = null;
       dialog.close();
       resolve(answer);
     };
     document.getElementById("ask-yes").onclick = () => end(true);
     document.getElementById("ask-no").onclick = () => end(false);
-    dialog.onclose = () => resolve(false);
-    dialog.showModal();
+    open(dialog);
   });
 }

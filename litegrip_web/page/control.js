@@ -113,7 +113,7 @@ export class Control {
     this.#isStopped = state.stop !== null;
     this.#allow();
     this.#showTarget();
-    this.#panel.node("clear-fault").hidden = state.mode !== "fault";
+    this.#panel.node("clear-fault").disabled = state.mode !== "fault";
   }
 
   /* Let be pressed what would do something now: behind a stop nothing that moves, and no opening is
@@ -127,6 +127,7 @@ export class Control {
 
   /* Show who has the gripper; null where that is not known. */
   showLease(lease) {
+    if (lease && !lease.mine) this.#renew(); // who has lost it is told why
     if (lease) this.#set(lease.mine);
     const isTaken = Boolean(lease?.owner) && !lease.mine;
     this.#panel.node("take").hidden = this.#has || isTaken;
@@ -140,8 +141,7 @@ export class Control {
 
   #showTarget() {
     const slider = this.#panel.node("slider");
-    const held = this.#isHolding && this.#has ? ": something is held" : "";
-    const text = `${figure(Number(slider.value), 1, "mm")}${held}`;
+    const text = this.#isHolding && this.#has ? "something is held" : figure(Number(slider.value), 1, "mm");
     this.#panel.node("slider-text").textContent = text;
     slider.setAttribute("aria-valuetext", text);
   }
@@ -197,7 +197,7 @@ export class Control {
   }
 
   async #do(name, method, params = {}) {
-    this.#panel.tell(`${name} …`);
+    this.#panel.tell(`${name} …`, false);
     try {
       const result = await this.#call(method, params);
       this.#panel.tell(outcome(name, result));

@@ -14,30 +14,85 @@ export function owner(program) {
   return program ? `${program.program} (pid ${program.pid})` : "nobody";
 }
 
-/* Methods that the daemon's messages name, as the buttons of this page read. */
-const BUTTONS = {
-  "stop.clear": "Clear the stop",
-  "lease.acquire": "Take control",
-  "lease.take": "Take it over",
-  "lease.release": "Give control back",
-  "motor.enable": "Enable",
-  "motor.disable": "Disable",
-  "motor.clear_fault": "Clear the fault",
-  "motion.hold": "Hold",
-  "motion.zero_gravity": "Let go",
-  "calibration.zero": "Zero",
-  "calibration.rescale": "Correct the scale only",
-  "trajectory.record_stop": "End and keep",
+/* What the daemon's messages name, in the words of this page: its buttons and fields, and for what it has
+   none of the command that does it (see litegrip_client/values/voices.py). */
+const WORDS = {
+  "calibration.get": "'litegripctl calibration'",
+  "calibration.load": "'litegripctl calibration load'",
+  "calibration.manual": "'litegripctl calibration manual'",
+  "calibration.rescale": "“Correct the scale only”",
+  "calibration.save": "'litegripctl calibration save'",
+  "calibration.templates": "'litegripctl calibration templates'",
+  "calibration.zero": "“Zero …”",
+  "clients.list": "'litegripctl clients'",
+  "config.get": "'litegripctl config'",
+  "config.set": "'litegripctl config set'",
+  "daemon.restart": "'litegripctl restart'",
+  "events.subscribe": "“Events”",
+  health: "“Healthy”",
+  "info.get": "'litegripctl info'",
+  "job.cancel": "'litegripctl cancel JOB'",
+  "job.list": "“Events”",
+  "job.wait": "“Events” tell when it ends",
+  "lease.acquire": "“Take control”",
+  "lease.get": "“Lease”",
+  "lease.release": "“Give control back”",
+  "lease.take": "“Take it over”",
+  "motion.close": "“Close”",
+  "motion.grasp": "“Grasp”",
+  "motion.hold": "“Hold”",
+  "motion.move": "“Opening to go to”",
+  "motion.open": "“Open”",
+  "motion.set_force": "“Set force”",
+  "motion.zero_gravity": "“Let go”",
+  "motor.clear_fault": "“Clear the fault”",
+  "motor.disable": "“Disable”",
+  "motor.enable": "“Enable”",
+  "motor.read_register": "'litegripctl register'",
+  "motor.scan": "'litegripctl doctor --scan'",
+  "recorder.dump": "'litegripctl dump'",
+  "rpc.discover": "'litegripctl discover'",
+  "sim.fault": "“Fault”",
+  "sim.heat": "'litegripctl sim heat'",
+  "sim.object": "“Put in” and “Take away”",
+  "sim.push": "“Push open” and “Push closed”",
+  "sim.reset": "“Reset”",
+  "state.get": "what this page shows",
+  "state.subscribe": "what this page shows",
+  stop: "STOP",
+  "stop.clear": "“Clear the stop”",
+  "teleop.start": "'litegripctl teleop'",
+  "teleop.status": "'litegripctl teleop status'",
+  "teleop.stop": "'litegripctl teleop stop'",
+  "trajectory.delete": "'litegripctl trajectories delete'",
+  "trajectory.list": "the field “Name”",
+  "trajectory.play": "“Replay”",
+  "trajectory.record_start": "“Teach”",
+  "trajectory.record_stop": "“End and keep”",
 };
 
-/* A text of the daemon's with the buttons in the place of methods; `terms` say where those are. */
+/* Parameters of the method that a message answers, as the fields read in which they were given. */
+const FIELDS = {
+  force_n: "“Force”",
+  mount: "“Mount”",
+  name: "“Name”",
+  opening_mm: "“Opening to go to”",
+  speed: "“Speed ×”",
+  speed_mm_s: "“Speed”",
+  stroke_mm: "“The jaws open”",
+  width_mm: "“Object”",
+};
+
+/* A text of the daemon's with the page's words in the place of methods and parameters; `terms` say where
+   those are. */
 export function inPageWords(text, terms = []) {
   const letters = [...text]; // places are counted in characters, as Python does
   let words = "";
   let at = 0;
-  for (const { start, end, method } of terms) {
-    if (!Object.hasOwn(BUTTONS, method)) continue;
-    words += `${letters.slice(at, start).join("")}“${BUTTONS[method]}”`;
+  for (const { start, end, method, parameter } of terms) {
+    const [table, name] = method === null ? [FIELDS, parameter] : [WORDS, method];
+    if (!Object.hasOwn(table, name)) continue;
+    words += letters.slice(at, start).join("") + table[name];
     at = end;
   }
   return words + letters.slice(at).join("");

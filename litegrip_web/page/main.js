@@ -13,6 +13,15 @@ function notice(text) {
   delete $("notice").dataset.stop;
 }
 
+/* Say in the bar, which is always in sight, what is wrong with each gripper. */
+function showAlarms(panels) {
+  const wrong = panels.filter(({ alarms }) => alarms.length);
+  const told = wrong.map(({ channel, alarms }) => (panels.length > 1 ? `${channel}: ` : "") + alarms.join(", "));
+  $("alarm").textContent = told.join("; ");
+  $("alarm").hidden = told.length === 0;
+  $("stop").classList.toggle("unreached", panels.every(({ alarms, state }) => alarms.length && !state));
+}
+
 /* The secret stands behind the address, where no server sees it. From here on it is in memory alone. */
 function takeToken() {
   const token = location.hash.slice(1);
@@ -23,26 +32,28 @@ function takeToken() {
 function start() {
   const channels = document.body.dataset.channels.split(" ");
   document.title = `LiteGrip ${channels.join(", ")}`;
-  const stops = document.querySelectorAll("[data-stop-all]");
   const token = takeToken();
+  // The whole address, opened where the page is shown already, loads nothing by itself.
+  addEventListener("hashchange", () => location.hash && location.reload());
   if (!token) {
-    notice(
-      "This address lacks its secret: open the whole one that litegripd-web printed, or your bookmark of it. " +
-        "The page keeps no secret when it is loaded again.",
-    );
-    for (const button of stops) button.disabled = true;
+    $("stop").disabled = true;
+    $("grippers").append($("secretless").content.cloneNode(true));
+    $("unit-address").textContent = `echo "${location.origin}/#$(cat /run/litegripd-web/token)"`;
     return;
   }
   if (!isSecureContext) {
     notice("Browsers have no cryptography for this address: open the page at 127.0.0.1 or localhost, or with TLS.");
-    for (const button of stops) button.disabled = true;
+    $("stop").disabled = true;
     return;
   }
+  $("whole").hidden = false;
+  $("copy").onclick = () => copy(`${location.origin}/#${token}`);
   document.body.classList.toggle("several", channels.length > 1);
   const secret = new Secret(token);
   const panels = channels.map((channel) => new Panel(channel, secret, $("grippers")));
-  const stop = new Stop(panels, document.querySelectorAll("[data-stop-text]"));
-  for (const button of stops) button.onclick = () => stop.press();
+  for (const panel of panels) panel.addEventListener("alarms", () => showAlarms(panels));
+  const stop = new Stop(panels, $("notice"));
+  $("stop").onclick = () => stop.press();
   addEventListener(
     "keydown",
     (event) => {
@@ -61,6 +72,16 @@ function start() {
   addEventListener("focusin", focus);
   addEventListener("pointerdown", focus);
   panels[0].article.classList.add("focused");
+}
+
+/* Copy the address for a bookmark, which the next owner of the port does not see until it is opened. */
+async function copy(address) {
+  try {
+    await navigator.clipboard.writeText(address);
+    $("copied").textContent = "Copied: make a bookmark of it. It is good as long as litegripd-web keeps this secret.";
+  } catch (error) {
+    $("copied").textContent = `Not copied: ${error.message}`;
+  }
 }
 
 /* A key acts on the gripper that this page controls; of several on the one that was used last. */

@@ -13,12 +13,13 @@ import { World } from "./world.js";
 const HZ = 20;
 const LOOK_EVERY_MS = 1000;
 const AGE_EVERY_MS = 200;
+const OVERTAKES = new Set(["job_started", "motor", "stop", "stop_cleared"]);
 const LATE_S = 1;
-const HEALTH = { ok: "Healthy", degraded: "Impaired", down: "Out of order" };
+const HEALTH = { ok: "Healthy", degraded: "Degraded", down: "Down" };
 const UNSEEN =
   "No software sees what else pushes the jaws, a hand or a weight, nor a motor that makes other than it reports.";
 
-/* Dispatches "state" when a new one has been shown. */
+/* Dispatches "state" when a new one has been shown, and "alarms" when other things are wrong. */
 export class Panel extends EventTarget {
   #nodes = {};
   #offsetS = 0;
@@ -28,9 +29,12 @@ export class Panel extends EventTarget {
   #lost = null;
   #isLate = false;
   #operates = false;
+  #isOver = false;
+  #toldS = 0;
   #facts = new Map();
   gripper = null;
   state = null;
+  alarms = [];
 
   constructor(channel, secret, place) {
     super();
@@ -50,11 +54,13 @@ export class Panel extends EventTarget {
     this.world = new World(this);
     this.jaws = new Jaws(this.#nodes.jaws, this.world);
     this.control = new Control(this);
-    const stop = new Stop([this], [this.#nodes.outcome]);
+    const stop = new Stop([this], this.#nodes.outcome);
     this.#nodes.stop.onclick = () => stop.press();
+    const text = this.#nodes["stop-text"];
+    text.onclick = () => this.#showWhole(text.ariaExpanded === "false");
     const { wire } = this;
     wire.addEventListener("up", ({ detail }) => this.#begin(detail));
-    wire.addEventListener("down", ({ detail }) => this.#end(detail.message));
+    wire.addEventListener("down", ({ detail }) => this.#end(detail));
     wire.addEventListener("state.sample", ({ detail }) => this.#show(detail.state));
     wire.addEventListener("event", ({ detail }) => this.#take(detail));
     setInterval(() => this.#look(), LOOK_EVERY_MS);
@@ -65,10 +71,12 @@ export class Panel extends EventTarget {
     return this.#nodes[name];
   }
 
-  /* Say how something ended, or what goes on. */
-  tell(text) {
+  /* Say how something ended, until something else happens; or what goes on, if it is not over. */
+  tell(text, isOver = true) {
     this.#nodes.outcome.textContent = text;
     delete this.#nodes.outcome.dataset.stop;
+    this.#isOver = isOver;
+    this.#toldS = this.wire.age(0) ?? Infinity; // by the daemon's clock, at the latest
   }
 
   /* Say no more what was said of a connection that has ended; what came of a STOP stays. */
@@ -118,6 +126,25 @@ export class Panel extends EventTarget {
     }
   }
 
+  /* What is wrong now, the worst first; all of it is said elsewhere, too. */
+  #alarm(alarms) {
+    if (alarms.join() === this.alarms.join()) return;
+    if (this.#isOver && alarms.some((alarm) => !this.alarms.includes(alarm))) this.#hush();
+    this.alarms = alarms;
+    this.dispatchEvent(new Event("alarms"));
+  }
+
+  #showAlarms() {
+    if (this.state === null) return; // there is no connection, which is what is said
+    const { mode, status, stop } = this.state;
+    const alarms = [];
+    if (this.#lost !== null) alarms.push("OBJECT LOST");
+    if (mode === "fault") alarms.push(`FAULT: ${status.replaceAll("_", " ")}`);
+    if (this.#isLate) alarms.push("LATE");
+    if (stop !== null) alarms.push("STOPPED");
+    this.#alarm(alarms);
+  }
+
   /* What litegripd-web has kept of the last minute, as moments for the plots. */
   #moments({ fields, rows }) {
     return rows.map((row) => this.#moment(Object.fromEntries(fields.map((name, at) => [name, row[at]]))));
@@ -133,11 +160,11 @@ export class Panel extends EventTarget {
     };
   }
 
-  #end(message) {
+  #end({ message, lacks }) {
     this.state = null;
     this.#hush();
     this.#lease = this.#health = null;
-    this.#nodes.mode.textContent = "no daemon";
+    this.#nodes.mode.textContent = `no ${lacks}`;
     this.#nodes.mode.dataset.mode = "offline";
     this.#nodes.why.textContent = message;
     this.#nodes.stopped.hidden = this.#nodes.doubted.hidden = true;
@@ -146,6 +173,7 @@ export class Panel extends EventTarget {
     this.#isLate = false;
     this.article.classList.remove("late");
     this.article.classList.add("down");
+    this.#alarm([`NO ${lacks.toUpperCase()}`]);
     this.jaws.show({ opening: null, command: null, isGrasped: false, isStale: true });
     this.control.end();
     this.world.end();
@@ -183,6 +211,7 @@ export class Panel extends EventTarget {
   async #take(event) {
     this.events.add(event, this.#offsetS);
     this.#noteLoss(event);
+    if (OVERTAKES.has(event.kind) && this.#isOver && event.monotonic_s > this.#toldS) this.#hush();
     if (event.kind === "lease" || event.kind === "lease_lost") await this.#look();
     if (event.kind === "calibration") {
       this.gripper = (await this.wire.hello()).gripper;
@@ -215,6 +244,7 @@ export class Panel extends EventTarget {
     if (event.kind === "object_lost") this.#lost = event;
     else if (event.kind === "job_started") this.#lost = null;
     this.#showLoss(this.#lost !== null);
+    this.#showAlarms();
     if (this.#lost === null) return;
     const message = inPageWords(this.#lost.message, this.#lost.terms?.message);
     text.textContent = `At ${time(this.#lost.monotonic_s + this.#offsetS)}: ${message}.`;
@@ -258,6 +288,7 @@ export class Panel extends EventTarget {
     held.dataset.on = state.is_grasped === null ? "unknown" : state.is_grasped;
     held.textContent = { true: "object detected", false: "no object", null: "object?" }[state.is_grasped];
     stopped.hidden = state.stop === null;
+    this.#showAlarms();
     if (this.#isLate) {
       mode.dataset.mode = "late";
       mode.textContent = "late";
@@ -272,12 +303,20 @@ export class Panel extends EventTarget {
       mode.textContent = does;
       why.textContent = this.#reason(state);
     }
-    if (state.stop === null) return;
+    if (state.stop === null) return this.#showWhole(false);
     const { by, why: reason, since_s: since, level } = state.stop;
     const when = time(since + this.#offsetS);
     text.textContent =
-      `Stopped (${level}) at ${when} by ${by ?? "somebody unknown"}${reason ? `: ${reason}` : ""}. ` +
-      `Nothing moves until it is cleared: ${this.#operates ? "by who has control" : "'litegripctl clear'"}.`;
+      `Stopped (${level}) at ${when} by ${by ?? "somebody unknown"}${reason ? `: ${reason}` : ""}.`;
+    this.#nodes["stop-until"].textContent =
+      `Nothing moves until it is cleared${this.#operates ? "" : ": 'litegripctl clear'"}.`;
+  }
+
+  /* Show all of a stop's reason, however long it is; or as much as there is room for. */
+  #showWhole(isWhole) {
+    const { stopped, "stop-text": text } = this.#nodes;
+    stopped.parentElement.classList.toggle("whole", isWhole);
+    text.ariaExpanded = isWhole;
   }
 
   /* Say that the millimetres are probably wrong, as long as the daemon doubts them. */
@@ -327,7 +366,6 @@ export class Panel extends EventTarget {
     this.#fact("Coil", figure(state?.coil_temperature_c, 0, "°C"));
     this.#fact("Driver", figure(state?.driver_temperature_c, 0, "°C"));
     this.#fact("Time to the heat limit", isNumber(toLimit) ? figure(toLimit, 0, "s") : heat ? "none" : "--");
-    this.#fact("Tick lateness (99 %)", figure(this.#health?.control?.lateness.p99_us, 0, "µs"));
     this.#showHealth();
     this.#fact("On the object", felt, "wide", UNSEEN);
     this.#fact("Lease", held ? `${owner(held)}${purpose}` : lease ? "free" : "--", "wide");

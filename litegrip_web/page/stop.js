@@ -5,15 +5,15 @@ const CUT = "Cut the motor's power.";
 const STOPPED = "Stopped. Nothing moves until it is cleared.";
 
 export class Stop {
-  /* `panels` are stopped together; what came of it is shown in each of `places`. */
+  /* `panels` are stopped together; what came of it is shown in `place`. */
   #panels;
-  #places;
+  #place;
   #count = 0;
   #toldMs = 0;
 
-  constructor(panels, places) {
+  constructor(panels, place) {
     this.#panels = panels;
-    this.#places = places;
+    this.#place = place;
     for (const panel of panels) panel.addEventListener("state", () => this.#compare());
   }
 
@@ -57,17 +57,13 @@ export class Stop {
 
   #tell(text, kind) {
     this.#toldMs = performance.now();
-    for (const place of this.#places) {
-      place.textContent = text;
-      place.dataset.stop = kind;
-    }
+    this.#place.textContent = text;
+    this.#place.dataset.stop = kind;
   }
 
   #replace(old, text, kind) {
-    for (const place of this.#places) {
-      if (place.dataset.stop !== old) continue;
-      place.textContent = text;
-      place.dataset.stop = kind;
-    }
+    if (this.#place.dataset.stop !== old) return;
+    this.#place.textContent = text;
+    this.#place.dataset.stop = kind;
   }
 }

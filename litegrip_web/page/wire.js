@@ -23,7 +23,7 @@ export class RpcError extends Error {
 }
 
 export class Wire extends EventTarget {
-  /* Dispatches "up" (what the bridge says first), "down" ({message}) and each notification by its method. */
+  /* Dispatches "up" (what the bridge says first), "down" ({message, lacks}) and each notification by its method. */
   #channel;
   #secret;
   #socket = null;
@@ -119,7 +119,7 @@ export class Wire extends EventTarget {
       this.#clock = null; // it may be another daemon's
       this.#tell("up", message.params);
     } else if (message.method === "web.no_daemon") {
-      this.#down(message.params.message);
+      this.#down(message.params.message, "daemon");
     } else if (message.method === "job.progress") {
       this.#waiting.get(message.params.request)?.onProgress?.(message.params);
     } else if (message.method) {
@@ -141,12 +141,13 @@ export class Wire extends EventTarget {
     else call.resolve(message.result);
   }
 
-  #down(message) {
+  /* `lacks` is what there is not: a connection to litegripd-web, or behind that one the daemon. */
+  #down(message, lacks = "connection") {
     this.#isUp = false;
     const lost = { message, data: { reason: "connection_lost" } };
     for (const call of this.#waiting.values()) call.reject(new RpcError(lost));
     this.#waiting.clear();
-    this.#tell("down", { message });
+    this.#tell("down", { message, lacks });
   }
 
   #tell(type, detail) {

@@ -2,6 +2,7 @@
 
    How far the jaws open is asked, too: the scale follows from it. It can be corrected alone. */
 
+import { open } from "./dialog.js";
 import { figure } from "./format.js";
 
 /* Ask, and measure or correct when the answer is yes. */
@@ -85,5 +86,5 @@ export function askZero(panel) {
     }
     dialog.close();
   };
-  dialog.showModal();
+  open(dialog);
 }

@@ -224,7 +224,7 @@ a request, or somebody took it over."""
 LOSS_TEXTS: Mapping[LossCause, str] = {
     "connection": "its connection ended",
     "process": "its process ended",
-    "expired": "it sent nothing for longer than its ttl_s",
+    "expired": "it sent nothing for longer than its time to live",
     "taken": "it was taken over",
 }
 

@@ -18,7 +18,7 @@ def opened(window: BrowserContext, running: Page) -> Tab:
     """Show the page of a gripper, as soon as that is known."""
     tab = window.new_page()
     tab.goto(running.told)
-    expect(part(tab, "mode")).not_to_have_text(re.compile("connecting|no daemon"))
+    expect(part(tab, "mode")).not_to_have_text(re.compile("connecting|no (daemon|connection)"))
     return tab
 
 

@@ -13,7 +13,9 @@ from playwright.sync_api import Page as Tab
 
 from tests.process.daemon_process import Client, DaemonProcess
 from tests.process.web.on_page import (
+    OBJECT_MM,
     button,
+    enable,
     grasp,
     opened,
     part,
@@ -93,3 +95,70 @@ def test_the_ruler_says_the_opening_also_while_it_is_late(
         expect(said).to_have_class("said unknown")
         expect(said).to_have_text(f"{opening_mm:.1f} mm")
     expect(said).to_have_class("said")
+
+
+REASON = (
+    "the reason that somebody gave, which goes on and on for a while, and tells who may clear it"
+)
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_a_long_reason_hides_nothing_and_all_of_it_can_be_read(
+    operated: Tab, client: Client, size: str
+) -> None:
+    width, height = SIZES[size]
+    operated.set_viewport_size({"width": width, "height": height})
+    wait_until_it_fits(operated)
+    client.result("stop", level="hold", why=f"{REASON}. {REASON}" if size == "wide" else REASON)
+    text, until = part(operated, "stop-text"), part(operated, "stop-until")
+    expect(text).to_contain_text(REASON)
+    expect(text).to_have_css("-webkit-line-clamp", "1" if size == "wide" else "2")  # with "…"
+    is_cut = "(node) => node.scrollHeight > node.clientHeight"
+    assert text.evaluate(is_cut)
+    is_inside = """(place) => [...place.querySelectorAll("p, button")].every((node) =>
+      node.getBoundingClientRect().bottom <= place.getBoundingClientRect().bottom)"""
+    place = operated.locator(".stop-place")
+    assert place.evaluate(is_inside)
+    expect(until).to_have_text("Nothing moves until it is cleared.")
+    text.click()
+    assert not text.evaluate(is_cut)
+    assert place.evaluate(is_inside)
+    button(operated, "Take control").click()
+    button(operated, "Clear the stop").click()
+    expect(part(operated, "stopped")).to_be_hidden()
+    client.result("stop", level="hold", why="short")
+    expect(text).to_contain_text(": short.")
+    assert place.evaluate("(node) => !node.classList.contains('whole')")
+
+
+def test_no_outcome_stands_beside_what_contradicts_it(
+    operated: Tab, simulated: DaemonProcess, client: Client
+) -> None:
+    outcome, mode = part(operated, "outcome"), part(operated, "mode")
+    client.result("sim.object", width_mm=OBJECT_MM)
+    enable(operated, client)
+    button(operated, "Grasp").click()
+    expect(outcome).to_contain_text("grasp: object held")
+    client.result("sim.object")
+    expect(part(operated, "lost")).to_be_visible()
+    expect(outcome).to_have_text("")
+    for told in ("clear the stop: done", "enable: done"):
+        client.result("stop", level="disable")
+        expect(mode).to_have_text("STOPPED")
+        expect(outcome).to_have_text("")
+        button(operated, "Clear the stop").click()
+        expect(outcome).to_have_text("clear the stop: done")
+        if told == "enable: done":
+            button(operated, "Enable").click()
+            expect(outcome).to_have_text(told)
+    client.result("lease.take", why="my turn")
+    expect(outcome).to_contain_text("You no longer have control")
+    told_s = client.result("state.get")["monotonic_s"]
+    client.until(lambda state: bool(state["monotonic_s"] > told_s + 1))  # by the page's clock, too
+    client.result("motion.close")
+    expect(outcome).to_have_text("")
+    button(operated, "Take it over").click()
+    expect(outcome).to_contain_text("You have control")
+    with frozen(simulated.process):  # for longer, maybe, than a lease lives
+        expect(mode).to_have_text("late")
+        expect(outcome).to_have_text("")

@@ -11,6 +11,7 @@ import pytest
 from playwright.sync_api import BrowserContext, expect
 from playwright.sync_api import Page as Tab
 
+from litegrip_client.values.voices import CALLS
 from tests.process.daemon_process import Client, DaemonProcess, daemon
 from tests.process.web.on_page import (
     OBJECT_MM,
@@ -70,7 +71,7 @@ def test_who_only_looks_finds_nothing_to_act_with_but_the_stop(shown: Tab, clien
     shown.get_by_role("button", name="STOP Esc").click()
     expect(part(shown, "stop-text")).to_contain_text("Stopped (hold)")
     expect(part(shown, "stop-text")).to_contain_text(": STOP on the page")
-    expect(part(shown, "stop-text")).to_contain_text("litegripctl clear")
+    expect(part(shown, "stop-until")).to_contain_text("litegripctl clear")
     state = client.result("state.get")
     assert state["stop"]["level"] == "hold"
     assert state["job"] is None
@@ -106,8 +107,13 @@ def test_control_of_another_program_can_be_taken_over(operated: Tab, client: Cli
     button(operated, "Take it over").click()
     expect(button(operated, "Open")).to_be_enabled()
     assert client.refusal("motion.hold") == "lease_lost"
-    client.result("lease.take", why="back")
+    client.result("lease.take", why="I need it")
     expect(button(operated, "Open")).to_be_disabled()
+    for told in (part(operated, "outcome"), operated.locator("#toasts")):
+        expect(told).to_contain_text("You no longer have control")
+        expect(told).to_contain_text(
+            re.compile(r"taken over by .* \(pid \d+, uid \d+\): I need it")
+        )
 
 
 def test_the_slider_moves_the_jaws(operated: Tab, client: Client) -> None:
@@ -490,8 +496,7 @@ def test_a_wrong_secret_is_said(window: BrowserContext, looking: Page, client: C
     assert tab.locator(".why").evaluate("(node) => node.scrollHeight <= node.clientHeight")
     other = window.new_page()
     other.goto(looking.url)
-    expect(other.locator("#notice")).to_contain_text("lacks its secret")
-    expect(other.get_by_role("button", name="STOP Esc")).to_be_disabled()
+    expect(other.get_by_role("heading", level=2)).to_contain_text("lacks its secret")
 
 
 def test_a_name_that_browsers_do_not_take_for_secure_is_said(
@@ -516,7 +521,8 @@ def test_the_secret_is_nowhere_where_the_next_owner_of_the_port_finds_it(shown: 
     secrets = re.findall(r"[A-Za-z0-9_-]{43}", shown.evaluate(STORED))
     assert secrets == []
     shown.reload()
-    expect(shown.locator("#notice")).to_contain_text("keeps no secret")
+    expect(shown.get_by_role("heading", level=2)).to_contain_text("lacks its secret")
+    assert re.findall(r"[A-Za-z0-9_-]{43}", shown.evaluate(STORED)) == []
 
 
 def test_a_frozen_daemon_is_late_and_a_stop_is_not_confirmed(
@@ -552,18 +558,6 @@ def test_a_frozen_page_server_is_late_too(
         finally:
             running.process.send_signal(signal.SIGCONT)
         expect(tab.locator("#notice")).to_contain_text("Stopped.")
-
-
-def test_stop_in_a_dialog_by_mouse_and_key(operated: Tab, client: Client) -> None:
-    enable(operated, client)
-    button(operated, "Zero …").click()
-    dialog = operated.get_by_role("dialog", name="Measure the travel")
-    dialog.get_by_role("button", name="STOP").click()
-    client.until(lambda state: state["stop"] is not None)
-    client.result("stop.clear")
-    operated.keyboard.press("Escape")
-    client.until(lambda state: state["stop"] is not None)
-    expect(dialog.locator("[data-stop-text]")).to_contain_text("Stopped.")
 
 
 def test_a_lost_object_is_said_loudly_until_the_next_motion(
@@ -639,6 +633,44 @@ def test_a_taught_motion_is_not_replaced_unasked(operated: Tab, client: Client) 
     client.until(lambda state: bool(state["job"] and state["job"]["kind"] == "record"))
     button(operated, "End and keep").click()
     expect(part(operated, "outcome")).to_contain_text("kept as wave")
+
+
+def test_messages_have_the_words_of_the_page(operated: Tab, client: Client) -> None:
+    enable(operated, client)
+    part(operated, "name").fill("nothere")
+    button(operated, "Replay").click()
+    outcome = part(operated, "outcome")
+    expect(outcome).to_contain_text("no trajectory 'nothere'; the field “Name” lists them")
+    part(operated, "pace").fill("10")
+    button(operated, "Close").click()
+    client.until(lambda state: bool(state["job"]))
+    button(operated, "Teach").click()
+    expect(outcome).to_contain_text(
+        "wait for it (“Events” tell when it ends), cancel it ('litegripctl cancel JOB') or stop"
+    )
+
+
+def test_health_is_called_as_the_shell_calls_it(shown: Tab, client: Client) -> None:
+    text = part(shown, "health-text")
+    expect(text).to_have_text("Healthy")
+    client.result("sim.fault", name="overload")
+    verdict = client.until_health(lambda health: bool(health["verdict"] != "ok"))["verdict"]
+    expect(text).to_have_text(re.compile(f"^{verdict.capitalize()}: "))
+
+
+WITHOUT_WORDS = """
+async (methods) => {
+  const { inPageWords } = await import("./format.js");
+  const told = (method) =>
+    inPageWords(method, [{ start: 0, end: method.length, method, parameter: null }]);
+  return methods.filter((method) => told(method) === method);
+}
+"""
+
+
+def test_the_page_has_words_for_what_the_shell_has_words_for(shown: Tab) -> None:
+    methods = [method for method, (_, command) in CALLS.items() if command]
+    assert shown.evaluate(WITHOUT_WORDS, methods) == []
 
 
 def test_dark_and_light_are_chosen_and_kept(shown: Tab) -> None:

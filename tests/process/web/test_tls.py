@@ -76,7 +76,7 @@ def test_under_another_name_a_stranger_at_the_port_is_not_given_the_proof(
         tab.on("websocket", lambda line: line.on("framesent", keep))
     with page(*options, f"--port={running.port}"):  # another secret
         expect(part(tab, "why")).to_contain_text("does not know this page's secret")
-        expect(part(tab, "mode")).to_have_text("no daemon")
+        expect(part(tab, "mode")).to_have_text("no connection")
     assert sent
     assert all(str(text).startswith('{"nonce":') for text in sent)
     assert running.token not in "".join(map(str, sent))

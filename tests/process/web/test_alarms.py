@@ -1,0 +1,173 @@
+"""STOP, and what goes wrong: in sight and at hand wherever the page is scrolled, on each screen."""
+
+import contextlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, expect
+from playwright.sync_api import Page as Tab
+
+from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess
+from tests.process.web.on_page import button, grasp, opened, part, places, take_control
+from tests.process.web.page_process import Page, page
+
+RED = "rgb(179, 20, 30)"
+SCREENS = {"wide": (1400, 900), "phone": (390, 844), "phone, on its side": (844, 390)}
+
+
+@pytest.fixture(params=SCREENS)
+def window(chromium: Browser, request: pytest.FixtureRequest) -> Iterator[BrowserContext]:
+    """A window of each kind; all can be touched."""
+    width, height = SCREENS[request.param]
+    window = chromium.new_context(viewport={"width": width, "height": height}, has_touch=True)
+    window.set_default_timeout(DEADLINE_S * 1000)
+    yield window
+    window.close()
+
+
+def middle(tab: Tab, selector: str) -> tuple[float, float]:
+    """Return where somebody aims who sees it there: nothing is scrolled, nothing waited for."""
+    box = tab.locator(selector).bounding_box()
+    assert box is not None
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
+STOPS_IN_SIGHT = """
+() => [...document.querySelectorAll("button")].filter(
+  (node) => node.innerText.startsWith("STOP") && node.checkVisibility({visibilityProperty: true})
+).length
+"""
+
+
+@pytest.mark.parametrize("how", ["mouse", "touch", "Enter", "Escape"])
+def test_stop_works_behind_an_open_dialog(
+    window: BrowserContext, operating: Page, client: Client, how: str
+) -> None:
+    tab = opened(window, operating)
+    take_control(tab)
+    button(tab, "Zero …").click()
+    expect(tab.get_by_role("dialog")).to_be_visible()
+    assert tab.evaluate(STOPS_IN_SIGHT) == 1
+    if how == "mouse":
+        tab.mouse.click(*middle(tab, "#stop"))
+    elif how == "touch":
+        tab.touchscreen.tap(*middle(tab, "#stop"))
+    else:
+        if how == "Enter":
+            tab.locator("#stop").focus()
+        tab.keyboard.press(how)
+    client.until(lambda state: state["stop"] is not None)
+    expect(tab.locator("#notice")).to_contain_text("Stopped.")
+    expect(tab.get_by_role("dialog")).to_be_visible()
+    button(tab, "Cancel").click()
+    expect(tab.get_by_role("dialog")).to_be_hidden()
+
+
+def test_the_page_behind_a_dialog_is_out_of_reach(
+    window: BrowserContext, operating: Page, client: Client
+) -> None:
+    tab = opened(window, operating)
+    take_control(tab)
+    button(tab, "Zero …").click()
+    expect(tab.get_by_role("dialog")).to_be_visible()
+    tab.get_by_label("The jaws open").focus()
+    for _ in range(12):  # more than what can be reached
+        tab.keyboard.press("Tab")
+        assert tab.evaluate("!document.activeElement.closest('main, footer')")
+    place = tab.locator("[data-do=enable]").bounding_box()
+    assert place is not None
+    behind = "([x, y]) => document.elementFromPoint(x, y)?.closest('main') ?? null"
+    assert tab.evaluate(behind, [place["x"] + 2, place["y"] + 2]) is None
+    button(tab, "Cancel").click()
+    button(tab, "Zero …").click()  # the page is within reach again
+    expect(tab.get_by_role("dialog")).to_be_visible()
+
+
+def to_the_controls(tab: Tab) -> None:
+    """Scroll to where somebody grasps, who does not see what the jaws' head says."""
+    button(tab, "Grasp").evaluate("(node) => node.scrollIntoView({block: 'end'})")
+    tab.evaluate("scrollBy(0, 100)")
+
+
+def aims(tab: Tab) -> list[str]:
+    """Return where all is that somebody aims at; a fault's health may take a line more."""
+    return [place for place in places(tab) if not place.startswith(("facts", "plots"))]
+
+
+def test_a_loss_and_a_fault_are_said_where_the_buttons_are(
+    window: BrowserContext, operating: Page, client: Client
+) -> None:
+    grasp(client)
+    tab = opened(window, operating)
+    take_control(tab)
+    to_the_controls(tab)
+    alarm = tab.locator("#alarm")
+    expect(alarm).to_be_hidden()
+    before = aims(tab)
+    client.result("sim.object")
+    expect(alarm).to_have_text("OBJECT LOST")
+    expect(alarm).to_be_in_viewport(ratio=1)
+    tab.keyboard.press("Escape")
+    expect(alarm).to_have_text("OBJECT LOST, STOPPED")
+    button(tab, "Clear the stop").dispatch_event("click")  # without scrolling there
+    client.result("sim.fault", name="overload")
+    expect(alarm).to_have_text("OBJECT LOST, FAULT: overload")
+    expect(alarm).to_be_in_viewport(ratio=1)
+    assert alarm.evaluate("(node) => node.scrollHeight <= node.clientHeight")
+    assert aims(tab) == before
+
+
+def test_a_daemon_and_a_page_server_that_are_gone_are_said_where_the_buttons_are(
+    window: BrowserContext, tmp_path: Path
+) -> None:
+    socket_path = tmp_path / "rpc.sock"
+    with contextlib.ExitStack() as stack:
+        daemon = DaemonProcess(
+            tmp_path, f"gone-{os.getpid()}", "--simulate", "--socket", str(socket_path)
+        )
+        stack.callback(daemon.kill)
+        running = stack.enter_context(page("--socket", str(socket_path), "--operate"))
+        tab = opened(window, running)
+        to_the_controls(tab)
+        alarm = tab.locator("#alarm")
+        expect(alarm).to_be_hidden()
+        expect(tab.locator("#stop")).to_have_css("background-color", RED)
+        daemon.kill()
+        expect(tab.locator("#stop")).not_to_have_css("background-color", RED)
+        expect(alarm).to_have_text("NO DAEMON")
+        expect(alarm).to_be_in_viewport(ratio=1)
+    expect(alarm).to_have_text("NO CONNECTION")
+    expect(part(tab, "mode")).to_have_text("no connection")
+
+
+def test_a_page_loaded_again_says_how_to_go_on_and_the_whole_address_works_there(
+    window: BrowserContext, operating: Page, client: Client
+) -> None:
+    tab = opened(window, operating)
+    stop = tab.locator("#stop")
+    expect(stop).to_have_css("background-color", RED)
+    tab.reload()
+    expect(stop).to_be_disabled()
+    expect(stop).not_to_have_css("background-color", RED)
+    told = tab.get_by_role("main")
+    expect(told).to_contain_text("STOP does nothing here")
+    expect(told).to_contain_text(f'echo "{operating.url}#$(cat /run/litegripd-web/token)"')
+    tab.goto(operating.told)  # in the same tab: only what stands behind "#" is another
+    expect(part(tab, "mode")).to_have_text("disabled")
+    expect(stop).to_have_css("background-color", RED)
+    stop.click()
+    client.until(lambda state: state["stop"] is not None)
+
+
+def test_the_address_for_a_bookmark_is_the_whole_one(
+    window: BrowserContext, operating: Page, client: Client
+) -> None:
+    window.grant_permissions(["clipboard-read", "clipboard-write"])
+    tab = opened(window, operating)
+    assert operating.token not in tab.url
+    button(tab, "Copy the whole address").click()
+    expect(tab.get_by_text("Copied: make a bookmark of it.")).to_be_visible()
+    assert tab.evaluate("navigator.clipboard.readText()") == operating.told
+    assert operating.token not in tab.content()
