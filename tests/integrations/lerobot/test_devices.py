@@ -308,11 +308,11 @@ def test_the_end_of_teleoperation_ends_the_loop(site: Bench, lead: Heard, follow
     leader, robot = by_the_daemons()
     with connected(leader), connected(robot):
         loop(site, robot, leader.get_action, 0.2)
-        robot.follower._gripper.teleop_stop()
+        robot.gripper._gripper.teleop_stop()
         site.run(0.1)
         with pytest.raises(TeleopNotActiveError, match="gripper follow: teleoperation has ended"):
             robot.send_action(to(50.0)())
-        robot.follower._gripper.stream(2.0).set_target(openness=0.2)
+        robot.gripper._gripper.stream(2.0).set_target(openness=0.2)
         site.run(0.1)
         with pytest.raises(TeleopNotActiveError):  # also while it moves otherwise
             robot.send_action(to(50.0)())
