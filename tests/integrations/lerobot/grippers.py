@@ -24,6 +24,7 @@ CONFIG = """
 interface = "litegrip_sim"
 watchdog_s = 0.4
 """
+ON_MUJOCO = 'mechanics = "mujoco"\n'
 CALIBRATED = '[gripper]\nmount = "normal"\n'
 FIELDS = ["feedback_s", "openness", "mode", "enabled", "stale"]
 _WITHIN_S = 30.0
@@ -71,12 +72,18 @@ class Log:
 
 @contextmanager
 def daemon(
-    folder: Path, name: str, *, by_hand: bool = False, calibrated: bool = True
+    folder: Path,
+    name: str,
+    *,
+    by_hand: bool = False,
+    calibrated: bool = True,
+    mechanics: str = "",
 ) -> Iterator[str]:
     """Run a daemon until the end of the block; return its channel."""
     channel = f"{name}-{os.getpid()}"
     config = folder / f"{name}.toml"
-    config.write_text(CONFIG + (CALIBRATED if calibrated else ""), encoding="utf-8")
+    settings = CONFIG + mechanics + (CALIBRATED if calibrated else "")
+    config.write_text(settings, encoding="utf-8")
     program = HAND if by_hand else ("-m", "litegripd.app.main")
     home = folder / name
     home.mkdir()

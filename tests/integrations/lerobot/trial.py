@@ -9,6 +9,7 @@ Prints a table; the exit code is 1 if something is not as it must be.
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 import signal
@@ -24,9 +25,12 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+from PIL import Image, ImageDraw
+
 from litegrip_client import LiteGrip
-from tests.integrations.lerobot.grippers import SWEEP_S, Log, daemon, move, simulated
+from tests.integrations.lerobot.grippers import ON_MUJOCO, SWEEP_S, Log, daemon, move, simulated
 from tests.integrations.lerobot.measures import Track, delay_s, drifting, sweeps
+from tests.integrations.lerobot.sight import ROW, expected_px, seen_px
 
 HERE = Path(__file__).parent
 FPS = 30
@@ -35,6 +39,8 @@ MOST_OFF = 0.005
 MOST_LAG_S = 0.060
 FASTEST_CALM_MM_S = 76.0
 MOST_REPLAY_RMS = 0.03
+IMAGES_A_SECOND, IMAGE, MOST_PX_OFF = 15, (320, 240), 3.0
+ROW_PX = int(ROW * IMAGE[1])
 _ZERO = re.compile(r"gripper (\S+): stamps count from (\S+) s")
 _WITHIN_S = 240.0
 
@@ -94,7 +100,9 @@ class Trial:
         """Return the leader's arguments."""
         return _arguments("teleop", {"type": "litegrip_leader", "channel": self.lead, **more})
 
-    def record(self, name: str, *arguments: str, episodes: int = 1) -> tuple[int, str]:
+    def record(
+        self, name: str, *arguments: str, episodes: int = 1, fps: int = FPS, video: bool = False
+    ) -> tuple[int, str]:
         """Record a data set of short episodes."""
         return self.run(
             "lerobot-record",
@@ -105,16 +113,16 @@ class Trial:
             f"--dataset.num_episodes={episodes}",
             "--dataset.episode_time_s=9",
             "--dataset.reset_time_s=1",
-            f"--dataset.fps={FPS}",
-            "--dataset.video=false",
+            f"--dataset.fps={fps}",
+            f"--dataset.video={str(video).lower()}",
             "--dataset.push_to_hub=false",
             "--play_sounds=false",
         )
 
-    def read(self, name: str) -> dict[str, Any]:
-        """Read a data set with LeRobot."""
-        root = str(self.folder / name)
-        process = self.start("python", str(HERE / "read_dataset.py"), f"me/{name}", root)
+    def read(self, name: str, pictures: Path | None = None) -> dict[str, Any]:
+        """Read a data set with LeRobot, which also writes its images to a folder."""
+        arguments = [f"me/{name}", str(self.folder / name), *([str(pictures)] if pictures else [])]
+        process = self.start("python", str(HERE / "read_dataset.py"), *arguments)
         output, _ = process.communicate(timeout=_WITHIN_S)
         found: dict[str, Any] = json.loads(output[output.index('{"names"') :])
         return found
@@ -312,6 +320,7 @@ def _wait_until_it_begins(process: subprocess.Popen[str], count: int) -> dict[st
 
 def by_the_daemons(trial: Trial) -> None:
     """Record while the daemons teleoperate, with something between the follower's jaws."""
+    move(trial.follow, 0.8)
     simulated(trial.follow, "sim.object", width_mm=30.0, stiffness_nm_rad=250.0, slip_mm_s=0.0)
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
@@ -380,6 +389,79 @@ def with_an_arm(trial: Trial) -> None:
         "--play_sounds=false",
     )
     trial.ended_well("lerobot-replay, an arm with the gripper", code, output)
+
+
+def with_images(trial: Trial) -> None:
+    """Record what the camera of MuJoCo's scene sees, as images and as a video."""
+    with daemon(trial.folder, "scene", mechanics=ON_MUJOCO) as channel:
+        with LiteGrip(channel) as gripper:
+            travel_mm = float(gripper.info()["gripper"]["travel_mm"])
+        camera = (
+            f"{{type: litegrip_scene, channel: {channel},"
+            f" width: {IMAGE[0]}, height: {IMAGE[1]}, fps: {IMAGES_A_SECOND}}}"
+        )
+        for name, video in (("images", False), ("video", True)):
+            code, output = trial.record(
+                name,
+                *trial.robot(channel=channel, cameras=f"{{front: {camera}}}"),
+                *trial.leader(),
+                fps=IMAGES_A_SECOND,
+                video=video,
+            )
+            trial.ended_well(f"lerobot-record, {name} of MuJoCo's scene", code, output)
+            check_images(trial, name, travel_mm)
+
+
+def check_images(trial: Trial, name: str, travel_mm: float) -> None:
+    """Compare how far the jaws are open in each image with the position beside it."""
+    folder = trial.folder / f"{name}-pictures"
+    data = trial.read(name, folder)
+    frames = data["frames"]
+    shapes = {tuple(shape[:3]) for frame in frames for shape in frame["images"].values()}
+    trial.note(
+        f"{name}: frames",
+        f"{len(frames)} of 9 s at {IMAGES_A_SECOND} a second, {shapes}",
+        good=len(frames) >= 0.8 * 9 * IMAGES_A_SECOND and shapes == {(3, *IMAGE[::-1])},
+    )
+    opened_mm = [pos / 100.0 * travel_mm for pos in column(data, "observation", "gripper.pos")]
+    off_px = []
+    for index, opening_mm in enumerate(opened_mm):
+        with Image.open(folder / f"{index:04}.png") as image:
+            row = image.convert("L").crop((0, ROW_PX, IMAGE[0], ROW_PX + 1)).tobytes()
+        seen = seen_px(row)
+        off_px.append(math.inf if seen is None else seen - expected_px(opening_mm, IMAGE[1]))
+    trial.note(
+        f"{name}: the jaws' opening in the image",
+        f"{min(opened_mm):.0f} to {max(opened_mm):.0f} mm, a px is"
+        f" {1.0 / expected_px(1.0, IMAGE[1]):.2f} mm; off by {median(map(abs, off_px)):.1f} px,"
+        f" at most {max(map(abs, off_px)):.1f} px",
+        good=max(map(abs, off_px)) <= MOST_PX_OFF and max(opened_mm) - min(opened_mm) > 25.0,
+    )
+    held = column(data, "observation", "gripper.grasped")
+    trial.note(
+        f"{name}: the cube is held in some",
+        f"{sum(held):.0f} of {len(held)} frames; {min(opened_mm):.1f} mm at least",
+        good=0 < sum(held) < len(held) and abs(min(opened_mm) - 30.0) < 1.0,
+    )
+    sheet(folder, opened_mm, held).save(trial.environment / f"{name}.png")
+
+
+def sheet(folder: Path, opened_mm: list[float], held: list[float]) -> Image.Image:
+    """Return four images of a data set beside each other, from open jaws to the cube held.
+
+    That of `images` is the picture of docs/mujoco.md.
+    """
+    last = held.index(1.0)
+    first = max(range(last), key=opened_mm.__getitem__)
+    drawn = Image.new("RGB", (4 * IMAGE[0] + 9, IMAGE[1] + 24), "white")
+    words = ImageDraw.Draw(drawn)
+    for place in range(4):
+        index = round(first + (last - first) * place / 3)
+        with Image.open(folder / f"{index:04}.png") as image:
+            drawn.paste(image, (place * (IMAGE[0] + 3), 0))
+        said = f"frame {index}: {opened_mm[index]:.1f} mm" + (", held" if held[index] else "")
+        words.text((place * (IMAGE[0] + 3) + 8, IMAGE[1] + 6), said, fill="black", font_size=13)
+    return drawn
 
 
 def refusals(trial: Trial) -> None:
@@ -461,6 +543,7 @@ SCENES: dict[str, Callable[[Trial], None]] = {
     "teleoperate": teleoperate_and_hang,
     "daemon": by_the_daemons,
     "arm": with_an_arm,
+    "images": with_images,
     "refusals": refusals,
     "calibrate": calibrations,
 }
