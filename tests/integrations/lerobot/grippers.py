@@ -19,7 +19,9 @@ from tests.integrations.lerobot.measures import Track
 SWEEP_S, FROM_MM, TO_MM = 2.142, 20.0, 65.0
 """The hand: 45 mm and back, 66 mm/s at most."""
 HAND = ("-m", "bench.teleop.handheld", str(SWEEP_S), str(FROM_MM), str(TO_MM))
-CONFIG = """
+CONFIG = f"""
+[access]
+gateways = [{os.getuid()}]
 [bus]
 interface = "litegrip_sim"
 watchdog_s = 0.4
@@ -34,6 +36,7 @@ class Log:
     """Every tick of a daemon, 200 a second, from now on."""
 
     def __init__(self, channel: str) -> None:
+        self.channel = channel
         self.rows: list[dict[str, Any]] = []
         self._gripper = LiteGrip(channel)
         self._gripper.connect()
