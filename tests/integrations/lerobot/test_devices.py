@@ -468,6 +468,23 @@ def test_a_gripper_that_is_stopped_moves_no_arm(site: Bench, follow: Heard) -> N
         other.clear_stop()
 
 
+def test_a_calibration_is_of_the_arm_and_then_of_the_gripper(
+    site: Bench, bare: Heard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = answering(monkeypatch, " ")
+    robot = LiteGripWithArm(LiteGripWithArmConfig(channel="follow", arm=ARM))
+    leader = LiteGripLeaderWithArm(
+        LiteGripLeaderWithArmConfig(channel="follow", arm={"type": "trial_arm_leader"})
+    )
+    for device in (robot, leader):
+        monkeypatch.setattr(device.arm, "calibrate", lambda: asked.append("the arm"))
+        device.connect(calibrate=False)
+        device.calibrate()
+        device.disconnect()
+        assert asked.pop(0) == "the arm"
+        assert "gripper follow: its jaws will move" in asked.pop(0)
+
+
 def test_neither_stays_connected_when_one_cannot_be(site: Bench, follow: Heard) -> None:
     robot = LiteGripWithArm(LiteGripWithArmConfig(channel="elsewhere", arm=ARM))
     with pytest.raises(ConnectError):
