@@ -134,7 +134,7 @@ lerobot: $(STAMP) $(LEROBOT)/.installed
 	$(BIN)/python packaging/distributions.py --no-isolation $(LEROBOT)/dist
 	$(BIN)/uv pip install --quiet --python $(LEROBOT)/bin/python --reinstall-package litegrip-client \
 		--reinstall-package lerobot_robot_litegrip --reinstall-package lerobot_robot_trialarm \
-		$(LEROBOT)/dist/litegrip_client-*.whl integrations/lerobot_robot_litegrip tests/integrations/lerobot/rig
+		$(LEROBOT)/dist/litegrip_client-*.whl 'integrations/lerobot_robot_litegrip[mujoco]' tests/integrations/lerobot/rig
 	$(BIN)/python -m tests.integrations.lerobot.trial $(LEROBOT)
 
 # ROS=jazzy takes Jazzy. The environment is kept beside this one; ROS_VENV puts it elsewhere.

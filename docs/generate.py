@@ -27,11 +27,16 @@ from docs.protocol_fields import (  # noqa: E402
     teleop_section,
 )
 from litegrip_client.values.errors import OWN_REASONS  # noqa: E402
+from litegrip_client.values.severity import (  # noqa: E402
+    EXCUSE,
+    SEVERITIES,
+    WARNING_MEMBERS,
+    WARNINGS,
+)
 from litegripd.app.build import METHODS, SIMULATED_METHODS  # noqa: E402
 from litegripd.io.stop_socket import MAX_STOP_LINE_BYTES  # noqa: E402
 from litegripd.model.errors import ERROR_TABLE  # noqa: E402
 from litegripd.model.motion_config import MotionConfig  # noqa: E402
-from litegripd.model.state import EXCUSE, SEVERITIES, WARNING_MEMBERS, WARNINGS  # noqa: E402
 from litegripd.rpc.jsonrpc import MAX_LINE_BYTES  # noqa: E402
 from litegripd.rpc.method import CONFIG, Method, Param  # noqa: E402
 from litegripd.rpc.methods.reading import STATE_FIELDS  # noqa: E402

@@ -11,11 +11,10 @@ from dataclasses import fields
 from types import UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
+from litegrip_client.values.severity import SEVERITIES, WARNINGS
 from litegripd.app.build import METHODS, SIMULATED_METHODS
 from litegripd.control.snapshot import GripperState
 from litegripd.model.state import (
-    SEVERITIES,
-    WARNINGS,
     JobKind,
     JobState,
     Progress,

@@ -39,7 +39,7 @@ MOST_FILES = {
 }
 """What a reader opens to follow each walk; of the tick's, five are the simulator's."""
 
-MOST_MODULES = 175
+MOST_MODULES = 177
 """Of the daemon and its client, with what the client has for a fleet. The page and the fleet are
 programs of their own; the modules of `litegrip` are the SDK's."""
 

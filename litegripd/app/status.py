@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import cast
 
 from litegrip_client.values.repeats import REPEATS, RepeatsHandler
+from litegrip_client.values.severity import is_warning
 from litegrip_client.values.version import installed_version
 from litegripd.app.build import Parts
 from litegripd.app.config import Config
@@ -24,7 +25,7 @@ from litegripd.io.server import MAX_CONNECTIONS, MAX_CONNECTIONS_PER_UID
 from litegripd.model.gripper import STROKE_MM, MotorType
 from litegripd.model.motor import SIMULATOR, UNANSWERED, MotorIdentity, MotorPhase
 from litegripd.model.sentence import with_terms
-from litegripd.model.state import Event, EventKind, is_warning
+from litegripd.model.state import Event, EventKind
 from litegripd.motor.identity import STILL_READ, warnings
 from litegripd.motor.phases import RESTING
 from litegripd.rpc.jsonrpc import MAX_LINE_BYTES

@@ -24,6 +24,7 @@ from typing import Any, NamedTuple
 
 from mcap.writer import CompressionType, Writer
 
+from litegrip_client.values import foxglove
 from litegrip_client.values.atomic_file import why_not_written
 from litegripd.control.snapshot import mode_of
 from litegripd.io.helper import atomic_file
@@ -32,7 +33,6 @@ from litegripd.io.helper.child import MEMORY_FD, copy_of
 from litegripd.io.helper.files import own_directory
 from litegripd.model.calibration import Dumped
 from litegripd.model.motor import MitCommand, Ranges, status_name
-from litegripd.model.state import is_warning
 from litegripd.motor import codec
 from litegripd.motor.phases import Phase
 from litegripd.recorder import recorder
@@ -146,63 +146,9 @@ def _text(record: bytes) -> RecordedEvent:
     return RecordedEvent(number, at_s, json.loads(text, parse_constant=lambda _name: None))
 
 
-_NUMBER, _TEXT, _TRUTH = {"type": "number"}, {"type": "string"}, {"type": "boolean"}
-_INTEGER = {"type": "integer"}
-TICK_SCHEMA: Mapping[str, Any] = {
-    "title": "litegrip.Tick",
-    "type": "object",
-    "properties": {
-        **dict.fromkeys(("seq", "lost_ticks", "frames", "send_failures", "unanswered"), _INTEGER),
-        **dict.fromkeys(("monotonic_s", "late_us", "age_s"), _NUMBER),
-        **dict.fromkeys(("bus", "motor", "phase", "mode", "status", "sent", "sent_hex"), _TEXT),
-        **dict.fromkeys(("failed", "stopped"), _TRUTH),
-        **dict.fromkeys(("position_rad", "velocity_rad_s", "torque_nm", "opening_mm"), _NUMBER),
-        **dict.fromkeys(
-            ("error_code", "driver_temperature_c", "coil_temperature_c", "job", "pid", "client"),
-            _INTEGER,
-        ),
-        **dict.fromkeys(
-            ("command_rad", "command_rad_s", "command_torque_nm", "command_mm", "kp", "kd"),
-            _NUMBER,
-        ),
-        **dict.fromkeys(("requested_rad", "requested_torque_nm"), _NUMBER),
-        **dict.fromkeys(("job_kind", "program"), _TEXT),
-    },
-}
-_TIME = {"type": "object", "properties": {"sec": _INTEGER, "nsec": _INTEGER}}
-EVENT_SCHEMA: Mapping[str, Any] = {
-    "title": "foxglove.Log",
-    "type": "object",
-    "properties": {
-        "timestamp": _TIME,
-        **dict.fromkeys(("level", "line", "seq"), _INTEGER),
-        **dict.fromkeys(("message", "name", "file"), _TEXT),
-        "monotonic_s": _NUMBER,
-        "data": {"type": "object"},
-    },
-}
-_JOINT = {
-    "type": "object",
-    "properties": {"name": _TEXT, **dict.fromkeys(("position", "velocity", "effort"), _NUMBER)},
-}
-JOINTS_SCHEMA: Mapping[str, Any] = {
-    "title": "foxglove.JointStates",
-    "type": "object",
-    "properties": {"timestamp": _TIME, "joints": {"type": "array", "items": _JOINT}},
-}
-"""As Foxglove publishes it: rad, rad/s and N·m, of the sliding fingers m and m/s."""
-
-_MOTOR_JOINT = "motor"
-_FINGER_JOINTS = ("gripper_slide_joint_left", "gripper_slide_joint_right")
-"""The fingers, by their names in the vendor's URDF: 0 is open."""
-
-_CLOSED_M = 0.042726
-"""Where a finger is closed, there."""
-
 _JOINTS_EVERY_S = 0.018
 """50 times a second is enough for an eye; each tick would make files larger by two thirds."""
 
-_INFO, _WARNING = 2, 3
 # Looking up a name in an enumeration is slow, and a dump has tens of thousands of them.
 _PHASE_NAMES = {
     **{phase.value: phase.name.lower() for phase in Phase},
@@ -226,17 +172,16 @@ def to_mcap(recording: Recording, cause: str, note: str, offset_ns: int) -> byte
     about = {name: str(value) for name, value in recording.about.items()}
     writer.add_metadata("litegripd", {**about, "cause": cause, "note": note})
     channel = str(recording.about["channel"])
-    ticks = _channel(writer, f"/litegrip/{channel}/tick", TICK_SCHEMA)
-    events = _channel(writer, f"/litegrip/{channel}/event", EVENT_SCHEMA)
-    joints = _channel(writer, f"/litegrip/{channel}/joints", JOINTS_SCHEMA)
+    ticks = _channel(writer, foxglove.TICK, channel)
+    events = _channel(writer, foxglove.EVENT, channel)
+    joints = _channel(writer, foxglove.JOINTS, channel)
     joints_at_s = -math.inf
     for tick in recording.ticks:
         at_ns = round(tick.at_s * 1e9) + offset_ns
         _add(writer, ticks, at_ns, tick.number, tick_fields(tick, recording.programs))
         if tick.flags & recorder.HAS_FEEDBACK and tick.at_s > joints_at_s + _JOINTS_EVERY_S:
             joints_at_s = tick.at_s
-            states = {"timestamp": _time(at_ns), "joints": _joints(tick)}
-            _add(writer, joints, at_ns, tick.number, states)
+            _add(writer, joints, at_ns, tick.number, _joints(tick, at_ns))
     for event in recording.events:
         at_ns = round(event.at_s * 1e9) + offset_ns
         _add(writer, events, at_ns, event.number, _event_fields(event, at_ns))
@@ -268,7 +213,7 @@ def tick_fields(tick: Tick, programs: Mapping[int, str]) -> dict[str, Any]:
     if flags & recorder.HAS_SENT:
         fields |= _sent_fields(tick)
     if flags & recorder.HAS_REQUEST:
-        fields |= _finite(
+        fields |= foxglove.finite(
             {"requested_rad": tick.requested_rad, "requested_torque_nm": tick.requested_torque_nm}
         )
     if tick.job:
@@ -294,7 +239,7 @@ def _feedback_fields(tick: Tick) -> dict[str, Any]:
         "torque_nm": tick.torque_nm,
         "opening_mm": tick.opening_mm(tick.position_rad),
     }
-    return fields | _finite(measured)
+    return fields | foxglove.finite(measured)
 
 
 def _sent_fields(tick: Tick) -> dict[str, Any]:
@@ -314,59 +259,39 @@ def _sent_fields(tick: Tick) -> dict[str, Any]:
     }
     if command.kp_nm_rad > 0.0:  # without stiffness the position has no meaning
         decoded["command_mm"] = tick.opening_mm(command.position_rad)
-    return fields | _finite(decoded)
-
-
-def _finite(fields: Mapping[str, float | None]) -> dict[str, float]:
-    """Return the known, finite fields, rounded to the digits that have a meaning."""
-    return {
-        name: round(value, 6)
-        for name, value in fields.items()
-        if value is not None and value - value == 0.0
-    }
+    return fields | foxglove.finite(decoded)
 
 
 def _event_fields(event: RecordedEvent, at_ns: int) -> dict[str, Any]:
     content = event.content
-    kind, data = content["kind"], content.get("data", {})
-    return {
-        "timestamp": _time(at_ns),
-        "level": _WARNING if is_warning(kind, data) else _INFO,
-        "message": content["message"],
-        "name": kind,
-        "file": "",
-        "line": 0,
-        "seq": event.number,
-        "monotonic_s": event.at_s,
-        "data": data,
-    }
+    return foxglove.log_of(
+        at_ns,
+        number=event.number,
+        at_s=event.at_s,
+        kind=content["kind"],
+        message=content["message"],
+        data=content.get("data", {}),
+    )
 
 
-def _joints(tick: Tick) -> list[dict[str, Any]]:
-    """Return the motor and, with a calibration, the fingers that it moves."""
-    measured: dict[str, float | None] = {
-        "position": tick.position_rad,
-        "velocity": tick.velocity_rad_s,
-        "effort": tick.torque_nm,
-    }
-    found: list[dict[str, Any]] = [{"name": _MOTOR_JOINT, **_finite(measured)}]
-    opening_mm = tick.opening_mm(tick.position_rad)
-    if opening_mm is not None:
-        opens_m_s = tick.velocity_rad_s * tick.mm_per_rad / 2000.0
-        finger = _finite({"position": _CLOSED_M - opening_mm / 2000.0, "velocity": -opens_m_s})
-        found += [{"name": name, **finger} for name in _FINGER_JOINTS]
-    return found
+def _joints(tick: Tick, at_ns: int) -> dict[str, Any]:
+    return foxglove.joints_of(
+        at_ns,
+        position_rad=tick.position_rad,
+        velocity_rad_s=tick.velocity_rad_s,
+        torque_nm=tick.torque_nm,
+        opening_mm=tick.opening_mm(tick.position_rad),
+        opens_mm_s=tick.velocity_rad_s * tick.mm_per_rad,
+    )
 
 
-def _time(at_ns: int) -> dict[str, int]:
-    sec, nsec = divmod(at_ns, 1_000_000_000)
-    return {"sec": sec, "nsec": nsec}
-
-
-def _channel(writer: Writer, topic: str, schema: Mapping[str, Any]) -> int:
+def _channel(writer: Writer, topic: foxglove.Topic, channel: str) -> int:
+    schema = topic.schema
     text = json.dumps(schema).encode()
     identity = writer.register_schema(name=schema["title"], encoding="jsonschema", data=text)
-    return writer.register_channel(topic=topic, message_encoding="json", schema_id=identity)
+    return writer.register_channel(
+        topic=topic.name(channel), message_encoding="json", schema_id=identity
+    )
 
 
 def _add(writer: Writer, channel: int, at_ns: int, number: int, fields: dict[str, Any]) -> None:

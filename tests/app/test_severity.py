@@ -9,9 +9,11 @@ import pytest
 
 import litegripd
 from docs.generate import GENERATED
+from litegrip_client.values.foxglove import EVENT_SCHEMA
+from litegrip_client.values.severity import SEVERITIES, is_warning
 from litegripd.app.status import log_event
-from litegripd.model.state import SEVERITIES, Event, EventKind, is_warning
-from litegripd.recorder.files import EVENT_SCHEMA, RecordedEvent, _event_fields
+from litegripd.model.state import Event, EventKind
+from litegripd.recorder.files import RecordedEvent, _event_fields
 
 WARNING_LEVEL = 3  # of foxglove.Log, the form of a dump's events
 

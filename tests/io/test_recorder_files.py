@@ -14,18 +14,11 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
+from litegrip_client.values.foxglove import EVENT_SCHEMA, JOINTS_SCHEMA, TICK_SCHEMA
 from litegripd.io.helper.atomic_file import FileError
 from litegripd.io.helper.child import SharedMemory, copy_of, start_here
 from litegripd.recorder import files as recorder_files
-from litegripd.recorder.files import (
-    EVENT_SCHEMA,
-    JOINTS_SCHEMA,
-    TICK_SCHEMA,
-    dump,
-    prune,
-    read,
-    to_mcap,
-)
+from litegripd.recorder.files import dump, prune, read, to_mcap
 from litegripd.recorder.recorder import memory_bytes, tick_slots
 from tests.io.test_helper import DEADLINE_S, Rig
 from tests.world import PERIOD_S, World

@@ -8,10 +8,12 @@ from lerobot_robot_litegrip.config import (
     LiteGripFollowerConfig,
     LiteGripLeaderConfig,
     LiteGripLeaderWithArmConfig,
+    LiteGripSceneCameraConfig,
     LiteGripWithArmConfig,
 )
 from lerobot_robot_litegrip.follower import LiteGripFollower, LiteGripWithArm
 from lerobot_robot_litegrip.leader import LiteGripLeader, LiteGripLeaderWithArm
+from lerobot_robot_litegrip.scene_camera import LiteGripSceneCamera
 
 __all__ = [
     "LiteGripFollower",
@@ -20,6 +22,8 @@ __all__ = [
     "LiteGripLeaderConfig",
     "LiteGripLeaderWithArm",
     "LiteGripLeaderWithArmConfig",
+    "LiteGripSceneCamera",
+    "LiteGripSceneCameraConfig",
     "LiteGripWithArm",
     "LiteGripWithArmConfig",
 ]

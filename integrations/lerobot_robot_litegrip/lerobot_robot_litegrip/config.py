@@ -131,3 +131,16 @@ class LiteGripLeaderWithArmConfig(LeaderSettings, TeleoperatorConfig):
 
     def __post_init__(self) -> None:
         self.check()
+
+
+@CameraConfig.register_subclass("litegrip_scene")
+@dataclass(kw_only=True)
+class LiteGripSceneCameraConfig(CameraConfig):
+    """`{type: litegrip_scene}`: a camera of the scene that MuJoCo moves."""
+
+    channel: str | None = None
+    """The daemon's channel; None is that of LITEGRIP_CHANNEL, else can0."""
+    camera: str = "front"
+    """Its name in the scene."""
+    plain: bool = True
+    """Without shadows and smooth edges: a processor draws that in a tenth of the time."""

@@ -14,6 +14,7 @@ from lerobot_robot_litegrip.config import (
     LiteGripWithArmConfig,
     settings_of_arm,
 )
+from lerobot_robot_litegrip.device import BesideArm, GripperDevice, without_gripper
 from lerobot_robot_litegrip.mapping import (
     AGE,
     OBSERVED,
@@ -121,7 +122,7 @@ class Follower(WatchedGripper):
         return dict.fromkeys((*OBSERVED, *stamps), float)
 
 
-class LiteGripFollower(Robot):
+class LiteGripFollower(GripperDevice, Robot):
     """`--robot.type=litegrip_follower`."""
 
     config_class: type[RobotConfig] = LiteGripFollowerConfig
@@ -130,78 +131,48 @@ class LiteGripFollower(Robot):
     def __init__(self, config: LiteGripFollowerConfig | LiteGripWithArmConfig) -> None:
         super().__init__(config)
         self.config = config
-        self.follower = Follower(config)
+        self.gripper: Follower = Follower(config)
         self.cameras = make_cameras_from_configs(config.cameras)
 
     @property
     def observation_features(self) -> dict[str, Any]:
         """The figures, and the images."""
         images = {name: (one.height, one.width, 3) for name, one in self.config.cameras.items()}
-        return {**self.follower.observation_features, **images}
-
-    @property
-    def action_features(self) -> dict[str, type]:
-        """Where to go, and how hard to press on what is in the way."""
-        return self.follower.action_features
+        return {**self.gripper.observation_features, **images}
 
     @property
     def is_connected(self) -> bool:
         """True if the gripper and all cameras can be asked."""
-        return self.follower.is_connected and all(
+        return super().is_connected and all(
             self.cameras[name].is_connected for name in self.config.cameras
         )
 
-    @property
-    def is_calibrated(self) -> bool:
-        """True if the daemon knows the travel."""
-        return self.follower.is_calibrated
-
-    def connect(self, calibrate: bool = True) -> None:
-        """Connect and enable. With `calibrate` ask to calibrate a gripper that is not.
-
-        Without, such a gripper stays disabled: for `lerobot-calibrate`. Raises what
-        `Follower.start` raises; nothing is left connected then.
-        """
-        try:
-            self.follower.connect()
-            if calibrate and not self.is_calibrated:
-                self.calibrate()
-            for name in self.config.cameras:
-                self.cameras[name].connect()
-            if calibrate or self.is_calibrated:
-                self.configure()
-        except BaseException:
-            self.disconnect()
-            raise
-
-    def configure(self) -> None:
-        """Enable the motor, and have the daemon follow in mode "daemon"."""
-        self.follower.start()
-
-    def calibrate(self) -> None:
-        """Ask, then probe both stops; the daemon saves what it finds."""
-        self.follower.calibrate()
+    def prepare(self) -> None:
+        """Connect the cameras: they may take seconds, and the motor is disabled yet."""
+        for name in self.config.cameras:
+            self.cameras[name].connect()
 
     def get_observation(self) -> dict[str, Any]:
         """Return figures that are fresh, and the cameras' newest images."""
-        images = {name: self.cameras[name].async_read() for name in self.config.cameras}
-        return {**self.follower.observe(), **images}
+        figures = self.gripper.observe()
+        images = {name: self.cameras[name].read_latest() for name in self.config.cameras}
+        return {**figures, **images}
 
     def send_action(self, action: dict[str, Any]) -> dict[str, Any]:
         """Send an action to the jaws; return what was sent."""
-        return dict(self.follower.follow(action))
+        return dict(self.gripper.follow(action))
 
     def disconnect(self) -> None:
         """Disconnect the gripper, then the cameras."""
         try:
-            self.follower.disconnect()
+            super().disconnect()
         finally:
             for name in self.config.cameras:
                 if self.cameras[name].is_connected:
                     self.cameras[name].disconnect()
 
 
-class LiteGripWithArm(LiteGripFollower):
+class LiteGripWithArm(BesideArm, LiteGripFollower):
     """`--robot.type=litegrip_with_arm`: what the arm says of a gripper of its own is left out."""
 
     config_class = LiteGripWithArmConfig
@@ -218,31 +189,6 @@ class LiteGripWithArm(LiteGripFollower):
         """The arm's and the gripper's."""
         return {**without_gripper(self.arm.observation_features), **super().observation_features}
 
-    @property
-    def action_features(self) -> dict[str, type]:
-        """The arm's and the gripper's."""
-        return {**without_gripper(self.arm.action_features), **super().action_features}
-
-    @property
-    def is_connected(self) -> bool:
-        """True if both are."""
-        return self.arm.is_connected and super().is_connected
-
-    @property
-    def is_calibrated(self) -> bool:
-        """True if both are."""
-        return self.arm.is_calibrated and super().is_calibrated
-
-    def connect(self, calibrate: bool = True) -> None:
-        """Connect both; neither stays connected when one cannot be."""
-        self.arm.connect(calibrate)
-        super().connect(calibrate)
-
-    def calibrate(self) -> None:
-        """Calibrate the arm in its way, then ask for the gripper."""
-        self.arm.calibrate()
-        super().calibrate()
-
     def get_observation(self) -> dict[str, Any]:
         """Return the arm's observation and the gripper's."""
         return {**without_gripper(self.arm.get_observation()), **super().get_observation()}
@@ -251,16 +197,3 @@ class LiteGripWithArm(LiteGripFollower):
         """Send the gripper its part, then the arm: a gripper that is stopped moves no arm."""
         sent = super().send_action(action)
         return {**without_gripper(self.arm.send_action(without_gripper(action))), **sent}
-
-    def disconnect(self) -> None:
-        """Disconnect both."""
-        try:
-            super().disconnect()
-        finally:
-            if self.arm.is_connected:
-                self.arm.disconnect()
-
-
-def without_gripper(values: dict[str, Any]) -> dict[str, Any]:
-    """Return an arm's values without those of the gripper that it has by itself."""
-    return {name: value for name, value in values.items() if not name.startswith("gripper.")}

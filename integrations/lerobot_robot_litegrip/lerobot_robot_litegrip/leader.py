@@ -17,7 +17,7 @@ from lerobot_robot_litegrip.config import (
     LiteGripLeaderWithArmConfig,
     settings_of_arm,
 )
-from lerobot_robot_litegrip.follower import without_gripper
+from lerobot_robot_litegrip.device import BesideArm, GripperDevice, without_gripper
 from lerobot_robot_litegrip.mapping import POS, TORQUE, action_of
 from lerobot_robot_litegrip.watched import WatchedGripper
 
@@ -57,8 +57,13 @@ class Leader(WatchedGripper):
             self.refuse_stop()
         return action_of(self.fresh().state, self._leads.torque_nm)
 
+    @property
+    def action_features(self) -> dict[str, type]:
+        """Where the jaws are, and how hard the follower may press."""
+        return {POS: float, TORQUE: float}
 
-class LiteGripLeader(Teleoperator):
+
+class LiteGripLeader(GripperDevice, Teleoperator):
     """`--teleop.type=litegrip_leader`."""
 
     config_class: type[TeleoperatorConfig] = LiteGripLeaderConfig
@@ -67,65 +72,22 @@ class LiteGripLeader(Teleoperator):
     def __init__(self, config: LiteGripLeaderConfig | LiteGripLeaderWithArmConfig) -> None:
         super().__init__(config)
         self.config = config
-        self.leader = Leader(config)
-
-    @property
-    def action_features(self) -> dict[str, type]:
-        """Where the jaws are, and how hard the follower may press."""
-        return {POS: float, TORQUE: float}
+        self.gripper: Leader = Leader(config)
 
     @property
     def feedback_features(self) -> dict[str, type]:
         """None: forces are reflected by the daemons, 100 times a second, in mode "daemon"."""
         return {}
 
-    @property
-    def is_connected(self) -> bool:
-        """True if the gripper can be asked."""
-        return self.leader.is_connected
-
-    @property
-    def is_calibrated(self) -> bool:
-        """True if the daemon knows the travel."""
-        return self.leader.is_calibrated
-
-    def connect(self, calibrate: bool = True) -> None:
-        """Connect and enable. With `calibrate` ask to calibrate a gripper that is not.
-
-        Without, such a gripper stays disabled: for `lerobot-calibrate`. Raises what
-        `Leader.start` raises; nothing is left connected then.
-        """
-        try:
-            self.leader.connect()
-            if calibrate and not self.is_calibrated:
-                self.calibrate()
-            if calibrate or self.is_calibrated:
-                self.configure()
-        except BaseException:
-            self.disconnect()
-            raise
-
-    def configure(self) -> None:
-        """Enable the motor, and have the jaws slack, or the daemon lead."""
-        self.leader.start()
-
-    def calibrate(self) -> None:
-        """Ask, then probe both stops; the daemon saves what it finds."""
-        self.leader.calibrate()
-
     def get_action(self) -> dict[str, Any]:
         """Return where the jaws are by now, within what a follower can do."""
-        return dict(self.leader.lead())
+        return dict(self.gripper.lead())
 
     def send_feedback(self, feedback: dict[str, Any]) -> None:
         """Do nothing: there are no `feedback_features`."""
 
-    def disconnect(self) -> None:
-        """Disconnect the gripper."""
-        self.leader.disconnect()
 
-
-class LiteGripLeaderWithArm(LiteGripLeader):
+class LiteGripLeaderWithArm(BesideArm, LiteGripLeader):
     """`--teleop.type=litegrip_leader_with_arm`: without what the arm says of its gripper."""
 
     config_class = LiteGripLeaderWithArmConfig
@@ -139,34 +101,9 @@ class LiteGripLeaderWithArm(LiteGripLeader):
         )
 
     @property
-    def action_features(self) -> dict[str, type]:
-        """The arm's and the gripper's."""
-        return {**without_gripper(self.arm.action_features), **super().action_features}
-
-    @property
     def feedback_features(self) -> dict[str, type]:
         """The arm's."""
         return without_gripper(self.arm.feedback_features)
-
-    @property
-    def is_connected(self) -> bool:
-        """True if both are."""
-        return self.arm.is_connected and super().is_connected
-
-    @property
-    def is_calibrated(self) -> bool:
-        """True if both are."""
-        return self.arm.is_calibrated and super().is_calibrated
-
-    def connect(self, calibrate: bool = True) -> None:
-        """Connect both; neither stays connected when one cannot be."""
-        self.arm.connect(calibrate)
-        super().connect(calibrate)
-
-    def calibrate(self) -> None:
-        """Calibrate the arm in its way, then ask for the gripper."""
-        self.arm.calibrate()
-        super().calibrate()
 
     def get_action(self) -> dict[str, Any]:
         """Return the arm's action and the gripper's."""
@@ -175,11 +112,3 @@ class LiteGripLeaderWithArm(LiteGripLeader):
     def send_feedback(self, feedback: dict[str, Any]) -> None:
         """Send the arm its feedback."""
         self.arm.send_feedback(feedback)
-
-    def disconnect(self) -> None:
-        """Disconnect both."""
-        try:
-            super().disconnect()
-        finally:
-            if self.arm.is_connected:
-                self.arm.disconnect()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import abc
 import logging
 from typing import NamedTuple
 
@@ -41,7 +42,7 @@ class Fresh(NamedTuple):
     age_s: float
 
 
-class WatchedGripper:
+class WatchedGripper(abc.ABC):
     """The connection to a gripper, its newest figures, and the question before a calibration."""
 
     def __init__(self, settings: GripperSettings) -> None:
@@ -55,6 +56,15 @@ class WatchedGripper:
         self._travel: Travel | None = None
         self._zero_s = 0.0
         self._last_s = 0.0
+
+    @abc.abstractmethod
+    def start(self) -> None:
+        """Enable the motor for what this gripper is there for, and `begin`."""
+
+    @property
+    @abc.abstractmethod
+    def action_features(self) -> dict[str, type]:
+        """What an action has."""
 
     def _here(self, command: str) -> str:
         return command.replace("litegripctl", f"litegripctl -c {self._gripper.channel}")

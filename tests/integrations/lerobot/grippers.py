@@ -19,11 +19,14 @@ from tests.integrations.lerobot.measures import Track
 SWEEP_S, FROM_MM, TO_MM = 2.142, 20.0, 65.0
 """The hand: 45 mm and back, 66 mm/s at most."""
 HAND = ("-m", "bench.teleop.handheld", str(SWEEP_S), str(FROM_MM), str(TO_MM))
-CONFIG = """
+CONFIG = f"""
+[access]
+gateways = [{os.getuid()}]
 [bus]
 interface = "litegrip_sim"
 watchdog_s = 0.4
 """
+ON_MUJOCO = 'mechanics = "mujoco"\n'
 CALIBRATED = '[gripper]\nmount = "normal"\n'
 FIELDS = ["feedback_s", "openness", "mode", "enabled", "stale"]
 _WITHIN_S = 30.0
@@ -33,6 +36,7 @@ class Log:
     """Every tick of a daemon, 200 a second, from now on."""
 
     def __init__(self, channel: str) -> None:
+        self.channel = channel
         self.rows: list[dict[str, Any]] = []
         self._gripper = LiteGrip(channel)
         self._gripper.connect()
@@ -71,12 +75,18 @@ class Log:
 
 @contextmanager
 def daemon(
-    folder: Path, name: str, *, by_hand: bool = False, calibrated: bool = True
+    folder: Path,
+    name: str,
+    *,
+    by_hand: bool = False,
+    calibrated: bool = True,
+    mechanics: str = "",
 ) -> Iterator[str]:
     """Run a daemon until the end of the block; return its channel."""
     channel = f"{name}-{os.getpid()}"
     config = folder / f"{name}.toml"
-    config.write_text(CONFIG + (CALIBRATED if calibrated else ""), encoding="utf-8")
+    settings = CONFIG + mechanics + (CALIBRATED if calibrated else "")
+    config.write_text(settings, encoding="utf-8")
     program = HAND if by_hand else ("-m", "litegripd.app.main")
     home = folder / name
     home.mkdir()

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from draccus import ChoiceRegistry
+from lerobot.cameras import CameraConfig, make_cameras_from_configs
 from lerobot.robots import Robot, RobotConfig
 from lerobot.teleoperators import Teleoperator, TeleoperatorConfig
 
@@ -16,6 +17,8 @@ from lerobot_robot_litegrip import (
     LiteGripFollowerConfig,
     LiteGripLeaderConfig,
     LiteGripLeaderWithArmConfig,
+    LiteGripSceneCamera,
+    LiteGripSceneCameraConfig,
     LiteGripWithArmConfig,
 )
 
@@ -79,6 +82,18 @@ def test_each_is_chosen_by_its_name_and_its_device_is_found_beside_it(config: ty
     assert device.config_class is config
     assert issubclass(device, Robot if of is RobotConfig else Teleoperator)
     assert config.__module__.rpartition(".")[0] == plugin.__name__
+
+
+def test_the_camera_is_chosen_by_its_name_and_draws_the_channel_of_the_environment(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("LITEGRIP_CHANNEL", "scene")
+    assert CameraConfig.choices["litegrip_scene"] is LiteGripSceneCameraConfig
+    config = LiteGripSceneCameraConfig(width=320, height=240, fps=15)
+    camera = make_cameras_from_configs({"front": config})["front"]
+    assert isinstance(camera, LiteGripSceneCamera)
+    assert (camera.width, camera.height, camera.fps) == (320, 240, 15)
+    assert camera._channel == "scene"
 
 
 def test_lerobot_finds_the_distribution_by_its_modules_name() -> None:

@@ -308,11 +308,11 @@ def test_the_end_of_teleoperation_ends_the_loop(site: Bench, lead: Heard, follow
     leader, robot = by_the_daemons()
     with connected(leader), connected(robot):
         loop(site, robot, leader.get_action, 0.2)
-        robot.follower._gripper.teleop_stop()
+        robot.gripper._gripper.teleop_stop()
         site.run(0.1)
         with pytest.raises(TeleopNotActiveError, match="gripper follow: teleoperation has ended"):
             robot.send_action(to(50.0)())
-        robot.follower._gripper.stream(2.0).set_target(openness=0.2)
+        robot.gripper._gripper.stream(2.0).set_target(openness=0.2)
         site.run(0.1)
         with pytest.raises(TeleopNotActiveError):  # also while it moves otherwise
             robot.send_action(to(50.0)())
@@ -466,6 +466,23 @@ def test_a_gripper_that_is_stopped_moves_no_arm(site: Bench, follow: Heard) -> N
         assert robot.arm.get_observation()["shoulder.pos"] == 0.0
     with LiteGrip("follow") as other:
         other.clear_stop()
+
+
+def test_a_calibration_is_of_the_arm_and_then_of_the_gripper(
+    site: Bench, bare: Heard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = answering(monkeypatch, " ")
+    robot = LiteGripWithArm(LiteGripWithArmConfig(channel="follow", arm=ARM))
+    leader = LiteGripLeaderWithArm(
+        LiteGripLeaderWithArmConfig(channel="follow", arm={"type": "trial_arm_leader"})
+    )
+    for device in (robot, leader):
+        monkeypatch.setattr(device.arm, "calibrate", lambda: asked.append("the arm"))
+        device.connect(calibrate=False)
+        device.calibrate()
+        device.disconnect()
+        assert asked.pop(0) == "the arm"
+        assert "gripper follow: its jaws will move" in asked.pop(0)
 
 
 def test_neither_stays_connected_when_one_cannot_be(site: Bench, follow: Heard) -> None:

@@ -5,6 +5,7 @@ import math
 import pytest
 
 from tests.integrations.lerobot.measures import Track, delay_s, drifting, sweeps
+from tests.integrations.lerobot.sight import seen_px
 
 SWEEP_S = 2.0
 
@@ -55,3 +56,12 @@ def test_a_replay_whose_loop_is_ever_later_is_not_off() -> None:
     assert off < 0.03
     assert late_s == sorted(late_s)
     assert late_s[-1] == pytest.approx(0.8, abs=0.1)
+
+
+def test_jaws_are_seen_between_their_dark_inner_sides_and_only_there() -> None:
+    table, dark, face = [160] * 20, [42] * 3, [126] * 9
+    row = face[::-1] + dark + table + table + dark + face
+    assert seen_px(row) == pytest.approx(46.0, abs=0.1)
+    assert seen_px(table + table) is None
+    assert seen_px(table + table + dark + face) is None  # one finger alone
+    assert seen_px([42] * 80) is None

@@ -9,6 +9,7 @@ Prints a table; the exit code is 1 if something is not as it must be.
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 import signal
@@ -18,23 +19,29 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from statistics import median
 from typing import Any
 
+from PIL import Image, ImageDraw
+
 from litegrip_client import LiteGrip
-from tests.integrations.lerobot.grippers import SWEEP_S, Log, daemon, move, simulated
+from tests.integrations.lerobot.grippers import ON_MUJOCO, SWEEP_S, Log, daemon, move, simulated
 from tests.integrations.lerobot.measures import Track, delay_s, drifting, sweeps
+from tests.integrations.lerobot.sight import ROW, expected_px, seen_px
+from tests.process.fleet.fleet_process import HOST, SITE, fleet, make_certificates
 
 HERE = Path(__file__).parent
 FPS = 30
 TRAVEL_MM = 86.99
 MOST_OFF = 0.005
-MOST_LAG_S = 0.060
+MOST_LAG_S, MOST_LAG_BY_PORTAL_S = 0.060, 0.080
 FASTEST_CALM_MM_S = 76.0
 MOST_REPLAY_RMS = 0.03
+IMAGES_A_SECOND, IMAGE, MOST_PX_OFF = 15, (320, 240), 3.0
+ROW_PX = int(ROW * IMAGE[1])
 _ZERO = re.compile(r"gripper (\S+): stamps count from (\S+) s")
 _WITHIN_S = 240.0
 
@@ -51,6 +58,8 @@ class Trial:
     lead_log: Log
     follow_log: Log
     rows: list[tuple[bool, str, str]] = field(default_factory=list)
+    runtime_directory: Path | None = None
+    """Where LeRobot's commands look for sockets, if elsewhere than this program does."""
 
     def note(self, name: str, found: str, *, good: bool) -> None:
         """Note one finding, and print it."""
@@ -61,6 +70,8 @@ class Trial:
         """Start one of LeRobot's commands."""
         kept = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
         kept.pop("PYTHONDONTWRITEBYTECODE", None)  # else 5 GB are compiled at each start
+        if self.runtime_directory is not None:
+            kept["XDG_RUNTIME_DIR"] = str(self.runtime_directory)
         return subprocess.Popen(
             [str(self.environment / "bin" / program), *arguments],
             stdin=subprocess.PIPE,
@@ -94,7 +105,9 @@ class Trial:
         """Return the leader's arguments."""
         return _arguments("teleop", {"type": "litegrip_leader", "channel": self.lead, **more})
 
-    def record(self, name: str, *arguments: str, episodes: int = 1) -> tuple[int, str]:
+    def record(
+        self, name: str, *arguments: str, episodes: int = 1, fps: int = FPS, video: bool = False
+    ) -> tuple[int, str]:
         """Record a data set of short episodes."""
         return self.run(
             "lerobot-record",
@@ -105,16 +118,16 @@ class Trial:
             f"--dataset.num_episodes={episodes}",
             "--dataset.episode_time_s=9",
             "--dataset.reset_time_s=1",
-            f"--dataset.fps={FPS}",
-            "--dataset.video=false",
+            f"--dataset.fps={fps}",
+            f"--dataset.video={str(video).lower()}",
             "--dataset.push_to_hub=false",
             "--play_sounds=false",
         )
 
-    def read(self, name: str) -> dict[str, Any]:
-        """Read a data set with LeRobot."""
-        root = str(self.folder / name)
-        process = self.start("python", str(HERE / "read_dataset.py"), f"me/{name}", root)
+    def read(self, name: str, pictures: Path | None = None) -> dict[str, Any]:
+        """Read a data set with LeRobot, which also writes its images to a folder."""
+        arguments = [f"me/{name}", str(self.folder / name), *([str(pictures)] if pictures else [])]
+        process = self.start("python", str(HERE / "read_dataset.py"), *arguments)
         output, _ = process.communicate(timeout=_WITHIN_S)
         found: dict[str, Any] = json.loads(output[output.index('{"names"') :])
         return found
@@ -197,44 +210,64 @@ def check_lag(
     )
     # On a busy machine the simulated hand stands still, too, and then makes up for it.
     calm_s = [one.late_s for one in found if one.fastest_s * TRAVEL_MM <= FASTEST_CALM_MM_S]
+    most_s = MOST_LAG_S if trial.runtime_directory is None else MOST_LAG_BY_PORTAL_S
     trial.note(
         f"{what}: follower's lag, at 66 mm/s",
         f"{median(calm_s) * 1e3:.0f} ms; {shown}" if calm_s else f"no calm sweep; {shown}",
-        good=bool(calm_s) and median(calm_s) <= MOST_LAG_S,
+        good=bool(calm_s) and median(calm_s) <= most_s,
     )
 
 
-def record_and_replay(trial: Trial) -> None:
+def record_and_replay(trial: Trial, name: str = "stream") -> None:
     """Record two episodes by LeRobot's loop, and replay the first."""
-    code, output = trial.record("stream", *trial.robot(), *trial.leader(), episodes=2)
-    trial.ended_well("lerobot-record, mode stream", code, output)
-    data = trial.read("stream")
-    check_frames(trial, "stream", output, data, 0.0)
+    code, output = trial.record(name, *trial.robot(), *trial.leader(), episodes=2)
+    trial.ended_well(f"lerobot-record, {name}", code, output)
+    data = trial.read(name)
+    check_frames(trial, name, output, data, 0.0)
     wanted = [
         (frame["timestamp"], frame["action"][0] / 100.0)
         for frame in data["frames"]
         if frame["episode"] == 0
     ]
-    move(trial.follow, wanted[0][1])
+    move(trial.follow_log.channel, wanted[0][1])
     code, output = trial.run(
         "lerobot-replay",
         *trial.robot(),
-        "--dataset.repo_id=me/stream",
-        f"--dataset.root={trial.folder / 'stream'}",
+        f"--dataset.repo_id=me/{name}",
+        f"--dataset.root={trial.folder / name}",
         "--dataset.episode=0",
         "--play_sounds=false",
     )
-    trial.ended_well("lerobot-replay", code, output)
+    trial.ended_well(f"lerobot-replay, {name}", code, output)
     begun_s = float(dict(_ZERO.findall(output))[trial.follow])
     trial.follow_log.until(begun_s + wanted[-1][0] + 6.0)
     begun = [(begun_s + at_s, value) for at_s, value in wanted]
     off, late_s = drifting(begun, trial.follow_log.track())
     shown = ", ".join(f"{one * 1e3:.0f}" for one in late_s)
     trial.note(
-        "replay: RMS",
+        f"{name}, replayed: RMS",
         f"{off * 100.0:.2f} % of the travel; LeRobot's loop is late by, each second: {shown} ms",
         good=off <= MOST_REPLAY_RMS,
     )
+
+
+def through_a_portal(trial: Trial) -> None:
+    """Do the same by a fleet: LeRobot meets both grippers by the names that its portal has."""
+    certificates = make_certificates(
+        trial.folder / "certificates", HOST, "user:op1", "gateway:robot1"
+    )
+    sockets = {}
+    for name, channel in (("lead", trial.lead), ("follow", trial.follow)):
+        with LiteGrip(channel) as gripper:
+            sockets[name] = Path(str(gripper.socket_path))
+    with fleet(trial.folder / "fleet", certificates, sockets) as lab:
+        there = replace(
+            trial,
+            lead=f"{SITE}.lead",
+            follow=f"{SITE}.follow",
+            runtime_directory=lab.runtime_directory(),
+        )
+        record_and_replay(there, "portal")
 
 
 def teleoperate_and_hang(trial: Trial) -> None:
@@ -312,6 +345,7 @@ def _wait_until_it_begins(process: subprocess.Popen[str], count: int) -> dict[st
 
 def by_the_daemons(trial: Trial) -> None:
     """Record while the daemons teleoperate, with something between the follower's jaws."""
+    move(trial.follow, 0.8)
     simulated(trial.follow, "sim.object", width_mm=30.0, stiffness_nm_rad=250.0, slip_mm_s=0.0)
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
@@ -380,6 +414,79 @@ def with_an_arm(trial: Trial) -> None:
         "--play_sounds=false",
     )
     trial.ended_well("lerobot-replay, an arm with the gripper", code, output)
+
+
+def with_images(trial: Trial) -> None:
+    """Record what the camera of MuJoCo's scene sees, as images and as a video."""
+    with daemon(trial.folder, "scene", mechanics=ON_MUJOCO) as channel:
+        with LiteGrip(channel) as gripper:
+            travel_mm = float(gripper.info()["gripper"]["travel_mm"])
+        camera = (
+            f"{{type: litegrip_scene, channel: {channel},"
+            f" width: {IMAGE[0]}, height: {IMAGE[1]}, fps: {IMAGES_A_SECOND}}}"
+        )
+        for name, video in (("images", False), ("video", True)):
+            code, output = trial.record(
+                name,
+                *trial.robot(channel=channel, cameras=f"{{front: {camera}}}"),
+                *trial.leader(),
+                fps=IMAGES_A_SECOND,
+                video=video,
+            )
+            trial.ended_well(f"lerobot-record, {name} of MuJoCo's scene", code, output)
+            check_images(trial, name, travel_mm)
+
+
+def check_images(trial: Trial, name: str, travel_mm: float) -> None:
+    """Compare how far the jaws are open in each image with the position beside it."""
+    folder = trial.folder / f"{name}-pictures"
+    data = trial.read(name, folder)
+    frames = data["frames"]
+    shapes = {tuple(shape[:3]) for frame in frames for shape in frame["images"].values()}
+    trial.note(
+        f"{name}: frames",
+        f"{len(frames)} of 9 s at {IMAGES_A_SECOND} a second, {shapes}",
+        good=len(frames) >= 0.8 * 9 * IMAGES_A_SECOND and shapes == {(3, *IMAGE[::-1])},
+    )
+    opened_mm = [pos / 100.0 * travel_mm for pos in column(data, "observation", "gripper.pos")]
+    off_px = []
+    for index, opening_mm in enumerate(opened_mm):
+        with Image.open(folder / f"{index:04}.png") as image:
+            row = image.convert("L").crop((0, ROW_PX, IMAGE[0], ROW_PX + 1)).tobytes()
+        seen = seen_px(row)
+        off_px.append(math.inf if seen is None else seen - expected_px(opening_mm, IMAGE[1]))
+    trial.note(
+        f"{name}: the jaws' opening in the image",
+        f"{min(opened_mm):.0f} to {max(opened_mm):.0f} mm, a px is"
+        f" {1.0 / expected_px(1.0, IMAGE[1]):.2f} mm; off by {median(map(abs, off_px)):.1f} px,"
+        f" at most {max(map(abs, off_px)):.1f} px",
+        good=max(map(abs, off_px)) <= MOST_PX_OFF and max(opened_mm) - min(opened_mm) > 25.0,
+    )
+    held = column(data, "observation", "gripper.grasped")
+    trial.note(
+        f"{name}: the cube is held in some",
+        f"{sum(held):.0f} of {len(held)} frames; {min(opened_mm):.1f} mm at least",
+        good=0 < sum(held) < len(held) and abs(min(opened_mm) - 30.0) < 1.0,
+    )
+    sheet(folder, opened_mm, held).save(trial.environment / f"{name}.png")
+
+
+def sheet(folder: Path, opened_mm: list[float], held: list[float]) -> Image.Image:
+    """Return four images of a data set beside each other, from open jaws to the cube held.
+
+    That of `images` is the picture of docs/mujoco.md.
+    """
+    last = held.index(1.0)
+    first = max(range(last), key=opened_mm.__getitem__)
+    drawn = Image.new("RGB", (4 * IMAGE[0] + 9, IMAGE[1] + 24), "white")
+    words = ImageDraw.Draw(drawn)
+    for place in range(4):
+        index = round(first + (last - first) * place / 3)
+        with Image.open(folder / f"{index:04}.png") as image:
+            drawn.paste(image, (place * (IMAGE[0] + 3), 0))
+        said = f"frame {index}: {opened_mm[index]:.1f} mm" + (", held" if held[index] else "")
+        words.text((place * (IMAGE[0] + 3) + 8, IMAGE[1] + 6), said, fill="black", font_size=13)
+    return drawn
 
 
 def refusals(trial: Trial) -> None:
@@ -458,9 +565,11 @@ def _refused(trial: Trial, name: str, code: int, output: str, says: str) -> None
 
 SCENES: dict[str, Callable[[Trial], None]] = {
     "stream": record_and_replay,
+    "portal": through_a_portal,
     "teleoperate": teleoperate_and_hang,
     "daemon": by_the_daemons,
     "arm": with_an_arm,
+    "images": with_images,
     "refusals": refusals,
     "calibrate": calibrations,
 }

@@ -124,5 +124,8 @@ class TrialCamera(Camera):
     def async_read(self, timeout_ms: float = 200.0) -> Any:
         return self.read()
 
+    def read_latest(self, max_age_ms: int = 500) -> Any:
+        return self.read()
+
     def disconnect(self) -> None:
         self.is_connected = False

@@ -26,6 +26,11 @@ class Camera(abc.ABC):
     def __init__(self, config: CameraConfig) -> None:
         self.fps, self.width, self.height = config.fps, config.width, config.height
 
+    @staticmethod
+    @abc.abstractmethod
+    def find_cameras() -> list[dict[str, Any]]:
+        """List those that are there."""
+
     @property
     @abc.abstractmethod
     def is_connected(self) -> bool:
@@ -42,6 +47,10 @@ class Camera(abc.ABC):
     @abc.abstractmethod
     def async_read(self, timeout_ms: float = ...) -> Any:
         """Return the newest image that was not returned before."""
+
+    @abc.abstractmethod
+    def read_latest(self, max_age_ms: int = ...) -> Any:
+        """Return the newest image, even again; LeRobot says that it will demand this one."""
 
     @abc.abstractmethod
     def disconnect(self) -> None:
