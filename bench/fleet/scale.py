@@ -21,7 +21,7 @@ from typing import Any
 from bench.fleet.recorded import record
 from bench.fleet.standin import name_of
 from bench.fleet.usage import Usage, usage_of
-from tests.process.fleet.fleet_process import HOST, SITE, Fleet, make_certificates
+from tests.process.fleet.fleet_process import HOST, Fleet, make_certificates, reach
 
 USER, TTL_S = "op1", 1.0
 SETTLE_S = 3.0
@@ -111,7 +111,7 @@ class Scale:
             fleet.start_gateway({name: standins / f"{name}.sock" for name in names})
             fleet.start_portal(USER, "operator", names, TTL_S)
             for name in names:
-                fleet.gateway.until_says(f"{SITE}.{name}: ")
+                reach(fleet, name).close()
             pids = {"stand-in": standin.pid}
             pids |= {kind: fleet.parts[kind].process.pid for kind in PARTS if kind in fleet.parts}
             for hz in rates_hz:
