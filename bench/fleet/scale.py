@@ -7,6 +7,11 @@ The grippers are `bench.fleet.standin`, in one process, with samples as a daemon
 else is as in reality, but on one machine: all five processes share its cores. Age: from the
 stand-in's write to the reader's read, by CLOCK_MONOTONIC. `lost` is the share of what GRIPPERS
 times HZ should bring that did not come, `ended` the sessions that ended. CPU is in % of one core.
+
+Behind each row comes the floor under it, in the same run and by the same router: as many payloads
+of the same size from a zenoh publisher to a subscriber, and nothing else (`bench.fleet.floor`). Its
+publisher stands below `gateway`, its subscriber below `portal`. `each` is the CPU that one sample
+took in gateway, router and portal, in µs: it can be compared where the machine has other work.
 """
 
 import contextlib
@@ -15,11 +20,12 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from bench.fleet.recorded import record
-from bench.fleet.standin import name_of
+from bench.fleet.standin import Answers, name_of
 from bench.fleet.usage import Usage, usage_of
 from tests.process.fleet.fleet_process import HOST, Fleet, make_certificates, reach
 
@@ -49,10 +55,23 @@ def kill_all(fleet: Fleet) -> None:
         part.kill()
 
 
+@contextlib.contextmanager
+def ended_then(process: "subprocess.Popen[str]") -> Iterator["subprocess.Popen[str]"]:
+    """Kill a process at the end."""
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
 class Row:
     """One size and rate: what came, and what each process used."""
 
-    def __init__(self, grippers: int, hz: float, seconds: float, figures: dict[str, Any]) -> None:
+    def __init__(
+        self, kind: str, grippers: int, hz: float, seconds: float, figures: dict[str, Any]
+    ) -> None:
+        self.kind = kind
         self.grippers = grippers
         self.hz = hz
         self.seconds = seconds
@@ -63,22 +82,32 @@ class Row:
         offered = self.grippers * self.hz * self.seconds
         came = self.figures["samples"]
         ages = [self.figures.get(name, float("nan")) / 1e3 for name in ("p50", "p99", "worst")]
-        cells = f"{self.grippers:>8}{self.hz:>5g}{came / self.seconds:>11.0f}"
+        cells = f"{self.kind:<6}{self.grippers:>8}{self.hz:>5g}{came / self.seconds:>11.0f}"
         cells += f"{max(0.0, 1.0 - came / offered):>8.2%}{self.figures['ended']:>7}"
         cells += "".join(f"{age_ms:>9.2f}" for age_ms in ages) + "  "
-        for before, after in self.used.values():
-            cells += f"{(after.cpu_s - before.cpu_s) / self.seconds:>9.0%}"
-        cells += "  "
-        for _before, after in self.used.values():
-            cells += f"{after.resident_kb / 1024:>9.0f}"
+        for name in PARTS:
+            share = ""
+            if name in self.used:
+                before, after = self.used[name]
+                share = f"{(after.cpu_s - before.cpu_s) / self.seconds:.0%}"
+            cells += f"{share:>9}"
+        used_s = sum(
+            after.cpu_s - before.cpu_s
+            for name, (before, after) in self.used.items()
+            if name not in ("stand-in", "reader")
+        )
+        cells += f"{used_s / max(1, came) * 1e6:>7.0f}  "
+        for name in PARTS:
+            resident = round(self.used[name][1].resident_kb / 1024) if name in self.used else ""
+            cells += f"{resident:>9}"
         return cells
 
 
 HEADER = (
-    f"{'grippers':>8}{'Hz':>5}{'samples/s':>11}{'lost':>8}{'ended':>7}"
+    f"{'':<6}{'grippers':>8}{'Hz':>5}{'samples/s':>11}{'lost':>8}{'ended':>7}"
     f"{'p50 ms':>9}{'p99':>9}{'worst':>9}  "
     + "".join(f"{name:>9}" for name in PARTS)
-    + "  "
+    + f"{'each':>7}  "
     + "".join(f"{name:>9}" for name in PARTS)
 )
 
@@ -90,6 +119,8 @@ class Scale:
         self.folder = folder
         self.recorded = folder / "recorded.json"
         record(self.recorded)
+        answers = Answers(json.loads(self.recorded.read_text(encoding="utf-8")))
+        self.sample_bytes = len(answers.sample(1))
         names = (HOST, f"user:{USER}", "gateway:robot1")
         self.certificates = make_certificates(folder / "tls", *names)
 
@@ -117,31 +148,57 @@ class Scale:
             for hz in rates_hz:
                 paths = [fleet.socket_path(name) for name in names]
                 print(self.row(hz, seconds, paths, pids).text(), flush=True)
+                print(self.floor(hz, seconds, fleet, pids["router"]).text(), flush=True)
 
     def row(self, hz: float, seconds: float, paths: list[Path], pids: dict[str, int]) -> Row:
-        reader = started("bench.fleet.reader", hz, *paths)
-        try:
-            said(reader)
-            time.sleep(SETTLE_S)
+        """Have all grippers read; return what came."""
+        with ended_then(started("bench.fleet.reader", hz, *paths)) as reader:
             pids = {**pids, "reader": reader.pid}
-            before = {name: usage_of(pid) for name, pid in pids.items()}
-            assert reader.stdin is not None
-            reader.stdin.write(f"{seconds}\n")
-            reader.stdin.flush()
-            figures = json.loads(said(reader))
-            row = Row(len(paths), hz, seconds, figures)
-            row.used = {name: (before[name], usage_of(pid)) for name, pid in pids.items()}
-            return row
-        finally:
-            reader.kill()
-            reader.wait()
+            return self._counted("fleet", len(paths), hz, seconds, reader, pids)
+
+    def floor(self, hz: float, seconds: float, fleet: Fleet, router: int) -> Row:
+        """Have zenoh alone carry as much; return what came."""
+        configs = {}
+        for name in (USER, "robot1"):
+            own = fleet.certificates / name
+            values = {"connect": [fleet.endpoint], "ca": f"{own}/ca.pem"}
+            values |= {"certificate": f"{own}/own.pem", "key": f"{own}/own.key"}
+            configs[name] = fleet.folder / f"{name}.json"
+            configs[name].write_text(json.dumps(values), encoding="utf-8")
+        count, size = len(fleet.grippers), self.sample_bytes
+        with ended_then(started("bench.fleet.floor", "subscribe", configs[USER])) as reader:
+            options = ("publish", configs["robot1"], count, hz, size)
+            with ended_then(started("bench.fleet.floor", *options)) as publisher:
+                said(publisher)
+                pids = {"gateway": publisher.pid, "router": router, "portal": reader.pid}
+                return self._counted("floor", count, hz, seconds, reader, pids)
+
+    def _counted(
+        self,
+        kind: str,
+        count: int,
+        hz: float,
+        seconds: float,
+        reader: "subprocess.Popen[str]",
+        pids: dict[str, int],
+    ) -> Row:
+        """Have a reader count once it is ready, and look at what all processes use meanwhile."""
+        said(reader)
+        time.sleep(SETTLE_S)
+        before = {name: usage_of(pid) for name, pid in pids.items()}
+        assert reader.stdin is not None
+        reader.stdin.write(f"{seconds}\n")
+        reader.stdin.flush()
+        row = Row(kind, count, hz, seconds, json.loads(said(reader)))
+        row.used = {name: (before[name], usage_of(pid)) for name, pid in pids.items()}
+        return row
 
 
 def main() -> None:
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 10.0
     sizes = [int(text) for text in (sys.argv[2] if len(sys.argv) > 2 else "1,10,50,200").split(",")]
     rates = [float(text) for text in (sys.argv[3] if len(sys.argv) > 3 else "10,50").split(",")]
-    print(f"{'':>64}CPU of{'':<40}resident MB of")
+    print(f"{'':>70}CPU of{'':<48}resident MB of")
     print(HEADER, flush=True)
     with tempfile.TemporaryDirectory(prefix="scale-") as name:
         scale = Scale(Path(name))

@@ -39,7 +39,9 @@ from litegrip_fleet.admin.options import (
 from litegrip_fleet.admin.stopping import stop_site
 from litegrip_fleet.far.dead_man import DeadMansSwitch
 from litegrip_fleet.far.gateway import Gateway
+from litegrip_fleet.far.together import Together as FarTogether
 from litegrip_fleet.near.portal import Portal
+from litegrip_fleet.near.together import Together as NearTogether
 from litegrip_fleet.wire.keys import BadNameError, check_name
 from litegrip_fleet.wire.network import (
     Network,
@@ -102,11 +104,14 @@ def _gateway(config: FleetConfig, _arguments: argparse.Namespace) -> int:
         connecting = opening(config.network)
         logging_routers = asyncio.create_task(log_routers(connecting, _where(config)))
         session = await asyncio.wrap_future(connecting)
+        together = FarTogether(session, next(iter(part.places)))
         gateways = [
-            Gateway(session, place, channel, switch) for place, channel in part.places.items()
+            Gateway(session, place, channel, together, switch)
+            for place, channel in part.places.items()
         ]
+        running = [gateway.run() for gateway in gateways]
         try:
-            await asyncio.gather(logging_routers, *(gateway.run() for gateway in gateways))
+            await asyncio.gather(logging_routers, together.run(), *running)
         finally:
             close(session)
 
@@ -130,11 +135,13 @@ def _portal(config: FleetConfig, _arguments: argparse.Namespace) -> int:
     async def serve() -> None:
         connecting = opening(config.network)
         session = partial(session_in, connecting)
+        together = NearTogether(session, part.user, part.role)
         portals = [
             Portal(
                 session,
                 place,
                 Path(part.socket_path(place)),
+                together,
                 user=part.user,
                 role=part.role,
                 ttl_s=part.ttl_s,
@@ -148,6 +155,7 @@ def _portal(config: FleetConfig, _arguments: argparse.Namespace) -> int:
             await asyncio.gather(
                 asyncio.wrap_future(connecting),
                 log_routers(connecting, _where(config)),
+                together.run(),
                 *(portal.run() for portal in portals),
             )
         finally:

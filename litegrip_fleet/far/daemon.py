@@ -2,7 +2,7 @@
 
 import asyncio
 import json
-from collections.abc import Mapping
+from collections.abc import AsyncIterator, Mapping
 from typing import Any
 
 from litegrip_client.core.discovery import reach
@@ -14,6 +14,7 @@ from litegrip_fleet.wire.daemon_lines import MAX_ANSWER_BYTES
 
 ANSWER_WITHIN_S = 2.0
 STOP_WITHIN_S = 1.0
+_READ_BYTES = 65_536
 
 
 async def connected(channel: str) -> tuple[str, asyncio.StreamReader, asyncio.StreamWriter]:
@@ -48,6 +49,27 @@ async def asked_of(
         if answer.get("id") == 0:
             result: dict[str, Any] = answer["result"]
             return result
+
+
+async def lines_of(reader: asyncio.StreamReader) -> AsyncIterator[bytes]:
+    """Yield a daemon's lines until it closes; raises `ValueError` for one beyond all bounds.
+
+    By what has come, and not by `readline`, which costs twice as much for each.
+    """
+    begun: list[bytes] = []
+    size_bytes = 0
+    while received := await reader.read(_READ_BYTES):
+        *lines, rest = received.split(b"\n")
+        for line in lines:
+            yield b"".join((*begun, line, b"\n"))
+            begun.clear()
+        size_bytes = len(rest) + (0 if lines else size_bytes)
+        if size_bytes > MAX_ANSWER_BYTES:
+            raise ValueError(f"a line of more than {MAX_ANSWER_BYTES} bytes")
+        if rest:
+            begun.append(rest)
+    if begun:
+        yield b"".join(begun)
 
 
 def how_it_is(

@@ -20,19 +20,27 @@ from litegrip_client.core.stop import WHY_CHARACTERS
 from litegrip_client.values.errors import LiteGripError
 from litegrip_client.values.repeats import EACH, REPEATS
 from litegrip_client.values.version import client_version
-from litegrip_fleet.far.daemon import STOP_WITHIN_S, asked_of, connected, how_it_is, unreachable
+from litegrip_fleet.far.daemon import (
+    STOP_WITHIN_S,
+    asked_of,
+    connected,
+    how_it_is,
+    lines_of,
+    unreachable,
+)
 from litegrip_fleet.far.dead_man import DeadMansSwitch
 from litegrip_fleet.far.far_session import FarSession
+from litegrip_fleet.far.together import Publication, Together
 from litegrip_fleet.wire.answers import UNREACHABLE, error_line, error_object
-from litegrip_fleet.wire.daemon_lines import generation_in, is_id
-from litegrip_fleet.wire.keys import Caller, Place, caller_in, stopper_in
+from litegrip_fleet.wire.daemon_lines import generation_in, is_id, is_single_sample
+from litegrip_fleet.wire.keys import Caller, Place, caller_in, is_name, stopper_in
 from litegrip_fleet.wire.messages import Ask, BadMessageError, Push, Reply, packed, unpacked
 from litegrip_fleet.wire.network import all_in_order, hand_over, the_newest
 from litegrip_fleet.wire.site import LOOK_WITHIN_S, TWO_GATEWAYS
+from litegrip_fleet.wire.together import TOGETHER, Life, Sample
 
 _log = logging.getLogger(__name__)
 
-LOOK_EVERY_S = 0.05
 RECONNECT_EVERY_S = 0.5
 MOST_SESSIONS = 56
 """For each gripper; the daemon lets 64 connections of a user in."""
@@ -67,9 +75,13 @@ class Gateway:
         session: zenoh.Session,
         place: Place,
         channel: str,
+        together: Together,
         switch: DeadMansSwitch | None = None,
     ) -> None:
         self.place = place
+        self._together = together
+        together.takers[place.gripper] = self._lives
+        together.looks.append(self._look)
         self._switch = switch
         self._session = session
         self._channel = channel
@@ -102,14 +114,12 @@ class Gateway:
         stops = self._session.declare_queryable(f"{key}/stop/*", the_newest())
         # On a thread of its own: nothing else that the gateway does is before it.
         hand_over(stops, lambda query: self._stop(query, loop), f"stop {self.place}")
-        look = asyncio.create_task(self._look())
         try:
             await asyncio.to_thread(self._warn_of_another)
             while True:
                 await self._watch()
                 await asyncio.sleep(RECONNECT_EVERY_S)
         finally:
-            look.cancel()
             for connection in list(self._connections.values()):
                 connection.close()
             for queryable in (rpc, stops, hellos):
@@ -237,6 +247,9 @@ class Gateway:
             _log.debug("%s: %s", key, error)
             query.drop()
             return
+        if ask.op == "lives":
+            self._together.take(query, caller)
+            return
         connection = self._connections.get(key)
         if connection is not None and not connection.ready:
             query.drop()  # it is being opened: the portal asks again
@@ -249,12 +262,24 @@ class Gateway:
             task.add_done_callback(_log_failure)
             connection.task = task
         elif connection is None:
-            gone = error_object(
-                UNREACHABLE, f"{self.place}: the session has ended: its time to live was up"
-            )
-            _answer(query, Reply(0, 0, time.monotonic(), gone=gone))
+            _answer(query, self._over())
         else:
             self._serve(query, connection, ask)
+
+    def _over(self) -> Reply:
+        text = f"{self.place}: the session has ended: its time to live was up"
+        return Reply(0, 0, time.monotonic(), gone=error_object(UNREACHABLE, text))
+
+    def _lives(self, caller: Caller, life: Life) -> Reply | None:
+        """Take the sign of life of a session of the caller's; return the reply, if it has begun."""
+        key = self.place.rpc(caller.user, life.session, caller.role)
+        connection = self._connections.get(key)
+        if connection is None:
+            return self._over()
+        if not connection.ready:
+            return None
+        self._take(connection, Ask("live", got=life.got, at_s=life.at_s), b"")
+        return connection.far.reply(time.monotonic())
 
     def _forget(self, key: str) -> Any:
         return lambda: self._connections.pop(key, None)
@@ -298,12 +323,15 @@ class Gateway:
         )
         connection.far.generation = hello["stop_generation"]
         connection.ready = True
+        if is_name(ask.together):
+            connection.publish(self._together.publication, self._together.key(caller, ask.together))
         return {
             "site": self.place.site,
             "gripper": self.place.gripper,
             "user": user,
             "role": hello["role"],
             "gateway": self._version,
+            TOGETHER: str(self._together.carrier),
         }
 
     def _check_room(self, user: str) -> None:
@@ -332,6 +360,14 @@ class Gateway:
     def _serve(self, query: zenoh.Query, connection: "_Connection", ask: Ask) -> None:
         payload = query.payload
         line = b"" if payload is None else payload.to_bytes()
+        self._take(connection, ask, line)
+        # A portal that asks for a session once more has not got the answer.
+        about = connection.about if ask.op == "open" else None
+        _answer(query, connection.far.reply(time.monotonic(), about))
+        if ask.op == "close":
+            connection.close()
+
+    def _take(self, connection: "_Connection", ask: Ask, line: bytes) -> None:
         far = connection.far
         far.generation = self._generation
         far.asked(ask, line, time.monotonic())
@@ -340,22 +376,14 @@ class Gateway:
         if ask.op == "live" and far.renews:
             connection.show_life()
         connection.wake()
-        # A portal that asks for a session once more has not got the answer.
-        about = connection.about if ask.op == "open" else None
-        _answer(query, far.reply(time.monotonic(), about))
-        if ask.op == "close":
-            connection.close()
 
-    async def _look(self) -> None:
+    def _look(self, now_s: float) -> None:
         """End the sessions whose portal does not show life."""
-        while True:
-            await asyncio.sleep(LOOK_EVERY_S)
-            now_s = time.monotonic()
-            for connection in list(self._connections.values()):
-                if connection.ready and connection.far.is_lost(now_s):
-                    caller = connection.caller
-                    _log.warning("%s: %s shows no life any more", self.place, caller.user)
-                    connection.close()
+        for connection in list(self._connections.values()):
+            if connection.ready and connection.far.is_lost(now_s):
+                caller = connection.caller
+                _log.warning("%s: %s shows no life any more", self.place, caller.user)
+                connection.close()
 
     # Stops ----------------------------------------------------------------------------------------
 
@@ -407,11 +435,18 @@ class _Connection:
         self._awaits_life = False
         self._half_closed = False
         self._session = session
+        self._gripper = place.gripper
         self._key = zenoh.KeyExpr(place.to(caller.user, caller.session))
+        self._publication: Publication | None = None
+        self._published_at = ""
 
     def attach(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Store the connection to the daemon."""
         self._reader, self._writer = reader, writer
+
+    def publish(self, publication: Publication, key: str) -> None:
+        """Have samples sent to a key, with those of other sessions of the same portal."""
+        self._publication, self._published_at = publication, key
 
     def to_daemon(self, line: bytes | None) -> None:
         """Write a line; None is the end of them, and what comes behind it is dropped."""
@@ -432,6 +467,10 @@ class _Connection:
         A declared publisher would not send before it had heard of the subscriber: the first
         messages of a session would be lost.
         """
+        if push.number is None and self._publication is not None and is_single_sample(piece):
+            sample = Sample(self._gripper, self.caller.session, push.generation, piece)
+            self._publication.add(self._published_at, sample)
+            return
         self._session.put(
             self._key,
             piece,
@@ -455,7 +494,7 @@ class _Connection:
     async def pass_on(self, note: Any) -> None:
         """Pass the daemon's lines on until it closes the connection."""
         try:
-            while line := await self._reader.readline():
+            async for line in lines_of(self._reader):
                 note(line)
                 if line.startswith(_ALIVE_ANSWER):
                     self._awaits_life = False

@@ -17,6 +17,7 @@ from litegrip_fleet.far.gateway import (
     Gateway,
     _Connection,
 )
+from litegrip_fleet.far.together import Together
 from litegrip_fleet.wire.keys import Caller, Place
 from litegrip_fleet.wire.messages import Ask, Reply, packed, unpacked
 
@@ -50,7 +51,7 @@ class Query:
 
 
 def made() -> Gateway:
-    return Gateway(NOTHING, LEFT, "can0")
+    return Gateway(NOTHING, LEFT, "can0", Together(NOTHING, LEFT))
 
 
 def take(gateway: Gateway, query: Any) -> None:

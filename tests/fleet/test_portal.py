@@ -22,6 +22,7 @@ from litegrip_fleet.near.portal import (
     _process,
     _state_of,
 )
+from litegrip_fleet.near.together import Together
 from litegrip_fleet.wire.daemon_lines import MAX_LINE_BYTES
 from litegrip_fleet.wire.keys import Place
 from litegrip_fleet.wire.messages import Reply
@@ -34,7 +35,10 @@ class Stopping(Portal):
 
     def __init__(self) -> None:
         place, path = Place("lab", "left"), Path("/nowhere/lab.left.sock")
-        super().__init__(lambda: None, place, path, user="op1", role="operator", ttl_s=1.0)
+        together = Together(lambda: None, "op1", "operator")
+        super().__init__(
+            lambda: None, place, path, together, user="op1", role="operator", ttl_s=1.0
+        )
         self.given: list[bytes] = []
 
     async def _stopped(self, line: bytes) -> bytes:
