@@ -378,9 +378,12 @@ class Gateway:
         connection.wake()
 
     def _look(self, now_s: float) -> None:
-        """End the sessions whose portal does not show life."""
+        """Send no samples to a portal whose life is late, and end its session when it is over."""
         for connection in list(self._connections.values()):
-            if connection.ready and connection.far.is_lost(now_s):
+            if not connection.ready:
+                continue
+            connection.far.sheds = connection.far.is_late(now_s)
+            if connection.far.is_lost(now_s):
                 caller = connection.caller
                 _log.warning("%s: %s shows no life any more", self.place, caller.user)
                 connection.close()

@@ -71,8 +71,9 @@ def _with_table(rows: Sequence[Sample]) -> bytes:
 
 def samples_in(payload: bytes) -> list[Sample]:
     """Return the samples of a message; raises `BadMessageError`."""
-    head, *lines, rest = payload.split(b"\n")
+    head, _newline, body = payload.partition(b"\n")
     table = _rows_in(head, "to")[1]
+    *lines, rest = body.split(b"\n")
     if len(table) != len(lines) or rest:
         raise BadMessageError(f"{len(table)} samples are announced, {len(lines)} are there")
     samples = []
