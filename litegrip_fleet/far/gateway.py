@@ -450,6 +450,7 @@ class _Connection:
     def publish(self, publication: Publication, key: str) -> None:
         """Have samples sent to a key, with those of other sessions of the same portal."""
         self._publication, self._published_at = publication, key
+        publication.sessions += 1
 
     def to_daemon(self, line: bytes | None) -> None:
         """Write a line; None is the end of them, and what comes behind it is dropped."""
@@ -514,6 +515,9 @@ class _Connection:
         """Close the connection: the daemon then does what the session's end means."""
         self.ready = False
         self._on_closed()
+        if self._publication is not None:
+            self._publication.sessions -= 1
+            self._publication = None
         if self._writer is not None:
             self._writer.close()
             self._writer = None

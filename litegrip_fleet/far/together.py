@@ -22,8 +22,9 @@ from litegrip_fleet.wire.together import (
     packed_samples,
 )
 
-GATHER_S = 0.005
-"""What comes sooner after the last publication than so waits for the rest of it."""
+GATHER_EACH_S, GATHER_MOST_S = 0.001, 0.02
+"""So long after the last publication, for each session, what comes waits for others: those of a few
+sessions are not delayed, those of many cost 50 messages a second."""
 
 LOOK_EVERY_S = 0.05
 
@@ -32,10 +33,11 @@ class Publication:
     """Samples on their way to portals: the network is never waited for by the event loop.
 
     While it takes them as they come, none is left out. While it does not, the newest of each
-    subscription replaces those before it.
+    subscription replaces those before it. `sessions` have to be counted by whom they are.
     """
 
     def __init__(self, send: Callable[[str, bytes], None]) -> None:
+        self.sessions = 0
         self._send = send
         self._waiting: list[tuple[str, Sample]] = []
         self._sent_s = 0.0
@@ -50,14 +52,18 @@ class Publication:
         if not self._is_due:
             self._is_due = True
             loop = asyncio.get_running_loop()
-            loop.call_at(max(loop.time(), self._sent_s + GATHER_S), self._go)
+            loop.call_at(max(loop.time(), self._sent_s + self._gather_s), self._go)
+
+    @property
+    def _gather_s(self) -> float:
+        return min(GATHER_EACH_S * self.sessions, GATHER_MOST_S)
 
     def _go(self) -> None:
         loop = asyncio.get_running_loop()
         self._sent_s = loop.time()
         if self._is_sending:
             self._waiting = newest(self._waiting)
-            loop.call_at(self._sent_s + GATHER_S, self._go)
+            loop.call_at(self._sent_s + GATHER_MOST_S, self._go)
             return
         if self._thread is None:
             self._thread = threading.Thread(target=self._run, name="states", daemon=True)

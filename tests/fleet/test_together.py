@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 import litegrip_fleet.near.together as near_together
 from litegrip_fleet.far.far_session import FarSession
 from litegrip_fleet.far.gateway import Gateway, _Connection
-from litegrip_fleet.far.together import GATHER_S, Publication, newest
+from litegrip_fleet.far.together import GATHER_EACH_S, GATHER_MOST_S, Publication, newest
 from litegrip_fleet.far.together import Together as FarTogether
 from litegrip_fleet.near.together import MOST_PUBLICATIONS
 from litegrip_fleet.near.together import Together as NearTogether
@@ -432,8 +432,19 @@ def test_an_older_portal_gets_its_samples_in_the_tunnel() -> None:
     assert robot.network.put_at == [RIGHT.to("op1", "op1-1")]
 
 
-def test_a_sample_waits_for_what_comes_in_the_next_moment_only() -> None:
-    assert GATHER_S <= 0.02
+def test_samples_of_many_sessions_wait_for_one_another_and_those_of_few_do_not() -> None:
+    robot, caller = Robot(), Caller("op1", "op1-1", "operator")
+    publication = robot.together.publication
+    for connection in robot.sessions.values():
+        connection.publish(publication, robot.together.key(caller, "portal-all"))
+    assert publication._gather_s == pytest.approx(4 * GATHER_EACH_S)
+    publication.sessions += 1000
+    assert publication._gather_s == GATHER_MOST_S
+    publication.sessions -= 1000
+    for connection in robot.sessions.values():
+        connection.close()
+        connection.close()
+    assert publication._gather_s == 0.0
 
 
 # The portal ---------------------------------------------------------------------------------------
