@@ -100,15 +100,9 @@ class Gateway:
         """Serve until cancelled: stops always, sessions while the daemon answers."""
         loop = asyncio.get_running_loop()
         key = self.place.key
-        rpc = self._session.declare_queryable(f"{key}/rpc/**", all_in_order())
-        hand_over(
-            rpc, lambda query: loop.call_soon_threadsafe(self._queue, query), f"rpc {self.place}"
-        )
-        hellos = self._session.declare_queryable(self.place.about, all_in_order())
-        hand_over(
-            hellos,
-            lambda query: loop.call_soon_threadsafe(self._asked_about, query),
-            f"hello {self.place}",
+        rpc = self._session.declare_queryable(f"{key}/rpc/**", all_in_order(loop, self._queue))
+        hellos = self._session.declare_queryable(
+            self.place.about, all_in_order(loop, self._asked_about)
         )
         # A flood of them does not hold up other grippers' stops: one that gives way is asked again.
         stops = self._session.declare_queryable(f"{key}/stop/*", the_newest())
@@ -122,7 +116,8 @@ class Gateway:
         finally:
             for connection in list(self._connections.values()):
                 connection.close()
-            for queryable in (rpc, stops, hellos):
+            queryables: tuple[zenoh.Queryable[Any], ...] = (rpc, stops, hellos)
+            for queryable in queryables:
                 queryable.undeclare()
 
     def _warn_of_another(self) -> None:

@@ -11,7 +11,6 @@ import zenoh
 
 from litegrip_fleet.wire.keys import PREFIX, Place
 from litegrip_fleet.wire.messages import Ask, Push, Reply, packed, unpacked
-from litegrip_fleet.wire.network import all_in_order, hand_over
 from litegrip_fleet.wire.together import Sample, packed_samples, samples_in
 from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess
 from tests.process.fleet.fleet_process import Fleet, fleet
@@ -58,8 +57,7 @@ class Heard:
 
     def __init__(self, session: zenoh.Session, key: str) -> None:
         self.by_key: dict[str, list[bytes]] = {}
-        self._subscriber = session.declare_subscriber(key, all_in_order())
-        hand_over(self._subscriber, self._take, "heard")
+        self._subscriber = session.declare_subscriber(key, self._take)
 
     def _take(self, sample: zenoh.Sample) -> None:
         self.by_key.setdefault(str(sample.key_expr), []).append(sample.payload.to_bytes())
@@ -206,8 +204,7 @@ def test_an_older_gateway_sends_states_in_the_tunnel(lab: Fleet) -> None:
             number = len(asked)
             session.put(LEFT.to("op1", name), sample % number, attachment=packed(Push(None)))
 
-        rpc = session.declare_queryable(f"{LEFT.key}/rpc/**", all_in_order())
-        hand_over(rpc, take, "old gateway")
+        rpc = session.declare_queryable(f"{LEFT.key}/rpc/**", take)
         with Client(lab.socket_path("left")) as first, Client(lab.socket_path("left")) as second:
             for client in (first, second):
                 client.send("hello")
