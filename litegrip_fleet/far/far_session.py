@@ -8,6 +8,7 @@ from litegrip_fleet.far.admission import (
     SHORTEST_TTL_S,
     RefusedError,
     asked_lease,
+    may_ask_lease,
     passed,
 )
 from litegrip_fleet.wire.daemon_lines import is_sample
@@ -54,6 +55,9 @@ class FarSession:
         self.generation: int | None = None
         self.sheds = False
         """True while the portal's life is late: no samples are sent, which leaves room for it."""
+
+        self.may_lease = False
+        """True once the client may have asked for a lease: without one there is none to renew."""
 
         self.renews = True
         """False while the client has a lease with a time to live of its own: then only what it
@@ -138,6 +142,7 @@ class FarSession:
             if refused.answer:
                 self.said(refused.answer)
             return
+        self.may_lease = self.may_lease or may_ask_lease(line)
         if (lease := asked_lease(line)) is not None and len(self._asked_leases) < MOST_ASKED_LEASES:
             self._asked_leases |= [lease]
         self._to_daemon(request)

@@ -22,10 +22,11 @@ from litegrip_client.values.repeats import EACH, REPEATS
 from litegrip_client.values.version import client_version
 from litegrip_fleet.far.daemon import (
     STOP_WITHIN_S,
+    Lines,
     asked_of,
     connected,
+    followed,
     how_it_is,
-    lines_of,
     unreachable,
 )
 from litegrip_fleet.far.dead_man import DeadMansSwitch
@@ -302,12 +303,12 @@ class Gateway:
         if "error" in self._hello:
             raise unreachable(str(self._hello["error"]))
         user = f"{caller.user}@{self.place.site}"
-        reader, writer = await self._connected()
-        connection.attach(reader, writer)
+        self._path, lines = await followed(self._channel)
+        connection.attach(lines)
         params = {"on_behalf": user, "role": caller.role}
         if ask.program is not None:
             params["client"] = ask.program
-        hello = await asked_of(reader, writer, "hello", params)
+        hello = await asked_of(lines, lines, "hello", params)
         connection.far = FarSession(
             ask,
             time.monotonic(),
@@ -368,7 +369,7 @@ class Gateway:
         far.asked(ask, line, time.monotonic())
         if self._switch is not None:
             self._switch.shown(connection.caller.user, ask.at_s, far.ttl_s)
-        if ask.op == "live" and far.renews:
+        if ask.op == "live" and far.may_lease and far.renews:
             connection.show_life()
         connection.wake()
 
@@ -418,7 +419,6 @@ class _Connection:
     """A remote session's connection to the daemon; once it is `ready`, `far` is there."""
 
     far: FarSession
-    _reader: asyncio.StreamReader
 
     def __init__(
         self, session: zenoh.Session, place: Place, caller: Caller, on_closed: Any
@@ -428,8 +428,8 @@ class _Connection:
         self.about: dict[str, Any] | None = None
         self.task: asyncio.Task[None] | None = None
         self._on_closed = on_closed
-        self._writer: asyncio.StreamWriter | None = None
-        self._room = asyncio.Event()
+        self._lines: Lines | None = None
+        self._is_held_up = False
         self._awaits_life = False
         self._half_closed = False
         self._session = session
@@ -438,9 +438,9 @@ class _Connection:
         self._publication: Publication | None = None
         self._published_at = ""
 
-    def attach(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    def attach(self, lines: Lines) -> None:
         """Store the connection to the daemon."""
-        self._reader, self._writer = reader, writer
+        self._lines = lines
 
     def publish(self, publication: Publication, key: str) -> None:
         """Have samples sent to a key, with those of other sessions of the same portal."""
@@ -449,14 +449,15 @@ class _Connection:
 
     def to_daemon(self, line: bytes | None) -> None:
         """Write a line; None is the end of them, and what comes behind it is dropped."""
-        if self._writer is None or self._half_closed:
+        if self._lines is None or self._half_closed:
             return
+        transport = self._lines.transport
         if line is None:
             self._half_closed = True
-            self._writer.write_eof()
+            transport.write_eof()
         else:
-            self._writer.write(line)
-            if self._writer.transport.get_write_buffer_size() > MOST_UNREAD_BYTES:
+            transport.write(line)
+            if transport.get_write_buffer_size() > MOST_UNREAD_BYTES:
                 _log.warning("%s: the daemon does not read what it is sent", self.caller.user)
                 self.close()
 
@@ -487,21 +488,26 @@ class _Connection:
 
     def wake(self) -> None:
         """Read on, if the portal is no longer behind."""
-        if self.far.has_room:
-            self._room.set()
+        if self._is_held_up and self._lines is not None and self.far.has_room:
+            self._is_held_up = False
+            self._lines.transport.resume_reading()
 
     async def pass_on(self, note: Any) -> None:
         """Pass the daemon's lines on until it closes the connection."""
+
+        def take(line: bytes) -> None:
+            note(line)
+            if line.startswith(_ALIVE_ANSWER):
+                self._awaits_life = False
+                return
+            self.far.said(line)
+            if not self._is_held_up and self._lines is not None and not self.far.has_room:
+                self._is_held_up = True
+                self._lines.transport.pause_reading()
+
         try:
-            async for line in lines_of(self._reader):
-                note(line)
-                if line.startswith(_ALIVE_ANSWER):
-                    self._awaits_life = False
-                    continue
-                self.far.said(line)
-                if not self.far.has_room:
-                    self._room.clear()
-                    await self._room.wait()
+            if self._lines is not None:
+                await self._lines.follow(take)
         except (OSError, ValueError) as error:  # reset, or a line beyond all bounds
             _log.warning("the connection of %s has broken: %s", self.caller.user, error)
         self.far.ended()
@@ -513,9 +519,9 @@ class _Connection:
         if self._publication is not None:
             self._publication.sessions -= 1
             self._publication = None
-        if self._writer is not None:
-            self._writer.close()
-            self._writer = None
+        if self._lines is not None:
+            self._lines.transport.close()
+            self._lines = None
         if self.task is not None and self.task is not asyncio.current_task():
             self.task.cancel()
 

@@ -9,6 +9,7 @@ import pytest
 import zenoh
 
 from litegrip_client.values.errors import LiteGripError
+from litegrip_fleet.far.daemon import Lines
 from litegrip_fleet.far.far_session import FarSession
 from litegrip_fleet.far.gateway import (
     MOST_OF_A_USER,
@@ -147,10 +148,11 @@ def test_an_answer_reaches_its_client_whatever_its_id_is() -> None:
     async def passed_on() -> list[bytes]:
         connection, said = opened(made(), {}), list[bytes]()
         connection.far.said = said.append  # type: ignore[method-assign, assignment]
-        reader = asyncio.StreamReader()
-        reader.feed_data(b"".join(lines))
-        reader.feed_eof()
-        connection.attach(reader, NOTHING)
+        daemon = Lines()
+        daemon.connection_made(cast("Any", SimpleNamespace(close=lambda: None)))
+        daemon.data_received(b"".join(lines))
+        daemon.connection_lost(None)
+        connection.attach(daemon)
         await connection.pass_on(lambda _line: None)
         return said
 
