@@ -30,7 +30,7 @@ from litegrip_fleet.wire.together import (
 _log = logging.getLogger(__name__)
 
 TICK_S = 0.05
-MOST_PUBLICATIONS = 64
+MOST_PUBLICATIONS = 256
 """So many wait for the event loop at most; older ones give way."""
 
 

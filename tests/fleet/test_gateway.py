@@ -157,3 +157,34 @@ def test_an_answer_reaches_its_client_whatever_its_id_is() -> None:
         return said
 
     assert asyncio.run(passed_on()) == lines
+
+
+@pytest.mark.parametrize(
+    ("line", "renewed"), [(b'{"id":1,"method":"lease.acquire"}\n', 1), (b'{"id":1}\n', 0)]
+)
+def test_a_sign_of_life_renews_a_lease_where_there_may_be_one(line: bytes, renewed: int) -> None:
+    gateway, written = made(), list[bytes | None]()
+    connection = opened(gateway, {})
+    connection.far._to_daemon = connection.to_daemon = written.append  # type: ignore[method-assign, assignment]
+    take(gateway, Query(Ask("line", 1), line))
+    take(gateway, Query(Ask("live")))
+    lives = [one for one in written if one is not None and b"state.get" in one]
+    assert len(lives) == renewed
+
+
+def test_samples_are_not_sent_while_life_is_late() -> None:
+    gateway, said = made(), list[bytes]()
+    connection = opened(gateway, {})
+    connection.far._push = lambda _push, piece: said.append(piece)
+    sample = b'{"jsonrpc":"2.0","method":"state.sample","params":{"seq":1}}\n'
+    begun_s = connection.far._heard_s
+    for after_s in (0.1, 0.9, 0.95):
+        gateway._look(begun_s + after_s)
+        connection.far.said(sample)
+    assert (len(said), connection.ready) == (1, True)
+    take(gateway, Query(Ask("live")))
+    gateway._look(time.monotonic())
+    connection.far.said(sample)
+    assert len(said) == 2
+    gateway._look(time.monotonic() + 1.1)
+    assert not connection.ready

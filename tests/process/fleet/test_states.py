@@ -2,6 +2,7 @@
 
 import json
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -170,16 +171,19 @@ def test_a_restarted_gateways_states_come_to_the_next_session(lab: Fleet) -> Non
 # Older ones ---------------------------------------------------------------------------------------
 
 
-def test_an_older_portal_gets_states_in_the_tunnel(lab: Fleet) -> None:
-    """One that does not say in `open` where it takes what is for many sessions."""
+@pytest.mark.parametrize("together", [None, "*", "old-1/x", "$*"])
+def test_an_older_portal_gets_states_in_the_tunnel(lab: Fleet, together: str | None) -> None:
+    """One that does not say in `open` where it takes what is for many sessions, or no such name."""
     key = LEFT.rpc("op2", "old-1", "operator")
     line = b'{"jsonrpc":"2.0","id":1,"method":"state.subscribe","params":{"hz":50}}\n'
     with connected(lab, "op2") as session:
         heard = Heard(session, LEFT.to("op2", "*"))
-        (opened,) = answers(session, key, b"", packed(Ask("open", ttl_s=5.0)))
+        (opened,) = answers(session, key, b"", packed(Ask("open", ttl_s=5.0, together=together)))
         assert unpacked(Reply, opened.attached).about is not None
         assert answers(session, key, line, packed(Ask("line", 1)))
+        ends_s = time.monotonic() + DEADLINE_S
         while not any(b"state.sample" in one for some in heard.by_key.values() for one in some):
+            assert time.monotonic() < ends_s
             assert answers(session, key, b"", packed(Ask("live")))
         assert list(heard.by_key) == [LEFT.to("op2", "old-1")]
         answers(session, key, b"", packed(Ask("close")))
