@@ -27,6 +27,8 @@ GATHER_EACH_S, GATHER_MOST_S = 0.001, 0.02
 sessions are not delayed, those of many cost 50 messages a second."""
 
 LOOK_EVERY_S = 0.05
+HELD_UP_S = 0.2
+"""Where a look comes so late, signs of life have waited, too: they are taken before the next one."""
 
 
 class Publication:
@@ -108,12 +110,20 @@ class Together:
         self.looks: list[Callable[[float], None]] = []
         self.publication = Publication(self._put)
         self._session = session
+        self._looked_s = time.monotonic()
+        self._is_held_up = False
 
     async def run(self) -> None:
         """Look after all sessions; until cancelled."""
         while True:
             await asyncio.sleep(LOOK_EVERY_S)
-            now_s = time.monotonic()
+            self.look(time.monotonic())
+
+    def look(self, now_s: float) -> None:
+        """Look after all sessions; not where this process was held up, but then the next time."""
+        self._is_held_up = now_s - self._looked_s > HELD_UP_S and not self._is_held_up
+        self._looked_s = now_s
+        if not self._is_held_up:
             for look in self.looks:
                 look(now_s)
 

@@ -447,6 +447,19 @@ def test_samples_of_many_sessions_wait_for_one_another_and_those_of_few_do_not()
     assert publication._gather_s == 0.0
 
 
+def test_a_gateway_that_was_held_up_itself_takes_signs_of_life_before_it_ends_a_session() -> None:
+    robot = Robot()
+    for gateway in robot.gateways.values():
+        gateway._connections.clear()
+    looked: list[float] = []
+    robot.together.looks.append(looked.append)
+    begun_s = robot.together._looked_s
+    for after_s in (0.05, 0.1, 1.3, 1.35, 1.4, 2.0, 2.6, 3.2):
+        robot.together.look(begun_s + after_s)
+    expected = (0.05, 0.1, 1.35, 1.4, 2.6)  # held up each time, it looks every other time
+    assert looked == [begun_s + after_s for after_s in expected]
+
+
 # The portal ---------------------------------------------------------------------------------------
 
 
