@@ -28,7 +28,7 @@ sessions are not delayed, those of many cost 50 messages a second."""
 
 LOOK_EVERY_S = 0.05
 HELD_UP_S = 0.2
-"""Where a look comes so late, signs of life have waited, too: they are taken before the next one."""
+"""Where a look comes so late, signs of life have waited, too: they are taken before the next."""
 
 
 class Publication:
