@@ -40,7 +40,9 @@ from litegrip_fleet.admin.options import (
 from litegrip_fleet.admin.stopping import stop_site
 from litegrip_fleet.far.dead_man import DeadMansSwitch
 from litegrip_fleet.far.gateway import Gateway
+from litegrip_fleet.far.together import Together as FarTogether
 from litegrip_fleet.near.portal import Portal
+from litegrip_fleet.near.together import Together as NearTogether
 from litegrip_fleet.wire.keys import BadNameError, check_name
 from litegrip_fleet.wire.membership import Membership
 from litegrip_fleet.wire.network import (
@@ -104,10 +106,12 @@ def _gateway(config: FleetConfig, _arguments: argparse.Namespace) -> int:
         looking = asyncio.create_task(network.run())
         try:
             await asyncio.wrap_future(network.begun)
+            together = FarTogether(network, next(iter(part.places)))
             gateways = [
-                Gateway(network, place, channel, switch) for place, channel in part.places.items()
+                Gateway(network, place, channel, together, switch)
+                for place, channel in part.places.items()
             ]
-            await asyncio.gather(looking, *(gateway.run() for gateway in gateways))
+            await asyncio.gather(looking, together.run(), *(gateway.run() for gateway in gateways))
         finally:
             network.close()
 
@@ -130,11 +134,13 @@ def _portal(config: FleetConfig, _arguments: argparse.Namespace) -> int:
 
     async def serve() -> None:
         network = Membership(config.network)
+        together = NearTogether(lambda: network.session, part.user, part.role)
         portals = [
             Portal(
                 lambda: network.session,
                 place,
                 Path(part.socket_path(place)),
+                together,
                 user=part.user,
                 role=part.role,
                 ttl_s=part.ttl_s,
@@ -148,6 +154,7 @@ def _portal(config: FleetConfig, _arguments: argparse.Namespace) -> int:
             await asyncio.gather(
                 asyncio.wrap_future(network.begun),
                 network.run(),
+                together.run(),
                 *(portal.run() for portal in portals),
             )
         finally:

@@ -83,13 +83,17 @@ def passed(
     return longer
 
 
+def may_ask_lease(line: bytes) -> bool:
+    """Return False for what asks for no method that begins with `lease.`, however written."""
+    return b'"lease.' in line or b"\\" in line
+
+
 def asked_lease(line: bytes) -> tuple[bytes, bool] | None:
     """Return how the answer to a request for a lease begins, and if it names its time to live.
 
     None for any other line.
     """
-    may_be_one = b'"lease.' in line or b"\\" in line
-    request = _parsed(line) if may_be_one else None
+    request = _parsed(line) if may_ask_lease(line) else None
     if request is None or request["method"] not in _LEASES:
         return None
     identity = json.dumps(request.get("id")).encode()

@@ -2,8 +2,9 @@
 
 import asyncio
 import json
-from collections.abc import Mapping
-from typing import Any
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any, cast
 
 from litegrip_client.core.discovery import reach
 from litegrip_client.core.sockets import stop_path
@@ -16,6 +17,94 @@ ANSWER_WITHIN_S = 2.0
 STOP_WITHIN_S = 1.0
 
 
+class Lines(asyncio.Protocol):
+    """A connection whose lines are given to `follow` as they come: no task is woken for each."""
+
+    transport: asyncio.Transport
+
+    def __init__(self) -> None:
+        self._take: Callable[[bytes], None] | None = None
+        self._early: deque[bytes] = deque()
+        self._has_come = asyncio.Event()
+        self._has_ended = asyncio.Event()
+        self._error: Exception | None = None
+        self._begun: list[bytes] = []
+        self._size_bytes = 0
+
+    def write(self, data: bytes) -> None:
+        """Send something."""
+        self.transport.write(data)
+
+    async def readline(self) -> bytes:
+        """Return the next line, before they are followed; empty at the end."""
+        while not self._early and not self._has_ended.is_set():
+            self._has_come.clear()
+            await self._has_come.wait()
+        return self._early.popleft() if self._early else b""
+
+    async def follow(self, take: Callable[[bytes], None]) -> None:
+        """Have each line taken until the end; raises what has ended them.
+
+        `OSError` for a connection that has broken, `ValueError` for a line beyond all bounds.
+        """
+        self._take = take
+        while self._early:
+            take(self._early.popleft())
+        await self._has_ended.wait()
+        if self._error is not None:
+            raise self._error
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Begin."""
+        self.transport = cast("asyncio.Transport", transport)
+
+    def data_received(self, data: bytes) -> None:
+        """Take what has come."""
+        *lines, rest = data.split(b"\n")
+        try:
+            for line in lines:
+                begun, self._begun = self._begun, []
+                self._give(b"".join((*begun, line, b"\n")))
+        except Exception as error:  # noqa: BLE001 - who follows them has to deal with it
+            self._end(error)
+        self._size_bytes = len(rest) + (0 if lines else self._size_bytes)
+        if self._size_bytes > MAX_ANSWER_BYTES:
+            self._end(ValueError(f"a line of more than {MAX_ANSWER_BYTES} bytes"))
+        elif rest:
+            self._begun.append(rest)
+
+    def connection_lost(self, error: Exception | None) -> None:
+        """Take the end, and what is no whole line."""
+        if self._begun and not self._has_ended.is_set():
+            self._give(b"".join(self._begun))
+        self._end(error)
+
+    def _give(self, line: bytes) -> None:
+        if self._has_ended.is_set():
+            return
+        if self._take is not None:
+            self._take(line)
+        else:
+            self._early.append(line)
+            self._has_come.set()
+
+    def _end(self, error: Exception | None) -> None:
+        if not self._has_ended.is_set():
+            self._error = error
+            self._has_ended.set()
+            self._has_come.set()
+            self.transport.close()
+
+
+async def followed(channel: str) -> tuple[str, Lines]:
+    """Connect to a daemon, to follow its lines; as `connected`."""
+
+    async def attempt(path: str) -> tuple[str, Lines]:
+        return (path, (await asyncio.get_running_loop().create_unix_connection(Lines, path))[1])
+
+    return await reach(channel, None, attempt)
+
+
 async def connected(channel: str) -> tuple[str, asyncio.StreamReader, asyncio.StreamWriter]:
     """Connect to a daemon; return its socket's path, too. Raises `ConnectError` without one."""
 
@@ -26,8 +115,8 @@ async def connected(channel: str) -> tuple[str, asyncio.StreamReader, asyncio.St
 
 
 async def asked_of(
-    reader: asyncio.StreamReader,
-    writer: asyncio.StreamWriter,
+    reader: asyncio.StreamReader | Lines,
+    writer: asyncio.StreamWriter | Lines,
     method: str,
     params: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:

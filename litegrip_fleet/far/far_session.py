@@ -8,6 +8,7 @@ from litegrip_fleet.far.admission import (
     SHORTEST_TTL_S,
     RefusedError,
     asked_lease,
+    may_ask_lease,
     passed,
 )
 from litegrip_fleet.wire.daemon_lines import is_sample
@@ -25,6 +26,9 @@ MOST_UNCONFIRMED_BYTES = 1024 * 1024
 
 AGAIN_BYTES = 65_536
 """At most this is sent again at once."""
+
+LATE_SHARE = 0.75
+"""Of a session's time to live: a sign of life that is later shows that too much is sent."""
 
 DEFAULT_TTL_S = 1.0
 MOST_ASKED_LEASES = 16
@@ -49,6 +53,12 @@ class FarSession:
         push: Callable[[Push, bytes], None],
     ) -> None:
         self.generation: int | None = None
+        self.sheds = False
+        """True while the portal's life is late: no samples are sent, which leaves room for it."""
+
+        self.may_lease = False
+        """True once the client may have asked for a lease: without one there is none to renew."""
+
         self.renews = True
         """False while the client has a lease with a time to live of its own: then only what it
         sends itself shows that it lives, and not its portal."""
@@ -73,6 +83,10 @@ class FarSession:
     def is_lost(self, now_s: float) -> bool:
         """Return True once the portal has shown no life for the session's time to live."""
         return now_s - self._heard_s > self.ttl_s
+
+    def is_late(self, now_s: float) -> bool:
+        """Return True while the portal has shown no life for most of the time to live."""
+        return now_s - self._heard_s > LATE_SHARE * self.ttl_s
 
     def asked(self, ask: Ask, line: bytes, now_s: float) -> None:
         """Take a message of the portal's: a line, or that its client lives.
@@ -101,6 +115,8 @@ class FarSession:
             if line.startswith(b'"result"', len(answer)):
                 self.renews = not is_own
         if is_sample(line) and len(line) <= PIECE_BYTES:
+            if self.sheds:
+                return
             self._push(Push(None, generation=self.generation), line)
             return
         for begin in range(0, len(line), PIECE_BYTES):
@@ -126,6 +142,7 @@ class FarSession:
             if refused.answer:
                 self.said(refused.answer)
             return
+        self.may_lease = self.may_lease or may_ask_lease(line)
         if (lease := asked_lease(line)) is not None and len(self._asked_leases) < MOST_ASKED_LEASES:
             self._asked_leases |= [lease]
         self._to_daemon(request)

@@ -11,6 +11,7 @@ import secrets
 import socket
 import threading
 import time
+from collections.abc import Callable
 from typing import Any
 
 import zenoh
@@ -20,10 +21,19 @@ from litegrip_client.core.stop import WHY_CHARACTERS
 from litegrip_client.values.errors import LiteGripError, from_error_object
 from litegrip_client.values.repeats import EACH, REPEATS
 from litegrip_client.values.version import client_version
-from litegrip_fleet.far.daemon import STOP_WITHIN_S, asked_of, connected, how_it_is, unreachable
+from litegrip_fleet.far.daemon import (
+    STOP_WITHIN_S,
+    Lines,
+    asked_of,
+    connected,
+    followed,
+    how_it_is,
+    unreachable,
+)
 from litegrip_fleet.far.dead_man import DeadMansSwitch
 from litegrip_fleet.far.far_session import FarSession
 from litegrip_fleet.far.room import MOST_SESSIONS, why_full
+from litegrip_fleet.far.together import Publication, Together
 from litegrip_fleet.far.turns import Turns
 from litegrip_fleet.wire.answers import (
     TOO_LATE,
@@ -32,17 +42,17 @@ from litegrip_fleet.wire.answers import (
     error_line,
     error_object,
 )
-from litegrip_fleet.wire.daemon_lines import generation_in, is_clearing, is_id
-from litegrip_fleet.wire.keys import Caller, Place, caller_in, stopper_in
+from litegrip_fleet.wire.daemon_lines import generation_in, is_clearing, is_id, is_single_sample
+from litegrip_fleet.wire.keys import Caller, Place, caller_in, is_name, stopper_in
 from litegrip_fleet.wire.lateness import is_over
 from litegrip_fleet.wire.membership import Membership
 from litegrip_fleet.wire.messages import Ask, BadMessageError, Push, Reply, packed, unpacked
 from litegrip_fleet.wire.network import all_in_order, hand_over, the_newest
 from litegrip_fleet.wire.site import LOOK_WITHIN_S, TWO_GATEWAYS
+from litegrip_fleet.wire.together import TOGETHER, Life, Sample
 
 _log = logging.getLogger(__name__)
 
-LOOK_EVERY_S = 0.05
 RECONNECT_EVERY_S = 0.5
 MOST_UNREAD_BYTES = 1024 * 1024
 """What a session has sent and its daemon has not read; beyond it, the session is ended."""
@@ -73,9 +83,13 @@ class Gateway:
         network: Membership,
         place: Place,
         channel: str,
+        together: Together,
         switch: DeadMansSwitch | None = None,
     ) -> None:
         self.place = place
+        self._together = together
+        together.takers[place.gripper] = self._lives
+        together.looks.append(self._look)
         self._switch = switch
         self._network = network
         self._channel = channel
@@ -98,27 +112,29 @@ class Gateway:
     async def run(self) -> None:
         """Serve until cancelled: stops always, sessions while the daemon answers."""
         try:
-            await asyncio.gather(self._look(), self._know_the_daemon())
+            self._offer_anew()
+            await self._know_the_daemon()
         finally:
             for connection in list(self._connections.values()):
                 connection.close()
             for one in self._offered:
                 one.undeclare()
 
+    def _offer_anew(self) -> None:
+        """Be asked by the session of the time, where it is another one."""
+        session = self._network.session
+        if session is not None and session is not self._offered_by:
+            self._offer(session)
+
     def _offer(self, session: zenoh.Session) -> None:
         """Be asked by this session; what was offered by another ends with that."""
         loop = asyncio.get_running_loop()
         self._offered_by = session
         key = self.place.key
-        rpc = session.declare_queryable(f"{key}/rpc/**", all_in_order())
-        hand_over(
-            rpc, lambda query: loop.call_soon_threadsafe(self._queue, query), f"rpc {self.place}"
-        )
-        hellos = session.declare_queryable(self.place.about, the_newest())
-        hand_over(
-            hellos,
-            lambda query: self._let_in_about(query, loop),
-            f"hello {self.place}",
+        rpc = session.declare_queryable(f"{key}/rpc/**", all_in_order(loop, self._queue))
+        take_about = all_in_order(loop, self._asked_about)
+        hellos = session.declare_queryable(
+            self.place.about, lambda query: self._let_in_about(query, take_about)
         )
         # A flood of them does not hold up other grippers' stops: one that gives way is asked again.
         stops = session.declare_queryable(f"{key}/stop/*", the_newest())
@@ -194,10 +210,10 @@ class Gateway:
         if generation is not None:
             self._generation = max(generation, self._generation or 0)
 
-    def _let_in_about(self, query: zenoh.Query, loop: asyncio.AbstractEventLoop) -> None:
+    def _let_in_about(self, query: zenoh.Query, take: Callable[[zenoh.Query], None]) -> None:
         """Hand a query over to the loop, as long as few wait there; on the queries' own thread."""
         if self._about_room.acquire(blocking=False):
-            loop.call_soon_threadsafe(self._asked_about, query)
+            take(query)
         else:
             query.drop()
 
@@ -264,6 +280,9 @@ class Gateway:
             _log.debug("%s: %s", key, error)
             query.drop()
             return
+        if ask.op == "lives":
+            self._together.take(query, caller)
+            return
         connection = self._connections.get(key)
         if connection is not None and not connection.ready:
             query.drop()  # it is being opened: the portal asks again
@@ -276,12 +295,24 @@ class Gateway:
             task.add_done_callback(_log_failure)
             connection.task = task
         elif connection is None:
-            gone = error_object(
-                UNREACHABLE, f"{self.place}: the session has ended: its time to live was up"
-            )
-            _answer(query, Reply(0, 0, time.monotonic(), gone=gone))
+            _answer(query, self._over())
         else:
             self._serve(query, connection, ask)
+
+    def _over(self) -> Reply:
+        text = f"{self.place}: the session has ended: its time to live was up"
+        return Reply(0, 0, time.monotonic(), gone=error_object(UNREACHABLE, text))
+
+    def _lives(self, caller: Caller, life: Life) -> Reply | None:
+        """Take the sign of life of a session of the caller's; return the reply, if it has begun."""
+        key = self.place.rpc(caller.user, life.session, caller.role)
+        connection = self._connections.get(key)
+        if connection is None:
+            return self._over()
+        if not connection.ready:
+            return None
+        self._take(connection, Ask("live", got=life.got, at_s=life.at_s), b"")
+        return connection.far.reply(time.monotonic())
 
     def _forget(self, key: str) -> Any:
         return lambda: self._connections.pop(key, None)
@@ -309,12 +340,12 @@ class Gateway:
         if "error" in self._hello:
             raise unreachable(str(self._hello["error"]))
         user = f"{caller.user}@{self.place.site}"
-        reader, writer = await self._connected()
-        connection.attach(reader, writer)
+        self._path, lines = await followed(self._channel)
+        connection.attach(lines)
         params = {"on_behalf": user, "role": caller.role}
         if ask.program is not None:
             params["client"] = ask.program
-        hello = await asked_of(reader, writer, "hello", params)
+        hello = await asked_of(lines, lines, "hello", params)
         connection.far = FarSession(
             ask,
             time.monotonic(),
@@ -325,12 +356,15 @@ class Gateway:
         )
         connection.far.generation = hello["stop_generation"]
         connection.ready = True
+        if is_name(ask.together):
+            connection.publish(self._together.publication, self._together.key(caller, ask.together))
         return {
             "site": self.place.site,
             "gripper": self.place.gripper,
             "user": user,
             "role": hello["role"],
             "gateway": self._version,
+            TOGETHER: str(self._together.carrier),
         }
 
     def _check_room(self, new: Caller) -> None:
@@ -355,33 +389,37 @@ class Gateway:
     def _serve(self, query: zenoh.Query, connection: "_Connection", ask: Ask) -> None:
         payload = query.payload
         line = b"" if payload is None else payload.to_bytes()
+        self._take(connection, ask, line)
+        # A portal that asks for a session once more has not got the answer.
+        about = connection.about if ask.op == "open" else None
+        _answer(query, connection.far.reply(time.monotonic(), about))
+        if ask.op == "close":
+            connection.close()
+
+    def _take(self, connection: "_Connection", ask: Ask, line: bytes) -> None:
         far = connection.far
         far.generation = self._generation
         far.asked(ask, line, time.monotonic())
         if self._switch is not None:
             self._switch.shown(connection.caller.user, ask.at_s, far.ttl_s)
-        if ask.op == "live" and far.renews:
+        if ask.op == "live" and far.may_lease and far.renews:
             connection.show_life()
         connection.wake()
-        # A portal that asks for a session once more has not got the answer.
-        about = connection.about if ask.op == "open" else None
-        _answer(query, far.reply(time.monotonic(), about))
-        if ask.op == "close":
-            connection.close()
 
-    async def _look(self) -> None:
-        """Offer what is asked by the session of the time, and end those without signs of life."""
-        while True:
-            session = self._network.session
-            if session is not None and session is not self._offered_by:
-                self._offer(session)
-            await asyncio.sleep(LOOK_EVERY_S)
-            now_s = time.monotonic()
-            for connection in list(self._connections.values()):
-                if connection.ready and connection.far.is_lost(now_s):
-                    caller = connection.caller
-                    _log.warning("%s: %s shows no life any more", self.place, caller.user)
-                    connection.close()
+    def _look(self, now_s: float) -> None:
+        """Look after the offer and all sessions.
+
+        A portal whose life is late is sent no samples; when it is over, its session ends.
+        """
+        self._offer_anew()
+        for connection in list(self._connections.values()):
+            if not connection.ready:
+                continue
+            connection.far.sheds = connection.far.is_late(now_s)
+            if connection.far.is_lost(now_s):
+                caller = connection.caller
+                _log.warning("%s: %s shows no life any more", self.place, caller.user)
+                connection.close()
 
     # Stops ----------------------------------------------------------------------------------------
 
@@ -422,7 +460,6 @@ class _Connection:
     """A remote session's connection to the daemon; once it is `ready`, `far` is there."""
 
     far: FarSession
-    _reader: asyncio.StreamReader
 
     def __init__(self, network: Membership, place: Place, caller: Caller, on_closed: Any) -> None:
         self.caller = caller
@@ -430,27 +467,36 @@ class _Connection:
         self.about: dict[str, Any] | None = None
         self.task: asyncio.Task[None] | None = None
         self._on_closed = on_closed
-        self._writer: asyncio.StreamWriter | None = None
-        self._room = asyncio.Event()
+        self._lines: Lines | None = None
+        self._is_held_up = False
         self._awaits_life = False
         self._half_closed = False
         self._network = network
+        self._gripper = place.gripper
         self._key = zenoh.KeyExpr(place.to(caller.user, caller.session))
+        self._publication: Publication | None = None
+        self._published_at = ""
 
-    def attach(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    def attach(self, lines: Lines) -> None:
         """Store the connection to the daemon."""
-        self._reader, self._writer = reader, writer
+        self._lines = lines
+
+    def publish(self, publication: Publication, key: str) -> None:
+        """Have samples sent to a key, with those of other sessions of the same portal."""
+        self._publication, self._published_at = publication, key
+        publication.sessions += 1
 
     def to_daemon(self, line: bytes | None) -> None:
         """Write a line; None is the end of them, and what comes behind it is dropped."""
-        if self._writer is None or self._half_closed:
+        if self._lines is None or self._half_closed:
             return
+        transport = self._lines.transport
         if line is None:
             self._half_closed = True
-            self._writer.write_eof()
+            transport.write_eof()
         else:
-            self._writer.write(line)
-            if self._writer.transport.get_write_buffer_size() > MOST_UNREAD_BYTES:
+            transport.write(line)
+            if transport.get_write_buffer_size() > MOST_UNREAD_BYTES:
                 _log.warning("%s: the daemon does not read what it is sent", self.caller.user)
                 self.close()
 
@@ -460,6 +506,10 @@ class _Connection:
         A declared publisher would not send before it had heard of the subscriber: the first
         messages of a session would be lost.
         """
+        if push.number is None and self._publication is not None and is_single_sample(piece):
+            sample = Sample(self._gripper, self.caller.session, push.generation, piece)
+            self._publication.add(self._published_at, sample)
+            return
         if (session := self._network.session) is None:
             return
         session.put(
@@ -479,21 +529,26 @@ class _Connection:
 
     def wake(self) -> None:
         """Read on, if the portal is no longer behind."""
-        if self.far.has_room:
-            self._room.set()
+        if self._is_held_up and self._lines is not None and self.far.has_room:
+            self._is_held_up = False
+            self._lines.transport.resume_reading()
 
     async def pass_on(self, note: Any) -> None:
         """Pass the daemon's lines on until it closes the connection."""
+
+        def take(line: bytes) -> None:
+            note(line)
+            if line.startswith(_ALIVE_ANSWER):
+                self._awaits_life = False
+                return
+            self.far.said(line)
+            if not self._is_held_up and self._lines is not None and not self.far.has_room:
+                self._is_held_up = True
+                self._lines.transport.pause_reading()
+
         try:
-            while line := await self._reader.readline():
-                note(line)
-                if line.startswith(_ALIVE_ANSWER):
-                    self._awaits_life = False
-                    continue
-                self.far.said(line)
-                if not self.far.has_room:
-                    self._room.clear()
-                    await self._room.wait()
+            if self._lines is not None:
+                await self._lines.follow(take)
         except (OSError, ValueError) as error:  # reset, or a line beyond all bounds
             _log.warning("the connection of %s has broken: %s", self.caller.user, error)
         self.far.ended()
@@ -502,9 +557,12 @@ class _Connection:
         """Close the connection: the daemon then does what the session's end means."""
         self.ready = False
         self._on_closed()
-        if self._writer is not None:
-            self._writer.close()
-            self._writer = None
+        if self._publication is not None:
+            self._publication.sessions -= 1
+            self._publication = None
+        if self._lines is not None:
+            self._lines.transport.close()
+            self._lines = None
         if self.task is not None and self.task is not asyncio.current_task():
             self.task.cancel()
 

@@ -27,6 +27,7 @@ from litegrip_client.core.sockets import stop_path
 from litegrip_client.line.connection import peer_pid
 from litegrip_client.values.version import client_version
 from litegrip_fleet.near.near_session import AGAIN_AFTER_S, NearSession
+from litegrip_fleet.near.together import TICK_S, Together
 from litegrip_fleet.wire.answers import (
     BACKLOG_FULL,
     TOO_MANY_CONNECTIONS,
@@ -36,15 +37,15 @@ from litegrip_fleet.wire.answers import (
 )
 from litegrip_fleet.wire.daemon_lines import MAX_LINE_BYTES, TOO_LONG, generation_in, is_sample
 from litegrip_fleet.wire.foreign import stop_problem
-from litegrip_fleet.wire.keys import Place
+from litegrip_fleet.wire.keys import BadNameError, Place
 from litegrip_fleet.wire.lateness import STOP_WITHIN_S, RemoteClock
 from litegrip_fleet.wire.messages import Ask, BadMessageError, Push, Reply, packed, unpacked
 from litegrip_fleet.wire.network import Answered, ask, hand_over, the_newest
 from litegrip_fleet.wire.site import TWO_GATEWAYS
+from litegrip_fleet.wire.together import TOGETHER, Sample
 
 _log = logging.getLogger(__name__)
 
-TICK_S = 0.05
 STALLED_S = 0.2
 """When the portal itself did not run for so long, a line may be as old as its last look."""
 
@@ -76,6 +77,7 @@ class Portal:
         session: Callable[[], zenoh.Session | None],
         place: Place,
         path: Path,
+        together: Together,
         *,
         user: str,
         role: str,
@@ -96,6 +98,9 @@ class Portal:
         self.role = role
         self.ttl_s = ttl_s
         self._session = session
+        self.together = together
+        together.ticks.append(self._tick)
+        together.takers[place] = self._sampled
         self._identity = secrets.token_hex(4)
         self._count = 0
         self._clock = RemoteClock()
@@ -123,9 +128,7 @@ class Portal:
         stops = _listener(self.stop_path)
         self._begin(self._accept_stops(stops))
         try:
-            while True:
-                await asyncio.sleep(TICK_S)
-                self._tick()
+            await asyncio.Event().wait()
         finally:
             requests.close()
             for task in list(self._serving):
@@ -148,14 +151,13 @@ class Portal:
         finally:
             writer.close()
 
-    def _tick(self) -> None:
-        now_s = time.monotonic()
+    def _tick(self, now_s: float, states: dict[int, str | None]) -> None:
         self._beat_s = now_s
         session = self._session()
         if session is not None and session is not self._subscribed_by:
             self._subscribe(session)  # before a session needs it: the router has to hear of it
         for client in list(self._clients.values()):
-            client.tick(now_s)
+            client.tick(now_s, states)
 
     def sent_s(self, now_s: float) -> float:
         """Return when what is read now was sent at the earliest, if this process was held up."""
@@ -173,7 +175,7 @@ class Portal:
         self._count += 1
         session = f"{self._identity}-{self._count}"
         key = self.place.rpc(self.user, session, self.role)
-        client = _Client(self, key, writer)
+        client = _Client(self, session, key, writer)
         self._clients[session] = client
         try:
             error = await self._open(client)
@@ -200,7 +202,13 @@ class Portal:
         """Begin a session at the gateway; return why that is not possible, or None."""
         loop, ends_s = asyncio.get_running_loop(), time.monotonic() + OPEN_WITHIN_S
         opening = packed(
-            Ask("open", ttl_s=self.ttl_s, program=client.program, process=client.process)
+            Ask(
+                "open",
+                ttl_s=self.ttl_s,
+                program=client.program,
+                process=client.process,
+                together=self.together.name,
+            )
         )
         while (sent_s := time.monotonic()) < ends_s:
             session = self._session()
@@ -217,6 +225,8 @@ class Portal:
             if reply.gone is not None:
                 return reply.gone
             client.begin(reply, sent_s, now_s)
+            if client.carrier is not None:
+                self.together.listen(session, client.carrier)
             return None
         return error_object(UNREACHABLE, await self._why())
 
@@ -267,8 +277,23 @@ class Portal:
         client.near.pushed(push, sample.payload.to_bytes(), time.monotonic())
         client.close_if_ended()
 
+    def _sampled(self, sample: Sample, carrier: Place) -> None:
+        """Take a sample that came by a gripper's key: it must be that which the gateway named."""
+        client = self._clients.get(sample.session)
+        if client is not None and client.near is not None and client.carrier == carrier:
+            push = Push(None, generation=sample.generation)
+            client.near.pushed(push, sample.line, time.monotonic())
+
     def send(self, client: "_Client", message: Ask, line: bytes) -> None:
         """Send a message of a client's session, and give the answer to it."""
+        carrier, is_life = client.carrier, message.op == "live" and not message.again
+        if is_life and carrier is not None and self.together.is_ticking:
+            self.together.shows(client, carrier, message)
+        else:
+            self.send_alone(client, message, line)
+
+    def send_alone(self, client: "_Client", message: Ask, line: bytes) -> None:
+        """Send it by the session's own key."""
         session = self._session()
         if session is None:
             return
@@ -382,8 +407,14 @@ async def stop_one(
 class _Client:
     """A local client's connection; `near` once its session has begun."""
 
-    def __init__(self, portal: Portal, key: str, writer: asyncio.StreamWriter) -> None:
+    def __init__(
+        self, portal: Portal, session: str, key: str, writer: asyncio.StreamWriter
+    ) -> None:
+        self.session = session
         self.key = key
+        self.carrier: Place | None = None
+        """The gripper by whose keys the gateway sends samples, and is told who lives."""
+        self.alone_s = 0.0
         self.near: NearSession | None = None
         self._portal = portal
         self._writer = writer
@@ -393,6 +424,16 @@ class _Client:
         self.process = _process(self._pid)
         self._half_closed = False
         self._gone = asyncio.Event()
+
+    @property
+    def place(self) -> Place:
+        """Its gripper."""
+        return self._portal.place
+
+    def show_alone(self, message: Ask) -> None:
+        """Show its life by a message of its own."""
+        self.alone_s = time.monotonic()
+        self._portal.send_alone(self, message, b"")
 
     def begin(self, reply: Reply, sent_s: float, now_s: float) -> None:
         """Begin the session that the gateway has opened."""
@@ -406,7 +447,9 @@ class _Client:
             ask=partial(portal.send, self),
             to_client=self._to_client,
         )
-        self.near.opened({**(reply.about or {}), **portal.way})
+        about = dict(reply.about or {})
+        self.carrier = _carrier_in(about.pop(TOGETHER, None), portal.place)
+        self.near.opened({**about, **portal.way})
         self.near.replied(reply, sent_s, now_s)
 
     def replied(self, reply: Reply | None, sent_s: float) -> None:
@@ -463,14 +506,16 @@ class _Client:
         self._writer.write(error_line(None, TOO_LONG))
         self._gone.set()
 
-    def tick(self, now_s: float) -> None:
-        """Do what is due."""
+    def tick(self, now_s: float, states: dict[int, str | None]) -> None:
+        """Do what is due; what is found out of a process's state is for others, too."""
         if self.near is None:
             return
         if self._half_closed and self._has_hung_up():
             self._gone.set()
             return
-        state = _state_of(self._pid)
+        if self._pid not in states:
+            states[self._pid] = _state_of(self._pid)
+        state = states[self._pid]
         if state is None:  # a child of it may still have the connection: it was not let in
             self._gone.set()
             return
@@ -592,6 +637,15 @@ def _machine() -> str:
         return Path("/etc/machine-id").read_text("ascii")
     except OSError:
         return ""
+
+
+def _carrier_in(name: object, place: Place) -> Place | None:
+    """Return the gripper that a gateway names as the carrier; None for an older one's silence."""
+    try:
+        carrier = Place.of(name)
+    except BadNameError:
+        return None
+    return carrier if carrier.site == place.site else None
 
 
 def _state_of(pid: int) -> str | None:

@@ -21,12 +21,15 @@ TOO_LONG = error_object(
 )
 
 _GENERATION = re.compile(rb'"(?:stop_)?generation":(\d{1,15})')
+_LAST = b'"stop_generation":'
 
 
 def generation_in(line: bytes) -> int | None:
     """Return the largest count of stops in a line of the daemon's, None without any."""
-    found = [int(digits) for digits in _GENERATION.findall(line)]
-    return max(found, default=None)
+    # A whole state, as most lines have, ends in its count, which no other of its counts exceeds.
+    at = line.rfind(_LAST) if is_single_sample(line) else -1
+    found = _GENERATION.findall(line, max(at, 0))
+    return max(map(int, found), default=None)
 
 
 def is_clearing(line: bytes) -> bool:
@@ -39,6 +42,11 @@ def is_clearing(line: bytes) -> bool:
 def is_sample(line: bytes) -> bool:
     """Return True for a sample of the state, which a newer one replaces."""
     return line.startswith(b'{"jsonrpc":"2.0","method":"state.')
+
+
+def is_single_sample(line: bytes) -> bool:
+    """Return True for a sample of one moment, and not a batch of rows."""
+    return line.startswith(b'{"jsonrpc":"2.0","method":"state.sample",')
 
 
 def is_id(value: object) -> TypeGuard[str | int]:

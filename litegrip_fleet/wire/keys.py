@@ -6,6 +6,7 @@ and none can leave its place.
 
 import re
 from dataclasses import dataclass
+from typing import TypeGuard
 
 PREFIX = "litegripd/1"
 """1 is the major version of what gateways and portals say to each other."""
@@ -25,9 +26,14 @@ class BadNameError(ValueError):
 
 def check_name(name: object, what: str) -> str:
     """Return `name`; raises `BadNameError` if it cannot be the name of a `what`."""
-    if not isinstance(name, str) or _NAME.fullmatch(name) is None:
+    if not is_name(name):
         raise BadNameError(f"{what} {name!r:.60}: it must be {NAME_RULE}")
     return name
+
+
+def is_name(value: object) -> TypeGuard[str]:
+    """Return True for what can be a name: it is a whole part of a key, and no wildcard."""
+    return isinstance(value, str) and _NAME.fullmatch(value) is not None
 
 
 @dataclass(frozen=True, order=True, slots=True)

@@ -13,7 +13,7 @@ VERSION = 1
 LONGEST_BYTES = 2048
 _MOST = 2**53
 
-Op = Literal["open", "line", "eof", "live", "close"]
+Op = Literal["open", "line", "eof", "live", "lives", "close"]
 
 
 class BadMessageError(ValueError):
@@ -28,7 +28,9 @@ class Ask:
     `again` asks for what follows it once more. `at_s` is when the line or the sign of life was
     sent, by the portal's reckoning of the gateway's CLOCK_MONOTONIC, `generation` the count of
     stops that the portal knew of then. `ttl_s`, `program` and `process` come with `open`: the
-    client's name, and a word that no other process of any machine has.
+    client's name, and a word that no other process of any machine has; so does `together`, by
+    which name a portal takes what is said of many sessions at once (`wire.together`). `lives` is
+    the one message of no session: its payload has the sessions that live.
     """
 
     op: Op
@@ -40,6 +42,7 @@ class Ask:
     ttl_s: float | None = None
     program: str | None = None
     process: str | None = None
+    together: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -147,12 +147,32 @@ def close(session: zenoh.Session) -> None:
         _log.warning("the network has not taken the session's end: %s", error)
 
 
+def all_in_order(
+    loop: asyncio.AbstractEventLoop, take: Callable[[Any], object]
+) -> Callable[[Any], None]:
+    """Return what has the event loop take what comes, for a queryable or a subscriber.
+
+    zenoh calls it on a thread of its own, and is held up while that is behind; nothing is lost.
+    """
+
+    def hand_over_one(item: object) -> None:
+        try:
+            loop.call_soon_threadsafe(take, item)
+        except RuntimeError:  # the loop has ended meanwhile
+            _log.debug("something came after the end")
+
+    return hand_over_one
+
+
 def hand_over(
     source: "zenoh.Queryable[Any] | zenoh.Subscriber[Any] | zenoh.LinkEventsListener[Any]",
     take: Callable[[Any], object],
     name: str,
 ) -> None:
-    """Take what comes from a source of zenoh's, on a thread of its own, until it ends."""
+    """Take what comes from a source of zenoh's, on a thread of its own, until it ends.
+
+    That thread wakes up ten times a second, as long as nothing comes: for a gripper, have few.
+    """
     queue = source.handler  # the source itself cannot be undeclared while a thread waits at it
 
     def read() -> None:
@@ -167,12 +187,6 @@ def hand_over(
                 _log.exception("%s: what came was not taken", name)
 
     threading.Thread(target=read, name=name, daemon=True).start()
-
-
-def all_in_order() -> "zenoh.handlers.FifoChannel[Any]":
-    """Return a queue that holds up zenoh when it is full; nothing is lost."""
-    queue: zenoh.handlers.FifoChannel[Any] = zenoh.handlers.FifoChannel(_WAITING)
-    return queue
 
 
 def the_newest() -> "zenoh.handlers.RingChannel[Any]":

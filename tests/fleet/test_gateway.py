@@ -5,13 +5,16 @@ import time
 from types import SimpleNamespace
 from typing import Any, cast
 
+import pytest
 import zenoh
 
+from litegrip_fleet.far.daemon import Lines
 from litegrip_fleet.far.far_session import FarSession
 from litegrip_fleet.far.gateway import (
     Gateway,
     _Connection,
 )
+from litegrip_fleet.far.together import Together
 from litegrip_fleet.far.turns import MOST_OF_A_PROGRAM, MOST_WAITING, Turns
 from litegrip_fleet.wire.keys import Caller, Place
 from litegrip_fleet.wire.messages import Ask, Reply, packed, unpacked
@@ -19,7 +22,7 @@ from litegrip_fleet.wire.messages import Ask, Reply, packed, unpacked
 LEFT = Place("lab", "left")
 CALLER = Caller("op1", "s-1", "operator")
 KEY = LEFT.rpc(CALLER.user, CALLER.session, CALLER.role)
-NOTHING: Any = SimpleNamespace()
+NOTHING: Any = SimpleNamespace(session=None)
 
 
 class Query:
@@ -46,7 +49,7 @@ class Query:
 
 
 def made() -> Gateway:
-    return Gateway(NOTHING, LEFT, "can0")
+    return Gateway(NOTHING, LEFT, "can0", Together(NOTHING, LEFT))
 
 
 def take(gateway: Gateway, query: Any) -> None:
@@ -154,18 +157,16 @@ class Session:
 
 def test_what_is_offered_and_alive_is_so_by_the_session_of_the_time() -> None:
     first, second = Session(), Session()
-    network = SimpleNamespace(session=first)
-    gateway = Gateway(cast(Any, network), LEFT, "can0")
+    network: Any = SimpleNamespace(session=first)
+    together = Together(network, LEFT)
+    gateway = Gateway(network, LEFT, "can0", together)
 
     async def look() -> None:
-        looking = asyncio.create_task(gateway._look())
-        while not first.offers:
-            await asyncio.sleep(0)
-        gateway._is_reached = True
-        network.session = second
-        while not second.offers:
-            await asyncio.sleep(0)
-        looking.cancel()
+        for session in (first, second):
+            network.session = session
+            together.look(time.monotonic())
+            together.look(time.monotonic())
+            gateway._is_reached = True
 
     asyncio.run(look())
     assert LEFT.alive not in first.offers
@@ -181,11 +182,43 @@ def test_an_answer_reaches_its_client_whatever_its_id_is() -> None:
     async def passed_on() -> list[bytes]:
         connection, said = opened(made(), {}), list[bytes]()
         connection.far.said = said.append  # type: ignore[method-assign, assignment]
-        reader = asyncio.StreamReader()
-        reader.feed_data(b"".join(lines))
-        reader.feed_eof()
-        connection.attach(reader, NOTHING)
+        daemon = Lines()
+        daemon.connection_made(cast("Any", SimpleNamespace(close=lambda: None)))
+        daemon.data_received(b"".join(lines))
+        daemon.connection_lost(None)
+        connection.attach(daemon)
         await connection.pass_on(lambda _line: None)
         return said
 
     assert asyncio.run(passed_on()) == lines
+
+
+@pytest.mark.parametrize(
+    ("line", "renewed"), [(b'{"id":1,"method":"lease.acquire"}\n', 1), (b'{"id":1}\n', 0)]
+)
+def test_a_sign_of_life_renews_a_lease_where_there_may_be_one(line: bytes, renewed: int) -> None:
+    gateway, written = made(), list[bytes | None]()
+    connection = opened(gateway, {})
+    connection.far._to_daemon = connection.to_daemon = written.append  # type: ignore[method-assign, assignment]
+    take(gateway, Query(Ask("line", 1), line))
+    take(gateway, Query(Ask("live")))
+    lives = [one for one in written if one is not None and b"state.get" in one]
+    assert len(lives) == renewed
+
+
+def test_samples_are_not_sent_while_life_is_late() -> None:
+    gateway, said = made(), list[bytes]()
+    connection = opened(gateway, {})
+    connection.far._push = lambda _push, piece: said.append(piece)
+    sample = b'{"jsonrpc":"2.0","method":"state.sample","params":{"seq":1}}\n'
+    begun_s = connection.far._heard_s
+    for after_s in (0.1, 0.9, 0.95):
+        gateway._look(begun_s + after_s)
+        connection.far.said(sample)
+    assert (len(said), connection.ready) == (1, True)
+    take(gateway, Query(Ask("live")))
+    gateway._look(time.monotonic())
+    connection.far.said(sample)
+    assert len(said) == 2
+    gateway._look(time.monotonic() + 1.1)
+    assert not connection.ready

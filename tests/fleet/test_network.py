@@ -1,5 +1,6 @@
 """What comes from the network is taken on a thread of its own, whatever becomes of it."""
 
+import asyncio
 import queue
 import threading
 from typing import Any
@@ -7,7 +8,7 @@ from typing import Any
 import pytest
 import zenoh
 
-from litegrip_fleet.wire.network import hand_over
+from litegrip_fleet.wire.network import all_in_order, hand_over
 
 
 class Source:
@@ -41,3 +42,23 @@ def test_what_cannot_be_taken_is_logged_and_the_next_is_taken(
     assert taken == [2.0, 5.0]
     assert "stop lab.left: what came was not taken" in caplog.text
     assert "ZeroDivisionError" in caplog.text
+
+
+def test_the_event_loop_takes_all_in_order_and_what_comes_after_its_end_harms_nobody() -> None:
+    taken: list[int] = []
+
+    async def scene() -> None:
+        loop = asyncio.get_running_loop()
+        hand_over_one = all_in_order(loop, taken.append)
+        sending = [asyncio.to_thread(hand_over_one, number) for number in range(3)]
+        for one in sending:
+            await one
+        late.append(hand_over_one)
+
+    late: list[object] = []
+    asyncio.run(scene())
+    assert taken == [0, 1, 2]
+    (hand_over_one,) = late
+    assert callable(hand_over_one)
+    hand_over_one(3)
+    assert taken == [0, 1, 2]

@@ -8,12 +8,14 @@ import os
 import select
 import socket
 import time
+from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import cast
 
 import pytest
 import zenoh
 
+import litegrip_fleet.near.portal as portal_module
 from litegrip_fleet.near.portal import (
     MOST_CLIENTS,
     MOST_STOP_CLIENTS,
@@ -22,9 +24,11 @@ from litegrip_fleet.near.portal import (
     _process,
     _state_of,
 )
+from litegrip_fleet.near.together import Together
 from litegrip_fleet.wire.daemon_lines import MAX_LINE_BYTES
 from litegrip_fleet.wire.keys import Place
-from litegrip_fleet.wire.messages import Reply
+from litegrip_fleet.wire.messages import Ask, Reply
+from litegrip_fleet.wire.together import Sample
 
 ANSWER = b'{"jsonrpc":"2.0","id":null,"result":{"level":"hold","generation":1}}\n'
 
@@ -34,7 +38,10 @@ class Stopping(Portal):
 
     def __init__(self) -> None:
         place, path = Place("lab", "left"), Path("/nowhere/lab.left.sock")
-        super().__init__(lambda: None, place, path, user="op1", role="operator", ttl_s=1.0)
+        together = Together(lambda: None, "op1", "operator")
+        super().__init__(
+            lambda: None, place, path, together, user="op1", role="operator", ttl_s=1.0
+        )
         self.given: list[bytes] = []
 
     async def _stopped(self, line: bytes) -> bytes:
@@ -265,19 +272,143 @@ def test_what_is_sent_to_a_portal_is_heard_by_the_session_of_the_time() -> None:
     now: list[Session] = []
 
     async def tick() -> None:
-        portal = Portal(
-            lambda: cast(zenoh.Session, now[-1]) if now else None,
+        def session() -> zenoh.Session | None:
+            return cast(zenoh.Session, now[-1]) if now else None
+
+        together = Together(session, "op1", "operator")
+        Portal(
+            session,
             Place("lab", "left"),
             Path("/nowhere/lab.left.sock"),
+            together,
             user="op1",
             role="operator",
             ttl_s=1.0,
         )
-        portal._tick()
-        for session in sessions:
-            now.append(session)
-            portal._tick()
-            portal._tick()
+        together.tick(0.0)
+        for one in sessions:
+            now.append(one)
+            together.tick(0.0)
+            together.tick(0.0)
 
     asyncio.run(tick())
     assert [session.heard for session in sessions] == [1, 1]
+
+
+# What is said of many sessions at once ------------------------------------------------------------
+
+SAMPLE = b'{"jsonrpc":"2.0","method":"state.sample","params":{"subscription":1,"seq":1}}\n'
+RIGHT = Place("lab", "right")
+
+
+class Sending(Stopping):
+    """A portal that notes what it sends by a session's own key."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.alone: list[Ask] = []
+
+    def send_alone(self, client: _Client, message: Ask, line: bytes) -> None:
+        assert (client.session, line) == ("s-1", b"")
+        self.alone.append(message)
+
+
+@contextlib.asynccontextmanager
+async def begun(
+    portal: Portal, about: dict[str, object]
+) -> AsyncIterator[tuple[_Client, socket.socket]]:
+    """Have a client whose session has begun at a gateway that says this of itself."""
+    client, connected = pair()
+    _reader, writer = await asyncio.open_unix_connection(sock=connected)
+    key = portal.place.rpc("op1", "s-1", "operator")
+    one = portal._clients["s-1"] = _Client(portal, "s-1", key, writer)
+    one.begin(Reply(0, 0, time.monotonic(), about=about), time.monotonic(), time.monotonic())
+    try:
+        yield one, client
+    finally:
+        client.close()
+        writer.close()
+        await writer.wait_closed()
+
+
+@pytest.mark.parametrize(
+    ("about", "by", "is_taken"),
+    [
+        ({"together": "lab.right"}, RIGHT, True),
+        ({"together": "lab.left"}, RIGHT, False),  # the gateway of another gripper says so
+        ({"together": "other.right"}, Place("other", "right"), False),
+        ({"together": "lab.*"}, RIGHT, False),
+        ({"together": 7}, RIGHT, False),
+        ({}, RIGHT, False),
+    ],
+)
+def test_a_sample_is_taken_by_the_key_alone_that_its_own_gateway_has_named(
+    about: dict[str, object], by: Place, is_taken: bool
+) -> None:
+    async def scene() -> bytes:
+        portal = Sending()
+        async with begun(portal, about) as (one, client):
+            for session in ("s-1", "s-2"):
+                portal._sampled(Sample("left", session, None, SAMPLE), by)
+            one._to_client(b"end\n")
+            return await asyncio.to_thread(client.recv, 4096)
+
+    assert asyncio.run(scene()) == (SAMPLE if is_taken else b"") + b"end\n"
+
+
+def test_only_a_sign_of_life_that_was_due_goes_together_with_others(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    shown: list[tuple[str, Ask]] = []
+    due, behind = Ask("live", got=1), Ask("live", got=1, again=True)
+
+    async def scene(about: dict[str, object]) -> list[Ask]:
+        portal, together = Sending(), Together(lambda: None, "op1", "operator")
+        portal.together = together
+        monkeypatch.setattr(
+            together, "shows", lambda one, _by, message: shown.append((one.session, message))
+        )
+        async with begun(portal, about) as (one, _client):
+            portal.send(one, due, b"")  # not by a tick: 64 kB have come, which are to be confirmed
+            together.is_ticking = True
+            for message in (due, behind, Ask("eof", 1)):
+                portal.send(one, message, b"")
+        return portal.alone
+
+    assert asyncio.run(scene({"together": "lab.left"})) == [due, behind, Ask("eof", 1)]
+    assert shown == [("s-1", due)]
+    assert asyncio.run(scene({})) == [due, due, behind, Ask("eof", 1)]
+    assert len(shown) == 1
+
+
+def test_the_state_of_a_process_is_looked_up_once_for_all_its_connections(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    looked: list[int] = []
+
+    def state_of(pid: int) -> str:
+        looked.append(pid)
+        return "R"
+
+    monkeypatch.setattr(portal_module, "_state_of", state_of)
+
+    async def scene() -> None:
+        portal = Sending()
+        async with begun(portal, {}) as (one, _client):
+            portal._clients["s-2"] = one
+            for _ in range(2):
+                portal.together.tick(time.monotonic())
+
+    asyncio.run(scene())
+    assert looked == [os.getpid()] * 2
+
+
+def test_clients_do_not_see_how_messages_of_many_go() -> None:
+    async def scene() -> dict[str, object]:
+        async with begun(Sending(), {"together": "lab.left", "site": "lab"}) as (one, _client):
+            assert one.near is not None
+            return one.near._about
+
+    about = asyncio.run(scene())
+    assert about["site"] == "lab"
+    assert "together" not in about

@@ -622,6 +622,27 @@ def test_only_a_client_itself_renews_a_lease_with_a_time_to_live_of_its_own() ->
     assert renews == [True, False, False, False, False, False, True, True, False, True]
 
 
+@pytest.mark.parametrize(
+    ("line", "may"),
+    [
+        (b'{"id":1,"method":"state.subscribe","params":{"hz":50}}\n', False),
+        (b'{"id":1,"method":"motion.open"}\n', False),
+        (b'{"id":1,"method":"lease.acquire"}\n', True),
+        (b'{"id":1,"method":"lease.resume","params":{"token":"x"}}\n', True),
+        (b'{"id":1,"method":"l\\u0065ase.take"}\n', True),
+    ],
+)
+def test_a_session_that_has_asked_for_no_lease_has_none_to_renew(line: bytes, may: bool) -> None:
+    scene = Scene()
+    assert not scene.far.may_lease
+    scene.write(line)
+    scene.run(0.1)
+    assert scene.far.may_lease == may
+    scene.say("state.get", 2)
+    scene.run(0.1)
+    assert scene.far.may_lease == may
+
+
 def test_a_lease_that_is_waited_for_is_renewed_as_its_own_request_says() -> None:
     scene = Scene()
     scene.say("lease.acquire", 1, wait_s=60.0, ttl_s=0.5)

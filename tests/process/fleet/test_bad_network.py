@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from litegrip_fleet.far.gateway import LOOK_EVERY_S
+from litegrip_fleet.far.together import LOOK_EVERY_S
 from litegrip_fleet.wire.lateness import STOP_WITHIN_S
 from tests.process.daemon_process import CTL, DEADLINE_S, Client, DaemonProcess
 from tests.process.fleet.cable import Fault
