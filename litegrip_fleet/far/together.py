@@ -5,6 +5,7 @@ portal's sessions in one message.
 """
 
 import asyncio
+import logging
 import queue
 import threading
 import time
@@ -22,6 +23,8 @@ from litegrip_fleet.wire.together import (
     packed_replies,
     packed_samples,
 )
+
+_log = logging.getLogger(__name__)
 
 GATHER_EACH_S, GATHER_MOST_S = 0.001, 0.02
 """So long after the last publication, for each session, what comes waits for others: those of a few
@@ -152,11 +155,14 @@ class Together:
     def _put(self, key: str, payload: bytes) -> None:
         if (session := self._network.session) is None:
             return
-        session.put(
-            key,
-            payload,
-            congestion_control=zenoh.CongestionControl.DROP,
-            # Behind what is asked and answered, in a queue of its own.
-            priority=zenoh.Priority.INTERACTIVE_LOW,
-            express=True,
-        )
+        try:
+            session.put(
+                key,
+                payload,
+                congestion_control=zenoh.CongestionControl.DROP,
+                # Behind what is asked and answered, in a queue of its own.
+                priority=zenoh.Priority.INTERACTIVE_LOW,
+                express=True,
+            )
+        except zenoh.ZError as error:  # replaced by another one meanwhile, and closed
+            _log.debug("samples for %s are left out: %s", key, error)

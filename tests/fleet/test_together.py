@@ -294,6 +294,24 @@ class Network:
         self.put_at.append(str(key))
 
 
+def test_samples_go_on_by_another_session_after_one_was_closed_under_them() -> None:
+    class Closed(Network):
+        def put(self, key: Any, _payload: bytes, **_options: Any) -> None:
+            super().put(key, _payload)
+            raise zenoh.ZError("session closed")
+
+    async def scene(former: Network, later: Network) -> None:
+        membership = SimpleNamespace(session=former)
+        publication = FarTogether(cast("Any", membership), LEFT).publication
+        publication.add("key", Sample("left", "s-1", None, sample_line(1)))
+        await until(lambda: former.put_at)
+        membership.session = later
+        publication.add("key", Sample("left", "s-1", None, sample_line(2)))
+        await until(lambda: later.put_at)
+
+    asyncio.run(scene(Closed(), Network()))
+
+
 class Query:
     """Signs of life of a user, and what they are answered."""
 
