@@ -26,7 +26,7 @@ class GripperOf(Protocol):
 FAULTS: Mapping[str, int] = {
     status.name.lower(): int(status) for status in Status if is_fault(status)
 }
-SILENT, WEAK = "silent", "weak"
+SILENT, WEAK, NO_FAULT = "silent", "weak", "none"
 WEAK_SHARE = 0.15
 RATED_SUPPLY_V = 24.0
 SLIPS_FROM_NM = 0.3
@@ -193,7 +193,7 @@ class SimMethods:
     @Method(
         "sim.fault",
         "Let the motor latch a fault, which motor.clear_fault ends; or let it lose its power, or"
-        " most of its torque, until sim.reset.",
+        " most of its torque, until none, or sim.reset.",
         "The world.",
         SimulatedWorld,
         (
@@ -201,9 +201,10 @@ class SimMethods:
                 "name",
                 "string",
                 f"The fault; {SILENT}: no power, so the motor answers nothing; {WEAK}: it makes"
-                f" {WEAK_SHARE:.0%} of the commanded torque.",
+                f" {WEAK_SHARE:.0%} of the commanded torque; {NO_FAULT}: power and torque are back,"
+                " and a motor that had a fault, or no power, is switched off and on.",
                 required=True,
-                choices=(*FAULTS, SILENT, WEAK),
+                choices=(*FAULTS, SILENT, WEAK, NO_FAULT),
             ),
         ),
         role="admin",
@@ -214,6 +215,8 @@ class SimMethods:
             return self._do(lambda gripper: gripper.power_off())
         if name == WEAK:
             return self._do(lambda gripper: gripper.weaken(WEAK_SHARE))
+        if name == NO_FAULT:
+            return self._do(_mend)
         return self._do(lambda gripper: gripper.latch_fault(FAULTS[name]))
 
     @Method(
@@ -304,8 +307,12 @@ def _reset(gripper: "SimulatedGripper") -> None:
     gripper.free()
     gripper.push(0.0)
     gripper.remove_object()
+    gripper.heat_coil(gripper.parameters.ambient_c)
+    _mend(gripper)
+
+
+def _mend(gripper: "SimulatedGripper") -> None:
     gripper.weaken(1.0)
     gripper.set_supply(RATED_SUPPLY_V)
-    gripper.heat_coil(gripper.parameters.ambient_c)
     if not gripper.motor.is_powered or is_fault(gripper.motor.status):
         gripper.power_cycle()

@@ -108,6 +108,19 @@ def test_a_motor_without_power_is_silent_until_the_reset() -> None:
     assert client.result("motion.open")["ok"]
 
 
+@pytest.mark.parametrize("name", ["silent", "weak", "overload"])
+def test_a_motor_whose_fault_is_taken_away_works_and_the_object_stays(name: str) -> None:
+    world, client = simulated()
+    client.result("sim.object", width_mm=40.0)
+    client.result("sim.fault", name=name)
+    world.run(1.0)
+    after = client.result("sim.fault", name="none")
+    assert (after["powered"], after["made_share"], after["object"]["width_mm"]) == (True, 1.0, 40.0)
+    world.run(1.0)
+    client.result("motor.enable")
+    assert client.result("motion.grasp", force_n=10.0, until="verdict")["ok"]
+
+
 def test_a_weak_motor_makes_little_until_the_reset() -> None:
     _, client = simulated()
     assert client.result("sim.fault", name="weak")["made_share"] == 0.15
