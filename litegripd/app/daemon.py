@@ -245,7 +245,7 @@ class Daemon:
         self._links.poll(now_s)
         if self._parts is not None:
             self._parts.tick(now_s)
-        self._greeting.note(self._machine.motor.view().identity)
+        self._greeting.note(self._machine.controller.motor.identity)
         if self._began_s is not None:
             # Clients come once motor and calibration are found, or were awaited long enough.
             waited_s = now_s - self._began_s
