@@ -62,8 +62,8 @@ def _push_options(parser: LateParser) -> None:
 
 def _fault_options(parser: LateParser) -> None:
     parser.description = (
-        "Let the motor latch a fault, lose its power (silent) or most torque (weak), or have"
-        " none of these any more (none)."
+        "Let the motor latch a fault, lose its power (silent) or most torque (weak),\n"
+        "or have none of these any more (none)."
     )
     parser.add_argument("name", metavar="NAME", help="overload, coil_hot, silent, ..., none")
 
