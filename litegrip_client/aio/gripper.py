@@ -35,61 +35,38 @@ from litegrip_client.values.warn import leave
 
 
 class Waiting:
-    """The tasks that wait for one connection; every change wakes them.
-
-    One alarm serves all their time limits: to set one for each call takes as long as to send it.
-    """
+    """The tasks that wait for one connection; every change wakes them."""
 
     def __init__(self) -> None:
-        self._waiting: dict[asyncio.Future[None], tuple[Callable[[], bool], float]] = {}
-        self._alarm: asyncio.TimerHandle | None = None
+        self._waiting: dict[asyncio.Future[None], Callable[[], bool]] = {}
 
     async def until(self, ready: Callable[[], bool], timeout_s: float) -> bool:
         """Wait for `ready` for at most `timeout_s` seconds; return True if it is so."""
         loop = asyncio.get_running_loop()
         deadline_s = loop.time() + timeout_s
         while not ready():
-            if loop.time() >= deadline_s:
+            remaining_s = deadline_s - loop.time()
+            if remaining_s <= 0.0:
                 return False
             # `asyncio.wait_for` may lose a cancelling that comes together with what it waits for.
             waiter: asyncio.Future[None] = loop.create_future()
-            self._waiting[waiter] = ready, deadline_s
-            if self._alarm is None or deadline_s < self._alarm.when():
-                self._set_alarm(loop, deadline_s)
+            timer = None
+            if not math.isinf(remaining_s):
+                timer = loop.call_later(remaining_s, _wake, waiter)
+            self._waiting[waiter] = ready
             try:
                 await waiter
             finally:
                 del self._waiting[waiter]
+                if timer is not None:
+                    timer.cancel()
         return True
 
     def wake(self) -> None:
         """Wake the waiters whose condition is true by now."""
-        for waiter, (ready, _) in self._waiting.items():
+        for waiter, ready in self._waiting.items():
             if ready():
                 _wake(waiter)
-
-    def end(self) -> None:
-        """Wake the waiters: nothing more will change."""
-        self.wake()
-        if self._alarm is not None:
-            self._alarm.cancel()
-            self._alarm = None
-
-    def _set_alarm(self, loop: asyncio.AbstractEventLoop, at_s: float) -> None:
-        if self._alarm is not None:
-            self._alarm.cancel()
-        self._alarm = None if math.isinf(at_s) else loop.call_at(at_s, self._ring, loop, at_s)
-
-    def _ring(self, loop: asyncio.AbstractEventLoop, at_s: float) -> None:
-        """Wake who has waited long enough; set the alarm for the next one."""
-        self._alarm = None
-        later = math.inf
-        for waiter, (_, deadline_s) in self._waiting.items():
-            if deadline_s <= at_s:
-                _wake(waiter)
-            else:
-                later = min(later, deadline_s)
-        self._set_alarm(loop, later)
 
 
 def _wake(waiter: asyncio.Future[None]) -> None:
@@ -374,9 +351,7 @@ class Connection(Exchange):
     def _on_change(self) -> None:
         if self._stream.ended:
             self._router.end("the daemon ended the connection", "connection_lost")
-            self._waiting.end()
-        else:
-            self._waiting.wake()
+        self._waiting.wake()
 
 
 _Item = TypeVar("_Item")

@@ -619,8 +619,6 @@ def test_an_answer_is_waited_for_as_long_as_is_said(site: Bench, daemon: Heard, 
 
 
 def test_tasks_wait_each_as_long_as_it_may(daemon: Heard, tasks: Asyncio) -> None:
-    """One alarm serves them all."""
-
     async def scene(gripper: aio.LiteGrip) -> None:
         loop, connection = asyncio.get_running_loop(), gripper._session.connection
         daemon.instead["state.get"] = SILENT
@@ -634,25 +632,5 @@ def test_tasks_wait_each_as_long_as_it_may(daemon: Heard, tasks: Asyncio) -> Non
         limits_s = [2.0, 0.5, 1.0, 3.0, 0.5]
         took_s = await asyncio.gather(*map(ask, limits_s))
         assert took_s == pytest.approx(limits_s, abs=0.011)
-
-    tasks.use(scene)
-
-
-def test_a_call_sets_no_alarm_where_an_earlier_one_is_set(
-    daemon: Heard, tasks: Asyncio, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    async def scene(gripper: aio.LiteGrip) -> None:
-        loop = asyncio.get_running_loop()
-        alarms: list[float] = []
-        set_alarm = loop.call_at
-
-        def note(at_s: float, *arguments: Any, **named: Any) -> asyncio.TimerHandle:
-            alarms.append(at_s)
-            return set_alarm(at_s, *arguments, **named)
-
-        monkeypatch.setattr(loop, "call_at", note)
-        for _ in range(20):
-            await gripper.get_state()
-        assert len(alarms) <= 1
 
     tasks.use(scene)
