@@ -24,6 +24,7 @@ from litegrip_client.ctl.run import ENDING, Commands, Run
 from litegrip_client.values.checks import given_numbers
 from litegrip_client.values.errors import CommandError, HardwareError, from_error_object
 from litegrip_client.values.table import aligned
+from litegrip_client.values.trajectory_format import MOST_FORCE_N
 
 
 def enable_options(parser: LateParser) -> None:
@@ -233,13 +234,11 @@ def grasp(run: Run) -> int:
 
 CONTINUOUS_N = 20.0
 """What the vendor recommends for continuous work."""
-MOST_N = 40.0
-"""The daemon refuses more, and that is enough to say."""
 
 
 def _note_force(run: Run, force_n: float | None) -> None:
-    """Say of a large force that it is not for long."""
-    if force_n is not None and CONTINUOUS_N < force_n <= MOST_N:
+    """Say of a large force that it is not for long; one that is refused needs no more words."""
+    if force_n is not None and CONTINUOUS_N < force_n <= MOST_FORCE_N:
         run.output.note(
             f"the vendor recommends {CONTINUOUS_N:g} N for continuous work; how long the coil bears"
             f" {force_n:g} N: {run.here('litegripctl health')} (heat, time to limit)"
