@@ -1,18 +1,11 @@
 """The versions with which the tests have passed, for installations that want exactly those."""
 
-import sys
-from pathlib import Path
 from runpy import run_path
 
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
-
-ROOT = Path(__file__).parents[2]
+from tests.packaging.requirements import ROOT, of_users
 
 
 def _pinned() -> dict[str, str]:
@@ -22,12 +15,7 @@ def _pinned() -> dict[str, str]:
 
 def test_each_library_of_users_is_pinned_within_its_bounds() -> None:
     """But for one that Python has by itself where the tests ran."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    extras = project["optional-dependencies"]
-    rows = project["dependencies"] + [
-        row for name in extras if name != "dev" for row in extras[name]
-    ]
-    needed = [Requirement(row) for row in rows]
+    needed = [Requirement(row) for row in of_users()]
     pinned = _pinned()
     judged = 0
     for one in needed:
