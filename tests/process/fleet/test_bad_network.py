@@ -22,8 +22,8 @@ from tests.process.fleet.machines import missing
 
 pytestmark = pytest.mark.skipif(missing() is not None, reason=str(missing()))
 
-TTL_S = 1.0
-SLACK_S = 0.5
+TTL_S = 2.0
+SLACK_S = 2.0
 """For a machine that is busy: the daemon, the gateway and the cable have to run to be in time."""
 
 BAD = {
@@ -56,7 +56,7 @@ def shared(tmp_path_factory: pytest.TempPathFactory, certificates: Path) -> Iter
 
 @pytest.fixture
 def bad(shared: Lab) -> Iterator[Lab]:
-    """A robot and an operator, whose session ends when it shows no life for a second.
+    """A robot and an operator, whose session ends when it shows no life for as long as TTL_S.
 
     All tests that end no part use the same; each finds a sound network and jaws that are slack.
     """

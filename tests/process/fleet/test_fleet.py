@@ -56,11 +56,11 @@ def test_who_has_said_all_gets_the_answers_that_take_longer_than_a_session_lives
 ) -> None:
     """As `socat` does at the end of its input."""
     sockets = {"left": gripper.socket_path}
-    with fleet(tmp_path / "short", certificates, sockets, ttl_s=1.0) as lab:
+    with fleet(tmp_path / "short", certificates, sockets, ttl_s=2.0) as lab:
         with Client(lab.socket_path()) as client:
             client.enabled()
             client.result("motion.close")
-            number = client.send("motion.open", speed_mm_s=50.0)
+            number = client.send("motion.open", speed_mm_s=20.0)
             client.socket.shutdown(socket.SHUT_WR)
             assert client.answer(number)["result"]["ok"]
             assert client.read() == {}

@@ -31,7 +31,7 @@ def site(
     shared.connect().close()
     sockets = dict.fromkeys(("left", "right"), shared.socket_path)
     folder = tmp_path_factory.mktemp("site")
-    with fleet(folder, certificates, sockets, users=USERS, ttl_s=1.0) as running:
+    with fleet(folder, certificates, sockets, users=USERS) as running:
         yield running
 
 
