@@ -258,7 +258,9 @@ user who may not write there.
   an `id` as well.
 - A connection that has lost the lease (taken over, or silent for longer than `ttl_s`) moves nothing
   more, though the gripper be free: all that needs the lease is refused (`lease_lost`, with `cause`,
-  `why`, and `by` whom) until it asks again by `lease.acquire`, `lease.take` or `lease.resume`.
+  `why`, and `by` whom) until it asks again by `lease.acquire`, `lease.take` or `lease.resume`. So
+  does one without a lease whose motion a `lease.take` has ended, or dropped from the queue. Both
+  get `lease.lost` at once, whether they wait for the motion or not.
 - A connection whose opener has ended, but that another process has inherited, may read and stop.
 - A motion that could not run its course (cancelled, stopped, a fault, its client lost) answers
   with an error. [errors.md](errors.md) lists all reasons.

@@ -129,8 +129,9 @@ class Gripper(GripperActions):
     async def take_lease(self, why: str = "no reason given", *, jaws: str = "hold") -> None:
         """Take the lease from its present owner; the owner is notified of the reason `why`.
 
-        The owner's motion ends. The jaws then keep what they hold, or follow `jaws`: "relax" (no
-        torque) or "disable".
+        The motion that runs ends, also one without a lease, and nothing that others have queued
+        begins. Who has lost by that gets `LeaseError` (`lease_lost`) until it takes the lease. The
+        jaws then keep what they hold, or follow `jaws`: "relax" (no torque) or "disable".
 
         Raises `NotPermittedError` unless the owner is the same user, or this user is an admin in
         the daemon's configuration.

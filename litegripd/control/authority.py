@@ -280,21 +280,17 @@ class LossData(_LossData, total=False):
 
 @dataclass(frozen=True, slots=True)
 class Loss:
-    """A lost lease: the reason, and the taker if it was taken.
+    """What `owner` has lost: the lease of the number `grant`, or, for None, a motion without one.
 
-    `left` is what the jaws do then, if the taker chose it.
+    `on_lost` is what the jaws do then: the taker's choice, otherwise the former holder's.
     """
 
-    grant: Grant
+    owner: Owner
+    grant: int | None
     cause: LossCause
+    on_lost: OnLost
     by: Owner | None = None
     why: str | None = None
-    left: OnLost | None = None
-
-    @property
-    def on_lost(self) -> OnLost:
-        """What the jaws do: the taker's choice, otherwise the former holder's."""
-        return self.left or self.grant.options.on_lost
 
     @property
     def text(self) -> str:
@@ -312,6 +308,12 @@ class Loss:
             data["by"] = process_of(self.by)
         return data
 
+    @property
+    def notice(self) -> dict[str, object]:
+        """Return the same with the loser, as the loser is told."""
+        owner = self.owner
+        return {"client": owner.client, "pid": owner.pid, "uid": owner.uid, **self.data}
+
 
 OnAnswer: TypeAlias = Callable[[Grant | Refusal], None]
 
@@ -328,7 +330,8 @@ class Lease:
     """The one lease of a gripper.
 
     A connection that has lost it moves nothing until it asks for the lease again: a program that
-    slept through its loss must not act as if it had it.
+    slept through its loss must not act as if it had it. So does one whose motion without a lease a
+    taker has ended: a stream would begin anew with its next set-point.
     """
 
     _last: Carried[int] = 0
@@ -364,8 +367,11 @@ class Lease:
             return Refusal(
                 "lease_lost",
                 sentence(
-                    "the lease of this connection is lost: {how}; nothing moves for it until it"
-                    " asks for the gripper again ({lease.acquire})",
+                    "{what}: {how}; nothing moves for it until it asks for the gripper again"
+                    " ({lease.acquire})",
+                    what="the gripper is lost to this connection"
+                    if loss.grant is None
+                    else "the lease of this connection is lost",
                     how=loss.text,
                 ),
                 {**loss.data, **_held_by(holder), "hint": method_name("lease.acquire")},
@@ -416,10 +422,15 @@ class Lease:
     ) -> tuple[Grant, Loss | None]:
         """Take the lease over; the caller has checked that `owner` may."""
         holder = self.holder
-        loss = None if holder is None else Loss(holder, "taken", owner, why, left)
-        if loss is not None:
-            self._losses[loss.grant.owner.client] = loss
+        loss = None
+        if holder is not None:
+            loss = Loss(holder.owner, holder.number, "taken", left, owner, why)
+            self.note_loss(loss)
         return self._grant(owner, options, now_s), loss
+
+    def note_loss(self, loss: Loss) -> None:
+        """Let the loser, whose connection has not ended, move nothing until it asks again."""
+        self._losses[loss.owner.client] = loss
 
     def resume(self, number: int, owner: Owner, now_s: float) -> Grant | Refusal:
         """Grant a lapsed lease again for its number, if nobody has acquired one since."""
@@ -453,8 +464,7 @@ class Lease:
         holder = self.holder
         loss = None
         if holder is not None and holder.owner.client == client:
-            loss = Loss(holder, cause)
-            self._lapse(loss)
+            loss = self._lapse(holder, cause)
         if cause == "connection":
             self._losses.pop(client, None)  # it sends no more requests
         return loss
@@ -464,9 +474,7 @@ class Lease:
         holder = self.holder
         if holder is None or self._expires_s is None or now_s < self._expires_s:
             return None
-        loss = Loss(holder, "expired")
-        self._lapse(loss)
-        return loss
+        return self._lapse(holder, "expired")
 
     def step(self, now_s: float, *, may_grant: bool) -> None:
         """Answer waiting requests: the holder's own, late ones, and the next if `may_grant`."""
@@ -495,10 +503,12 @@ class Lease:
         ttl_s = None if self.holder is None else self.holder.options.ttl_s
         self._expires_s = None if ttl_s is None else now_s + ttl_s
 
-    def _lapse(self, loss: Loss) -> None:
+    def _lapse(self, holder: Grant, cause: LossCause) -> Loss:
         self._free()
-        self._lapsed = loss.grant
-        self._losses[loss.grant.owner.client] = loss
+        self._lapsed = holder
+        loss = Loss(holder.owner, holder.number, cause, holder.options.on_lost)
+        self.note_loss(loss)
+        return loss
 
     def _free(self) -> None:
         self.holder, self._expires_s, self._lapsed = None, None, None

@@ -29,7 +29,6 @@ from litegripd.control.authority import (
     LossCause,
     SecondMaster,
     StopLatch,
-    held_refusal,
 )
 from litegripd.control.calibration import CalibrationInUse, Terms, content_of, save_task
 from litegripd.control.detectors import PressWatch
@@ -558,27 +557,32 @@ class Controller:
 
     def take_over(
         self, owner: Owner, options: LeaseOptions, why: str, left: OnLost = "hold"
-    ) -> Grant:
+    ) -> tuple[Grant, list[Loss]]:
         """Take the lease from its holder; the caller has checked that `owner` may.
 
         All that runs ends, also another client's and a detached one. Only a disabling continues,
         and the taker's own motion without a lease. What others have queued never begins. Then the
         jaws do what the taker says (`left`), not what the loser or one before it said, unless
-        something continues.
+        something continues. Return the losses of those, other than the holder, whose motion ended.
         """
         self._leave_to_holder()
+        before, holder = [job for job in self.jobs if job.is_running], self.lease.holder
+        taken = events.taken_refusal(owner, why, left)
         grant, loss = self.lease.take(owner, options, why, left, self.now_s)
         running = self.jobs.running
         is_anothers = running is not None and running.owner.client != owner.client
         if running is not None and is_anothers and running.kind != "disable":
-            self.end(events.taken_refusal(owner, why, left))
+            self.end(taken)
         if loss is not None:
-            self.lose(loss, loss.grant.owner.client)
+            self.lose(loss, loss.owner.client)
         elif self.jobs.running is None:
             self._settle_into(left)
-        self._drop_queued(held_refusal(grant), lambda job: job.owner.client != owner.client)
+        self._drop_queued(taken, lambda job: job.owner.client != owner.client)
         self._granted(grant)
-        return grant
+        movers = {job.owner.client: job.owner for job in before if not job.is_running}
+        if holder is not None:
+            movers.pop(holder.owner.client, None)
+        return grant, [Loss(mover, None, "taken", left, owner, why) for mover in movers.values()]
 
     def resume(self, number: int, owner: Owner) -> Grant | Refusal:
         """Grant a lapsed lease again after its client reconnected, if nobody has had one since.
@@ -626,7 +630,7 @@ class Controller:
         of another machine has queued, with a lease or without.
         """
         running = self.jobs.running
-        holder = None if loss is None else loss.grant.owner.client
+        holder = None if loss is None else loss.owner.client
         self._drop_queued(
             events.loss_refusal(loss),
             lambda job: (
@@ -657,7 +661,7 @@ class Controller:
         """
         loss = self.lease.expire(now_s)
         if loss is not None:
-            self.lose(loss, loss.grant.owner.client)
+            self.lose(loss, loss.owner.client)
         running, holder = self.jobs.running, self.lease.holder
         present = None if holder is None else holder.number
         if (
@@ -956,7 +960,7 @@ def _falls(job: Job, loss: Loss | None, client: int) -> bool:
     """Return True if a job ends with its client, or with the lease that it runs under."""
     if job.detached:
         return False
-    under = loss is not None and job.grant == loss.grant.number
+    under = loss is not None and job.grant == loss.grant
     return under or job.owner.client == client
 
 

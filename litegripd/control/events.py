@@ -466,10 +466,8 @@ def stopped(level: StopLevel, refusal: Refusal) -> Event:
 
 def lease_lost(loss: Loss) -> Event:
     """Report whose lease is lost, why, and who has it."""
-    owner = loss.grant.owner
-    text = f"lease {loss.grant.number} of {_named(owner)} is lost: {loss.text}"
-    data = {"client": owner.client, "pid": owner.pid, "uid": owner.uid, **loss.data}
-    return Event("lease_lost", text, data)
+    text = f"lease {loss.grant} of {_named(loss.owner)} is lost: {loss.text}"
+    return Event("lease_lost", text, loss.notice)
 
 
 def lease_granted(grant: Grant) -> Event:

@@ -64,7 +64,7 @@ class Payload(TypedDict):
 
 
 class Loser(TypedDict):
-    """Who has lost the lease."""
+    """Who has lost the lease, or a motion without one."""
 
     client: int
     pid: int
@@ -112,7 +112,8 @@ NOTIFICATIONS: tuple[Notification, ...] = (
     ),
     Notification(
         "lease.lost",
-        "The lease that this connection had is lost. Nobody has to subscribe to it.",
+        "The lease that this connection had is lost, or its motion without one, running or queued,"
+        " was ended by a `lease.take`. Nobody has to subscribe to it.",
         Shape("LeaseLost", (Loser, LossData)),
     ),
 )

@@ -271,7 +271,7 @@ class RpcService:
                 self._subscriptions,
                 document=document,
             ),
-            LeaseMethods(controller, self._tokens, self.reporter),
+            LeaseMethods(controller, self._clients, self._tokens, self.reporter),
             MotionMethods(controller, self.reporter),
             SettingsMethods(controller),
             *added,

@@ -65,6 +65,10 @@ class AnyLoss:
         if event.kind == "job_started":
             jobs = {job.number: job for job in self.world.controller.jobs}
             self.note_begun(jobs[data["job"]])
+        elif event.kind == "job_ended":
+            (job,) = (one for one in self.world.controller.jobs if one.number == data["job"])
+            if job.error is not None and job.error.data.get("cause") == "taken":
+                self.losers.add(job.owner.client)  # with a lease or without
         elif event.kind == "lease" and "held" in data:
             self.holder = data["client"] if data["held"] else None
             self.losers.discard(self.holder or 0)

@@ -230,8 +230,101 @@ def test_what_others_have_queued_never_begins_after_a_take_over(
     scene.world.run(0.5)
     assert scene.world.state.opening_mm == pytest.approx(opening_mm, abs=1.0)
     assert scene.world.controller.jobs.running is None
-    reason = reason_of(scene.first.answered(number))
-    assert reason == ("lease_lost" if leased else "lease_held")
+    error = scene.first.answered(number)["error"]["data"]
+    assert (error["reason"], error["cause"], error["why"]) == ("lease_lost", "taken", "my turn")
+
+
+@pytest.mark.parametrize("take", [by_take, by_take_and_release])
+@pytest.mark.parametrize("leased", [False, True])
+def test_whose_motion_was_taken_is_told_once_unasked_and_moves_nothing_until_it_asks(
+    leased: bool, take: Callable[[Scene], None]
+) -> None:
+    """Also where it had no lease, and waits for nothing."""
+    scene = Scene(**wish_of(leased))
+    job = scene.first.result("motion.open", speed_mm_s=10, wait=False)["job"]
+    scene.world.run(0.2)
+    take(scene)
+    (loss,) = scene.first.told("lease.lost")
+    loser, taker = scene.first.session.peer, scene.second.session.peer
+    assert (loss["client"], loss["pid"]) == (scene.first.session.identity, loser.pid)
+    assert (loss["cause"], loss["why"], loss["on_lost"]) == ("taken", "it hangs", "hold")
+    assert loss["by"] == {"pid": taker.pid, "uid": taker.uid, "program": taker.program}
+    assert scene.second.told("lease.lost") == []
+    scene.world.run(0.1)
+    error = scene.error(scene.first, "motion.close")
+    what = "the lease of this connection is lost" if leased else "the gripper is lost to"
+    by = f"{taker.program} (pid {taker.pid}, uid {taker.uid}): it hangs"
+    assert error["message"].startswith(what)
+    assert f": it was taken over by {by}; nothing moves for it until" in error["message"]
+    assert (error["data"]["reason"], error["data"]["by"]) == ("lease_lost", loss["by"])
+    ended = scene.first.result("job.get", job=job)
+    assert ended["error"]["message"] == f"the gripper was taken over by {by}"
+    assert scene.second.result("motion.move", opening_mm=30)["ok"]
+    if take is by_take:
+        scene.second.result("lease.release")
+    scene.first.result("lease.acquire")
+    scene.first.result("lease.release")
+    assert scene.first.result("motion.open")["ok"]
+
+
+@pytest.mark.parametrize("take", [by_take, by_take_and_release])
+def test_a_stream_that_was_taken_does_not_begin_anew(take: Callable[[Scene], None]) -> None:
+    scene = Scene()
+
+    def stream() -> None:
+        for opening_mm in range(20, 40):
+            scene.first.notify("stream.set", opening_mm=opening_mm)
+            scene.world.run(0.02)
+
+    stream()
+    take(scene)
+    scene.world.run(0.5)
+    scene.nothing_of(stream)
+    (refused,) = scene.first.told("stream.refused")
+    assert (refused["data"]["reason"], refused["data"]["why"]) == ("lease_lost", "it hangs")
+    assert refused["data"]["by"]["pid"] == scene.second.session.peer.pid
+
+
+def test_each_whose_queued_motion_was_taken_is_told_too() -> None:
+    scene = Scene()
+    third, taker = scene.world.client(), scene.world.client()
+    scene.first.result("motion.open", wait=False)
+    for client in (scene.second, third, third):
+        client.result("motion.close", wait=False, if_busy="queue")
+    taker.result("lease.take", why="it hangs")
+    taker.result("lease.release")
+    for client in (scene.first, scene.second, third):
+        assert [loss["client"] for loss in client.told("lease.lost")] == [client.session.identity]
+        assert scene.refusal(client, "motion.hold") == "lease_lost"
+
+
+def test_who_moves_under_the_lease_of_another_is_told_of_its_loss() -> None:
+    scene = Scene(purpose="sorting")
+    helper = scene.world.client()
+    helper.send("motion.open", lease=scene.token, wait=False)
+    by_take_and_release(scene)
+    for client in (scene.first, helper):
+        assert [loss["client"] for loss in client.told("lease.lost")] == [client.session.identity]
+        assert scene.refusal(client, "motion.hold") == "lease_lost"
+
+
+def test_who_moves_nothing_or_disables_has_nothing_to_lose_without_a_lease() -> None:
+    scene = Scene()
+    number = scene.first.send("motor.disable")
+    by_take_and_release(scene)
+    assert scene.first.wait(number)["result"]["ok"]
+    assert scene.world.client().result("motor.enable")["ok"]
+    by_take_and_release(scene)
+    assert scene.first.told("lease.lost") == []
+    assert scene.first.result("motion.open")["ok"]
+
+
+def test_nothing_is_kept_of_a_client_that_its_motion_has_outlived() -> None:
+    scene = Scene()
+    scene.first.result("motion.open", speed_mm_s=10, wait=False)
+    scene.first.leave()
+    assert scene.second.result("lease.take", why="it hangs")["ended_job"] is not None
+    assert scene.world.controller.lease._losses == {}
 
 
 @pytest.mark.parametrize("leased", [False, True])
@@ -551,7 +644,7 @@ def test_whose_turn_comes_when_the_gripper_is_anothers_does_not_move() -> None:
     third = scene.world.client()
     third.result("lease.take", why="my turn")
     scene.nothing_of(lambda: None)
-    assert reason_of(scene.second.answered(number)) == "lease_held"
+    assert reason_of(scene.second.answered(number)) == "lease_lost"
 
 
 # A name

@@ -10,8 +10,10 @@ from litegripd.control.controller import Controller
 from litegripd.model.errors import Refusal
 from litegripd.model.plain import Carried
 from litegripd.model.state import OnLost
+from litegripd.rpc.jsonrpc import encode, notification_line
 from litegripd.rpc.method import LEASE, Answer, Call, Deferred, Method, Param
 from litegripd.rpc.reports import OwnerView, Reporter, StateView
+from litegripd.rpc.sessions import Clients
 
 NO_GRANT = 0
 """Grants are numbered from one: this number is none's, and so never the present one's."""
@@ -112,8 +114,11 @@ _GRANTED = "The token (lease), its number, and the state."
 class LeaseMethods:
     """Methods on the controller's lease."""
 
-    def __init__(self, controller: Controller, tokens: Tokens, reporter: Reporter) -> None:
+    def __init__(
+        self, controller: Controller, clients: Clients, tokens: Tokens, reporter: Reporter
+    ) -> None:
         self._controller = controller
+        self._clients = clients
         self._tokens = tokens
         self._reporter = reporter
 
@@ -232,8 +237,9 @@ class LeaseMethods:
     @Method(
         "lease.take",
         "Take the lease from anyone who has it: of the same user, or as admin. A motion that runs"
-        " ends, a detached one, too; what others have queued never begins. The loser is informed,"
-        " and moves nothing by its connection until it asks for the lease again.",
+        " ends, a detached one, too; what others have queued never begins. Who has lost by that, a"
+        " lease or a motion without one, is informed, and moves nothing by its connection until it"
+        " asks for the lease again.",
         "As of lease.acquire; from whom it was taken (taken_from, as the owner of lease.get, or"
         " null), the motion that has ended by it (ended_job, or null), and what the jaws do (jaws;"
         " null where the taker's own motion, or disabling, continues).",
@@ -267,9 +273,14 @@ class LeaseMethods:
             )
             return Refusal("not_permitted", text, {"needs": "admin", "role": call.session.role})
         left = params.get("jaws", "hold")
-        grant = controller.take_over(
+        grant, losses = controller.take_over(
             call.owner, _lease_options(params, LeaseOptions()), params["why"], left
         )
+        for loss in losses:
+            loser = self._clients.get(loss.owner.client)
+            if loser is not None:  # else its motion has outlived it
+                controller.lease.note_loss(loss)
+                loser.write(notification_line("lease.lost", encode(loss.notice)))
         goes_on = controller.jobs.running
         taken: Taken = {
             **self._grant_view(grant),

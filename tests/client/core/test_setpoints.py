@@ -11,6 +11,7 @@ from litegrip_client import (
     BusyError,
     CommandError,
     ConnectError,
+    LeaseError,
     LiteGrip,
     SetpointStream,
     StoppedError,
@@ -178,6 +179,34 @@ def test_after_a_stop_what_is_sent_next_knows_of_it(
         with pytest.raises(StoppedError):
             stream.set_target(10.0)
     assert sent(daemon)[-1].params["stop_generation"] == daemon.state.stop_generation
+
+
+@pytest.mark.parametrize("given_back", [False, True])
+def test_a_take_over_reaches_a_streaming_program_that_has_no_lease(
+    daemon: Heard, gripper: LiteGrip, kind: Kind, given_back: bool
+) -> None:
+    """It does not stream on against the taker, and may ask for the gripper again."""
+    assert daemon.client(uid=1000).result("motor.enable")["ok"]
+    taker = daemon.client(pid=4711, uid=1000)
+    with gripper.stream() as stream:
+        stream.set_target(10.0)
+        taker.result("lease.take", why="a hand in the jaws")
+        if given_back:
+            taker.result("lease.release")
+        told = until_refused(kind, stream, 10.0)
+        with pytest.raises(LeaseError) as caught:
+            stream.set_target(10.0)
+    for error in (told, caught.value):
+        assert isinstance(error, LeaseError)
+        assert error.reason == "lease_lost"
+        assert (error.data["by"]["pid"], error.data["why"]) == (4711, "a hand in the jaws")
+        assert "(pid 4711, uid 1000): a hand in the jaws" in error.message
+        assert "gripper.lease()" in str(error)
+    if not given_back:
+        taker.result("lease.release")
+    with gripper.lease(), gripper.stream() as stream:
+        stream.set_target(10.0)
+        assert daemon.state.mode == "moving"
 
 
 @pytest.mark.parametrize("is_cleared", [False, True])
