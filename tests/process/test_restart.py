@@ -80,6 +80,7 @@ def undisturbed_restart(daemon: Restartable) -> tuple[dict[str, object], dict[st
     raise AssertionError("this machine is too busy: the simulator never answered all the while")
 
 
+@pytest.mark.alone  # what delays the simulator ends the hold
 def test_pose_and_force_are_held_and_the_motor_is_never_disabled(
     daemon: Restartable, tmp_path: Path
 ) -> None:
