@@ -38,12 +38,12 @@ The simulated gripper is there: channel {channel}. Its page, for your browser:
 In another terminal:
 
   {prepare}
-  litegripctl state            what the gripper does now
-  litegripctl enable           energise the motor
-  litegripctl open             and: close, hold, disable
+  litegripctl state               # what the gripper does now
+  litegripctl enable              # energise the motor
+  litegripctl open                # and: close, hold, disable
 {world}
-  litegripctl watch            live, in a third terminal
-  litegripctl stop             anybody may; then: litegripctl clear
+  litegripctl watch               # live, in a third terminal
+  litegripctl stop                # anybody may; then: litegripctl clear
   litegripctl health
 
 Ctrl-C ends both and disables the motor.
@@ -52,12 +52,12 @@ Ctrl-C ends both and disables the motor.
 
 WORLDS = {
     "simulated": """\
-  litegripctl grasp --force 10 there is an object of 40 mm between the jaws
-  litegripctl sim object none  take it away; also: sim push, sim fault""",
+  litegripctl grasp --force 10    # there is an object of 40 mm between the jaws
+  litegripctl sim object none     # take it away; also: sim push, sim fault""",
     "mujoco": """\
-  litegripctl grasp --force 10 there is a loose cube of 30 mm between the jaws
-  python examples/mujoco_view.py   look at them; needs a display
-  litegripctl sim push -0.5    a hand opens the jaws, 0 lets go; also: sim hold, sim fault""",
+  litegripctl grasp --force 10    # there is a loose cube of 30 mm between the jaws
+  python examples/mujoco_view.py  # look at them; needs a display
+  litegripctl sim push -0.5       # a hand opens the jaws, 0 lets go; also: sim hold, sim fault""",
 }
 """What is around the jaws, by the name of the configuration."""
 

@@ -10,6 +10,7 @@ import os
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # its abstract classes take 2.4 ms, a quarter of what a plain stop may take
     from collections.abc import Mapping
+    from typing import Any
 
 SOCKET_VARIABLE = "LITEGRIPD_SOCKET"
 CHANNEL_VARIABLE = "LITEGRIP_CHANNEL"
@@ -20,6 +21,17 @@ PORTAL_DIRECTORY = "/run/litegripd-portal"
 portal's own: it must not be able to pose as a daemon of this machine."""
 
 STOP_LEVELS = ("hold", "relax", "disable")
+NOT_REACHED = "the motor does not answer, so nothing reaches it: to be sure, cut its power"
+"""What to say of a stop that is latched, but `is_reached` is False."""
+
+
+def is_reached(latched: Mapping[str, Any]) -> bool:
+    """Return False if the answer to a stop says that the motor does not hear of it.
+
+    An older daemon's stop socket does not tell: then True.
+    """
+    motor = latched.get("motor", (latched.get("state") or {}).get("motor"))
+    return motor not in ("silent", "unknown")
 
 
 def directories(environment: Mapping[str, str]) -> tuple[str, ...]:

@@ -9,9 +9,10 @@ import json
 import socket
 from collections.abc import Mapping
 
-from litegrip_client.core.sockets import STOP_LEVELS, stop_path
+from litegrip_client.core.sockets import NOT_REACHED, STOP_LEVELS, is_reached, stop_path
 from litegrip_client.line.exchange import request_line
 from litegrip_client.values.errors import (
+    CANTimeoutError,
     ConnectError,
     LiteGripError,
     ProtocolError,
@@ -88,7 +89,8 @@ async def stop(session: DaemonSession, params: dict[str, str]) -> dict[str, Any]
     """Stop; return the latched level, the generation and the state after it.
 
     The session's next requests know of the stop, whichever socket it went by. Raises
-    `LiteGripError` if both sockets fail, or if the stop is in force and the state cannot be read.
+    `LiteGripError` if both sockets fail, or if the stop is in force and the state cannot be read,
+    `CANTimeoutError` if it is latched, but the motor does not answer.
     """
     wire = session.wire
     result: dict[str, Any] = {}
@@ -106,6 +108,9 @@ async def stop(session: DaemonSession, params: dict[str, str]) -> dict[str, Any]
         except LiteGripError as error:
             error.message = f"stopped ({result.get('level')}), but no state came: {error.message}"
             raise
+    if not is_reached(result):
+        text = f"a stop ({result['level']}) is latched, but {NOT_REACHED}"
+        raise CANTimeoutError(text, reason="motor_silent")
     return result
 
 

@@ -18,7 +18,7 @@ from functools import partial
 from textwrap import fill
 
 from litegrip_client.core.discovery import check_channel
-from litegrip_client.core.sockets import CHANNEL_VARIABLE, DEFAULT_CHANNEL
+from litegrip_client.core.sockets import CHANNEL_VARIABLE, DEFAULT_CHANNEL, STOP_LEVELS
 from litegrip_client.ctl.figures import PROGRAM
 from litegrip_client.values.errors import CommandError
 from litegrip_client.values.voices import in_shell_of
@@ -52,7 +52,7 @@ EXIT_CODES: tuple[tuple[int, str], ...] = (
     (2, 'wrong usage; the verdict "down" of health'),
     (3, "no daemon to talk to, or no longer"),
     (4, "refused: not calibrated, a value out of its range, no such job or file"),
-    (5, "the motor or its bus does not work"),
+    (5, "the motor is not enabled, or it or its bus does not work"),
     (6, "busy: another motion is running, or another client has the lease"),
     (7, "stopped: a stop is latched (see: clear)"),
     (8, "the motion was cancelled"),
@@ -98,10 +98,10 @@ class Parser(argparse.ArgumentParser):
         choices = [str(choice) for choice in action.choices or ()]
         if not choices or str(value) in choices:
             return
-        meant = _did_you_mean(str(value), choices)
+        meant = _did_you_mean(_OTHER_NAMES.get(str(value), str(value)), choices)
         if not meant and len(choices) <= _FEW:
             meant = f": {', '.join(choices)}"
-        raise argparse.ArgumentError(action, f"{str(value)!r} is none of them{meant}")
+        raise argparse.ArgumentError(action, f"there is no {str(value)!r}{meant}")
 
     def arguments(self) -> list[argparse.Action]:
         """Return the options and the positional arguments, in their order."""
@@ -141,6 +141,8 @@ class LateParser(Parser):
 
 _CLOSE = 0.7
 """From so much likeness on (of 1) a name is asked for: --socket is none for --force."""
+_OTHER_NAMES = {"goto": "move", "status": "state", "unlock": "clear", "reset": "clear-fault"}
+"""What Python and other programs call it."""
 _FEW = 12
 """Names that are listed where none comes close."""
 
@@ -208,6 +210,26 @@ def parse(given: list[str], rows: Sequence[Row]) -> argparse.Namespace:
     except CommandError as error:
         parser.error(error.message)
     return options
+
+
+def meant_stop(given: list[str], rows: Sequence[Row]) -> argparse.Namespace | None:
+    """Return the stop that a wrong command line means, None where it is none for sure.
+
+    What comes before the word `stop` has to be right: it may name another gripper. Of the rest, a
+    level and the gripper count.
+    """
+    at = given.index("stop")
+    before, behind = given[:at], given[at + 1 :]
+    try:
+        known, others = Parser(add_help=False).parse_known_args(behind)
+        where = [f"--{name}={value}" for name, value in vars(known).items() if name != "json"]
+        values = (one.rpartition("=")[2] for one in others)
+        level = next((one for one in values if one in STOP_LEVELS), "hold")
+        options = parse([*before, *where, "stop", "--level", level], rows)
+    except UsageError:
+        return None
+    options.json = "--json" in given
+    return options if options.command == "stop" else None
 
 
 def _call(options: argparse.Namespace) -> str:

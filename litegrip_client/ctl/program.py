@@ -5,10 +5,11 @@ from argparse import Namespace
 
 from litegrip_client.ctl.commands import COMMANDS, find, needs_daemon
 from litegrip_client.ctl.commands.state import not_stopped, stop_first, stop_within_s
-from litegrip_client.ctl.parser import UsageError, parse
+from litegrip_client.ctl.parser import UsageError, meant_stop, parse
 from litegrip_client.ctl.render import hint_for, names_remedy
 from litegrip_client.ctl.run import (
     INTERRUPTED,
+    NOT_OK,
     OK,
     WRONG_USAGE,
     Output,
@@ -24,15 +25,17 @@ def run(given: list[str]) -> int:
     try:
         options = parse(given, COMMANDS)
     except UsageError as wrong:
-        return _refuse(wrong, Output(as_json="--json" in given))
+        return _refuse(wrong, given)
     output = Output(as_json=options.json)
     return _run(options, output)
 
 
 def _run(options: Namespace, output: Output) -> int:
     try:
-        if options.command == "stop" and stop_first(options, output):
-            return OK
+        if options.command == "stop":
+            code = stop_first(options, output)
+            if code is not None:
+                return code
         command = find(options.command)
         if not needs_daemon(options):
             return command(Run(None, options, output))
@@ -58,8 +61,17 @@ def _fail(error: LiteGripError, options: Namespace, output: Output) -> int:
     return exit_code(error)
 
 
-def _refuse(wrong: UsageError, output: Output) -> int:
-    """Report what is wrong with the command line."""
+def _refuse(wrong: UsageError, given: list[str]) -> int:
+    """Report what is wrong with the command line; stop first, where that is what it means."""
+    output = Output(as_json="--json" in given)
+    if "stop" in given:
+        stop = meant_stop(given, COMMANDS)
+        if stop is None:
+            wrong.message += "; nothing was stopped"
+        elif (code := _run(stop, output)) in (OK, NOT_OK):
+            wrong.message += f"; {stop.channel} was told to stop ({stop.level}) all the same"
+        else:
+            return code  # it says what is to be done now
     if not output.as_json:
         sys.stderr.write(wrong.usage)
     hint = f"see: {wrong.program} --help"

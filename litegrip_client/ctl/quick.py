@@ -15,6 +15,7 @@ from litegrip_client.core.sockets import (
     CHANNEL_VARIABLE,
     DEFAULT_CHANNEL,
     STOP_LEVELS,
+    is_reached,
     paths,
     stop_path,
 )
@@ -107,7 +108,7 @@ def _stop(places: list[str], level: str, here: Here) -> str | None:
             (latched,) = _ask(stop_path(path), request, 1, _STOP_WITHIN_S)
         except FileNotFoundError:
             continue
-        if latched["level"] not in STOP_LEVELS:  # a stronger one may have been latched before
+        if latched["level"] not in STOP_LEVELS or not is_reached(latched):
             return None
         return stopped(latched, here)
     return None

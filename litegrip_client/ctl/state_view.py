@@ -5,6 +5,7 @@ Takes the wire's objects as they are, so that an older or newer daemon is still 
 
 from __future__ import annotations
 
+from litegrip_client.core.sockets import NOT_REACHED, is_reached
 from litegrip_client.ctl.figures import Data, Here, figure, owner, plain
 
 _DOUBTS = {
@@ -195,7 +196,7 @@ def state_line(data: Data, here: Here) -> str:
 
 def stopped(data: Data, here: Here) -> str:
     """Return the text for a latched stop, and what it cannot reach."""
-    text = f"stopped: {data['level']}, {here('until: litegripctl clear')}"
-    if (data.get("state") or {}).get("motor") in ("silent", "unknown"):
-        text += "; the motor does not answer, so nothing reaches it: to be sure, cut its power"
-    return plain(text)
+    until = here("until: litegripctl clear")
+    if not is_reached(data):
+        return plain(f"{data['level']} is latched, {until}; but {NOT_REACHED}")
+    return plain(f"stopped: {data['level']}, {until}")

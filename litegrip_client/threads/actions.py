@@ -976,6 +976,9 @@ class BlockingGripper(GripperActions):
         other requests cannot delay; there a reason is cut to 80 characters. Without that socket it
         is sent as a usual request. This is a software stop: it does not replace the switch that
         cuts the power.
+
+        Raises `CANTimeoutError` if the stop is latched, but the motor does not answer, enabled or
+        not: then nothing reaches it, so cut its power.
         """
         return complete(self._core.software_stop(level, why))
 

@@ -8,7 +8,7 @@ import reprlib
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from litegrip_client.core.sockets import STOP_LEVELS
+from litegrip_client.core.sockets import NOT_REACHED, STOP_LEVELS, is_reached
 from litegrip_client.ctl.figures import plain
 
 _LONGEST_TEXT = 200
@@ -76,7 +76,7 @@ def stop_problem(payload: bytes) -> str | None:
         return _no_answer(payload)
     result, error = answer.get("result"), answer.get("error")
     if error is None and isinstance(result, dict) and result.get("level") in STOP_LEVELS:
-        return None
+        return None if is_reached(result) else f"latched, but {NOT_REACHED}"
     message = error.get("message") if isinstance(error, dict) else None
     return _shown(message) if isinstance(message, str) else _no_answer(payload)
 

@@ -45,7 +45,7 @@ from litegripd.io.loop import Reactor, Signals, Urgent
 from litegripd.io.realtime import acquire, give_up_priority
 from litegripd.io.server import MAX_CONNECTIONS, Server
 from litegripd.io.sockets import take_over
-from litegripd.io.stop_socket import StopListener, clients_within_limit
+from litegripd.io.stop_socket import Latched, StopListener, clients_within_limit
 from litegripd.model.gripper import MOTOR_TYPES
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import DIRECT_INTERFACES
@@ -296,14 +296,18 @@ class Daemon:
         retirement.release_clients(self._server, self._stop_listener)
         self._supervision.followed_by(self._succession.pid, retirement.is_followed)
 
-    def _stop(self, level: StopLevel, by: Owner, why: str | None) -> tuple[StopLevel, int]:
-        """Stop from the next command on; return the latched level, and the generation."""
+    def _stop(self, level: StopLevel, by: Owner, why: str | None) -> Latched:
+        """Stop from the next command on; return the stop in force then."""
         controller = self._machine.controller
         named = by if by.remote is not None else self._server.named(by)
         controller.stop(level, named, why, time.monotonic())
         self._service.reporter.refresh()
         latched = controller.stop_latch.latched
-        return level if latched is None else latched.level, controller.stop_latch.generation
+        return Latched(
+            level if latched is None else latched.level,
+            controller.stop_latch.generation,
+            self._service.reporter.state().motor,
+        )
 
     def _note_stop(self, stopped_s: float) -> None:
         """Have all stops, from wherever they come, come before what was sent, and command soon."""

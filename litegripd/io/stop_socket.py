@@ -9,7 +9,7 @@ import resource
 import socket
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from litegripd.io.loop import Urgent
 from litegripd.io.sockets import LISTEN_BACKLOG, peer_of
@@ -23,8 +23,17 @@ _log = logging.getLogger(__name__)
 MAX_STOP_CONNECTIONS = 64
 MAX_STOP_LINE_BYTES = 1024
 
-OnStop: TypeAlias = Callable[[StopLevel, Owner, str | None], tuple[StopLevel, int]]
-"""Stops by a level, an owner and a reason; returns the latched level and its generation."""
+
+class Latched(NamedTuple):
+    """A stop in force: its level, its generation, and how the motor is, as in the state."""
+
+    level: StopLevel
+    generation: int
+    motor: str
+
+
+OnStop: TypeAlias = Callable[[StopLevel, Owner, str | None], Latched]
+"""Stops by a level, an owner and a reason; returns the stop in force then."""
 
 _GIVES_WAY = Refusal(
     "too_many_connections",
@@ -85,7 +94,7 @@ class StopListener:
         else:
             connection.on_event(0)
 
-    def stop(self, level: StopLevel, by: Owner, why: str | None) -> tuple[StopLevel, int]:
+    def stop(self, level: StopLevel, by: Owner, why: str | None) -> Latched:
         """Stop; return the stop in force then."""
         return self._on_stop(level, by, why)
 
@@ -189,9 +198,8 @@ class StopConnection:
         if stop.on_behalf is not None and self._may_be_another:
             name = remote_name(stop.on_behalf)
             owner = replace(owner, program=name, remote=stop.on_behalf)
-        level, generation = self._listener.stop(stop.level, owner, stop.why)
-        result = encode({"level": level, "generation": generation})
-        self._send(result_line(stop.identity, result))
+        latched = self._listener.stop(stop.level, owner, stop.why)
+        self._send(result_line(stop.identity, encode(latched._asdict())))
 
     def _send(self, line: bytes) -> None:
         try:

@@ -107,7 +107,7 @@ def test_streams_that_are_closed_are_no_traceback(
     daemon: FakeDaemon, line: str, closed: str, code: int, out: bool, err: str
 ) -> None:
     live(daemon)
-    daemon.handlers["job.cancel"] = lambda request: request.fail("unknown_job", -32012, "no")
+    daemon.handlers["job.get"] = lambda request: request.fail("unknown_job", -32012, "no")
     shell = ["sh", "-c", f'exec "$@" {closed}', "sh", *COMMAND, "--socket", daemon.path]
     done = subprocess.run(
         [*shell, *line.split()], cwd=ROOT, capture_output=True, timeout=DEADLINE_S, check=False

@@ -32,6 +32,83 @@ def test_a_stop_goes_by_the_socket_that_is_served_first(
     assert daemon.methods() == []  # nothing waits behind other requests
 
 
+@pytest.mark.parametrize("words", [(), ("--why", "a hand")], ids=["plain", "with a reason"])
+@pytest.mark.parametrize("motor", ["silent", "unknown"])
+def test_a_stop_that_does_not_reach_the_motor_says_so_and_fails(
+    stops: FakeDaemon, ctl: Ctl, motor: str, words: tuple[str, ...]
+) -> None:
+    latched = {"level": "hold", "generation": 4, "motor": motor}
+    stops.handlers["stop"] = lambda _request: latched
+    code, out, _ = ctl("stop", *words)
+    assert code == 1
+    assert out == (
+        "hold is latched, until: litegripctl clear; but the motor does not answer, so nothing"
+        " reaches it: to be sure, cut its power\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("behind", "level", "wrong"),
+    [
+        ("now", "hold", "unrecognized arguments: now; "),
+        ("anybody may; then: litegripctl clear", "hold", "unrecognized arguments: anybody may;"),
+        ("--level soft", "hold", "there is no 'soft': hold, relax, disable; "),
+        ("--level relx", "hold", "did you mean 'relax'?; "),
+        ("--reason x --level=relax", "relax", "unrecognized arguments: --reason x"),
+        ("--level", "hold", "expected one argument; "),
+        ("disable", "disable", "unrecognized arguments: disable"),
+    ],
+)
+def test_whatever_stands_behind_a_stop_it_stops(
+    stops: FakeDaemon, ctl: Ctl, behind: str, level: str, wrong: str
+) -> None:
+    stops.handlers["stop"] = lambda request: {"level": request.params["level"], "generation": 4}
+    code, out, err = ctl("stop", *behind.split())
+    assert (code, out) == (2, f"stopped: {level}, until: litegripctl clear\n")
+    assert wrong in err
+    assert f"can0 was told to stop ({level}) all the same" in err
+    assert [one.params for one in stops.requests] == [{"level": level}]
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        ("--chanel", "can1", "stop"),
+        ("stop", "-c"),
+        ("move", "stop"),
+        ("teleop", "stop", "now"),
+    ],
+    ids=" ".join,
+)
+def test_what_may_mean_another_gripper_or_no_stop_at_all_says_that_nothing_was_stopped(
+    stops: FakeDaemon, ctl: Ctl, given: tuple[str, ...]
+) -> None:
+    code, out, err = ctl(*given)
+    assert (code, out, stops.requests) == (2, "", [])
+    assert "; nothing was stopped\n" in err
+
+
+def test_a_wrong_stop_names_the_gripper_that_it_stopped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, litegripctl: Ctl
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    (tmp_path / "litegripd").mkdir()
+    with FakeDaemon(tmp_path / "litegripd" / "can7.stop.sock") as other:
+        other.handlers["stop"] = lambda _request: {"level": "hold", "generation": 4}
+        code, _, err = litegripctl("stop", "now", "-c", "can7")
+        assert (code, "can7 was told to stop (hold)" in err) == (2, True)
+        assert len(other.requests) == 1
+
+
+def test_a_wrong_stop_that_nobody_takes_says_what_to_do_now(
+    tmp_path: Path, litegripctl: Ctl
+) -> None:
+    code, _, err = litegripctl("--socket", str(tmp_path / "x.sock"), "stop", "now")
+    assert code == 3
+    assert "STOP did not reach" in err
+    assert "Cut the motor's power" in err
+
+
 def test_a_reason_that_would_be_cut_with_its_level_goes_the_other_way(
     daemon: FakeDaemon, stops: FakeDaemon, ctl: Ctl
 ) -> None:

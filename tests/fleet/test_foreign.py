@@ -27,6 +27,7 @@ NO_CONFIRMATIONS = (
     b'{"result":{}}',
     b'{"result":{"level":"later"}}',
     b'{"result":{"level":["hold"]}}',
+    b'{"result":{"level":"hold","generation":1,"motor":"silent"}}',
     b'{"result":{"level":"hold"},"error":{"message":"no"}}',
     b'{"error":{"message":7}}',
     b'{"error":[]}',

@@ -19,6 +19,7 @@ from litegripd.io.sockets import listen
 from litegripd.io.stop_socket import (
     MAX_STOP_CONNECTIONS,
     MAX_STOP_LINE_BYTES,
+    Latched,
     StopListener,
 )
 from litegripd.model.state import STOP_LEVELS, Owner, StopLevel
@@ -26,6 +27,11 @@ from litegripd.rpc.jsonrpc import StopLine, stop_in
 
 GENEROUS_S = 100.0  # as a period: a tenth of it serves everything that is there
 Stopped = tuple[StopLevel, Owner, str | None]
+
+
+def latched(level: StopLevel, generation: int) -> dict[str, object]:
+    """Return the answer to a stop."""
+    return {"level": level, "generation": generation, "motor": "enabled"}
 
 
 class Socket:
@@ -42,11 +48,11 @@ class Socket:
         )
         self._clients: list[socket.socket] = []
 
-    def _stop(self, level: StopLevel, by: Owner, why: str | None) -> tuple[StopLevel, int]:
+    def _stop(self, level: StopLevel, by: Owner, why: str | None) -> Latched:
         if self.defect is not None:
             raise self.defect
         self.stops.append((level, by, why))
-        return level, len(self.stops)
+        return Latched(level, len(self.stops), "enabled")
 
     @property
     def levels(self) -> list[StopLevel]:
@@ -162,12 +168,20 @@ def test_whatever_the_bytes_are_they_stop(line: bytes) -> None:
 def test_a_stop_is_answered_with_the_id_the_level_and_the_generation(stops: Socket) -> None:
     client = stops.say(request(level="relax", why="smoke") + b"\n")
     assert answers(client) == [
-        {"jsonrpc": "2.0", "id": 7, "result": {"level": "relax", "generation": 1}}
+        {
+            "jsonrpc": "2.0",
+            "id": 7,
+            "result": latched("relax", 1),
+        }
     ]
     client.send(b"disable\n")
     stops.serve()
     assert answers(client) == [
-        {"jsonrpc": "2.0", "id": None, "result": {"level": "disable", "generation": 2}}
+        {
+            "jsonrpc": "2.0",
+            "id": None,
+            "result": latched("disable", 2),
+        }
     ]
     assert stops.levels == ["relax", "disable"]
 
@@ -214,7 +228,7 @@ def test_an_end_without_a_newline_is_one(stops: Socket) -> None:
     client.shutdown(socket.SHUT_WR)
     stops.serve()
     assert stops.levels == ["disable"]
-    assert answers(client)[0]["result"] == {"level": "disable", "generation": 1}
+    assert answers(client)[0]["result"] == latched("disable", 1)
     assert is_closed(client)
 
 
@@ -240,7 +254,7 @@ def test_a_kibibyte_without_a_newline_is_a_stop_at_once(stops: Socket) -> None:
     client.send(b"xx")
     stops.serve()
     assert stops.levels == ["hold"]
-    assert answers(client)[0]["result"] == {"level": "hold", "generation": 1}
+    assert answers(client)[0]["result"] == latched("hold", 1)
     assert is_closed(client)
 
 

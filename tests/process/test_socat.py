@@ -111,7 +111,7 @@ def test_a_stop_as_a_method_and_by_the_stop_socket(simulated: DaemonProcess) -> 
         motion = client.send("motion.open", speed_mm_s=5)
         client.until(lambda state: bool(state["mode"] == "moving"))
         told = run(simulated, "can0.stop.sock")
-        assert told["result"] == {"level": "hold", "generation": before + 2}
+        assert told["result"] == {"level": "hold", "generation": before + 2, "motor": "enabled"}
         assert_stopped(client, motion)
 
 

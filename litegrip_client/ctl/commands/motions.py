@@ -394,8 +394,10 @@ def job(run: Run) -> int:
 
 def cancel(run: Run) -> int:
     """Cancel a job."""
-    data = run.connection.call("job.cancel", {"job": run.options.job})
-    done = data["state"] in ENDING
+    asked = {"job": run.options.job}
+    was_over = run.connection.call("job.get", asked)["state"] not in ("running", "queued")
+    data = run.connection.call("job.cancel", asked)
+    done = not was_over and data["state"] in ENDING
     text = f"cancelled, {jaws_now(run)}" if done else f"had ended already: {data['state']}"
     return run.done(data, plain(f"job {data['job']} {text}"), ok=done)
 

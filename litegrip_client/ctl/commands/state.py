@@ -9,7 +9,7 @@ from functools import partial
 from itertools import chain, islice
 
 from litegrip_client.core.discovery import is_socket_given, socket_paths
-from litegrip_client.core.sockets import SOCKET_VARIABLE, STOP_LEVELS
+from litegrip_client.core.sockets import SOCKET_VARIABLE, STOP_LEVELS, is_reached
 from litegrip_client.core.stop import STOP_WITHIN_S, is_taken_as_meant, stop_at, stop_params
 from litegrip_client.ctl import render
 from litegrip_client.ctl.figures import Data, figure, owner, plain
@@ -140,13 +140,13 @@ def not_stopped(error: LiteGripError, options: Namespace) -> None:
     error.message = f"STOP {how} {whom}. Cut the motor's power. Why: {error.message}"
 
 
-def stop_first(options: Namespace, output: Output) -> bool:
-    """Stop by the stop socket; return True if there was one.
+def stop_first(options: Namespace, output: Output) -> int | None:
+    """Stop by the stop socket; return the exit code, None if there was no such socket.
 
     A daemon that serves none is stopped as by any other request, and so for too long a reason.
     """
     if not is_taken_as_meant(stop_params(options.level, options.why)):
-        return False
+        return None
     for path in socket_paths(options.channel, options.socket):
         try:
             data = stop_at(path, options.level, options.why, stop_within_s(options))
@@ -154,9 +154,10 @@ def stop_first(options: Namespace, output: Output) -> bool:
             raise
         except OSError:  # nobody listens for stops there, or not to this user
             continue  # the other socket then says so
-        output.result(data, stopped(data, options.here))
-        return True
-    return False
+        return Run(None, options, output).done(
+            data, stopped(data, options.here), ok=is_reached(data)
+        )
+    return None
 
 
 def stop_options(parser: LateParser) -> None:
@@ -173,7 +174,7 @@ def stop_options(parser: LateParser) -> None:
 def stop(run: Run) -> int:
     """Latch a stop by the socket of all requests."""
     data = run.connection.call("stop", stop_params(run.options.level, run.options.why))
-    return run.done(data, stopped(data, run.here))
+    return run.done(data, stopped(data, run.here), ok=is_reached(data))
 
 
 def clear(run: Run) -> int:
@@ -182,7 +183,10 @@ def clear(run: Run) -> int:
     state = data.get("state") or {}
     text = "cleared: motions are allowed"
     if state.get("enabled") is not True:
-        text += f", once the motor is enabled (it is {plain(state.get('motor'))})"
+        motor = {"silent": "does not answer", "fault": "reports a fault"}.get(
+            state.get("motor", ""), f"is {plain(state.get('motor'))}"
+        )
+        text += f", once the motor is enabled (it {motor})"
     return run.done(data, text)
 
 

@@ -28,6 +28,7 @@ from litegrip_client.core.discovery import (
     program_of,
     socket_paths,
 )
+from litegrip_client.core.sockets import SYSTEM_DIRECTORY
 from litegrip_client.ctl.doctor.facts import (
     SIMULATED,
     Configuration,
@@ -399,8 +400,12 @@ def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
         file = configuration_file(channel)
         configuration = (file.content if file is not None else None) or {}
     bus = configuration.get("bus", {})
-    is_read = is_channel_known and not is_remote and (file is None or file.content is not None)
-    may_be_it = file is not None and file.unchecked is not None and is_can(channel)
+    served = sockets(paths)
+    # Whoever starts a daemon by hand may have given it a configuration from anywhere.
+    by_hand = daemon is None and any(not one.path.startswith(SYSTEM_DIRECTORY) for one in served)
+    is_read = is_channel_known and not is_remote
+    is_read = is_read and (not by_hand if file is None else file.content is not None)
+    may_be_it = is_can(channel) and (by_hand if file is None else file.unchecked is not None)
     interface = str(bus.get("interface", "socketcan")) if is_read or may_be_it else None
     bus_channel = str(bus.get("channel", channel))
     held = None if daemon is None or is_remote else daemon.health.get("bus", {}).get("ifindex")
@@ -417,7 +422,7 @@ def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
         version=litegrip_client.__version__,
         user=user(configuration.get("rpc", {}).get("group", GROUP)),
         system=asked_system,
-        sockets=sockets(paths),
+        sockets=served,
         daemon=daemon,
         failure=failure,
         ctl=f"litegripctl{where}",

@@ -38,12 +38,12 @@ _OPENING = (
     ("ermission denied", "a daemon of systemd needs: litegripctl install-units --serial"),
     ("No such file", "plug the adapter in, or correct [bus] channel: ls -l /dev/serial/by-id/"),
     ("another program", "end that program; the line serial says if one opens it at every plug"),
+    ("frames waited", "give the daemon real-time rights, or this machine fewer programs"),
     ("busy", "another program has it: end that one; the daemon then opens it by itself"),
     ("1 Mbit/s", "use another adapter, or another firmware for this one"),
     ("refuses", "look at the motor's 24 V and plug; then unplug the adapter and plug it in again"),
     ("nothing has come", f"switch the motor's 24 V on; if that is no help: {_OTHER_PORT}"),
     ("SLCAN", f"{_OTHER_PORT}; then restart"),
-    ("frames waited", "give the daemon real-time rights, or this machine fewer programs"),
 )
 """What to do about an adapter, by a part of what its driver or the daemon says of it."""
 

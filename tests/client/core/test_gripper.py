@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from litegrip_client import (
+    CANTimeoutError,
     CommandError,
     ConnectError,
     EnableResult,
@@ -480,6 +481,19 @@ def test_hold_stop_and_clear(daemon: Heard, enabled: LiteGrip) -> None:
     enabled.hold()
     assert before < cleared <= daemon.requests[-1].params["stop_generation"]
     assert daemon.requests[-1].params["stop_generation"] == daemon.state.stop_generation
+
+
+def test_a_stop_that_does_not_reach_the_motor_is_latched_and_an_error(
+    site: Bench, daemon: Heard, enabled: LiteGrip
+) -> None:
+    daemon.gripper.motor.power_off()
+    site.run_until(lambda: daemon.wire_state["motor"] == "silent")
+    told = r"a stop \(relax\) is latched, but the motor does not answer.* cut its power"
+    with pytest.raises(CANTimeoutError, match=told):
+        enabled.software_stop("relax")
+    assert daemon.wire_state["stop"]["level"] == "relax"
+    daemon.gripper.motor.power_on()
+    site.run_until(lambda: daemon.wire_state["motor"] == "disabled")
 
 
 def test_a_stop_overtakes_a_motion(daemon: Heard, tasks: Asyncio) -> None:

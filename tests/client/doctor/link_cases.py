@@ -124,6 +124,13 @@ LINK_CASES: Cases = {
                     "no serial adapter: correct",
                 ),
                 (SERIAL, "down", "Device or resource busy", "another program has it"),
+                (
+                    SERIAL,
+                    "down",
+                    "frames waited up to 32 ms for the process that drives the adapter, and were"
+                    " dropped: this machine is too busy",
+                    "give the daemon real-time rights, or this machine fewer programs",
+                ),
                 (SERIAL, "down", "it smells", "fix what its driver says"),
             )
         ),

@@ -1,6 +1,7 @@
 """litegripctl doctor as a command: with a daemon, without one, with a strange one."""
 
 import json
+import socket
 from pathlib import Path
 
 import pytest
@@ -169,6 +170,20 @@ def test_a_socket_without_a_daemon_is_of_no_known_channel(
     assert "can0" not in by_option
     assert machine.bus is None
     assert "sudo systemctl start litegripd@can3" in machine.doctor("-c", "can3")[1]
+
+
+def test_a_daemon_that_was_started_by_hand_may_be_of_any_bus(
+    tmp_path: Path, machine: Machine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    (tmp_path / "litegripd").mkdir()
+    with socket.socket(socket.AF_UNIX) as left_behind:
+        left_behind.bind(str(tmp_path / "litegripd" / "sim0.sock"))
+    found = machine.levels("-c", "sim0")
+    assert found["daemon"] == "error"
+    assert {"link", "device", "bit-rate"}.isdisjoint(found)
+    machine.links = ["sim0"]
+    assert "link" in machine.levels("-c", "sim0")
 
 
 def test_on_a_robot_with_stable_names_those_are_named_and_not_can0(
