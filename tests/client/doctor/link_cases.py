@@ -127,8 +127,10 @@ LINK_CASES: Cases = {
                 (
                     SERIAL,
                     "down",
-                    "frames waited up to 32 ms for the process that drives the adapter, and were"
-                    " dropped: this machine is too busy",
+                    (
+                        "frames waited up to 32 ms for the process that drives the adapter, and"
+                        " were dropped: this machine is too busy"
+                    ),
                     "give the daemon real-time rights, or this machine fewer programs",
                 ),
                 (SERIAL, "down", "it smells", "fix what its driver says"),
