@@ -76,18 +76,24 @@ def gripper(shared: tuple[Daemon, NodeProcess], ros: Ros) -> Iterator[Gripper]:
 def start(
     place: Place, tmp_path: Path, ros: Ros
 ) -> Iterator[Callable[..., tuple[Daemon, Gripper]]]:
-    """Start a daemon and a node for this test alone; arguments are parameters of the node."""
+    """Start a daemon and a node for this test alone; arguments are parameters of the node.
+
+    With `is_late` the daemon has gone when the node begins.
+    """
     running: list[tuple[Daemon, NodeProcess, Gripper]] = []
 
     def begin(
         namespace: str = "/own",
         *,
         is_calibrated: bool = True,
+        is_late: bool = False,
         names: tuple[str, ...] = (),
         **parameters: Any,
     ) -> tuple[Daemon, Gripper]:
         name = (LEFT, RIGHT)[len(running)]
         daemon = Daemon(place, tmp_path / name, name, is_calibrated=is_calibrated)
+        if is_late:
+            daemon.kill()
         node = NodeProcess(tmp_path / f"{name}.log", daemon, namespace, **parameters)
         gripper = ros.gripper(node, names)
         running.append((daemon, node, gripper))
