@@ -27,7 +27,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
-from litegrip_client import ConnectError, GripperState, LiteGripError
+from litegrip_client import GripperState, LiteGripError
 from litegrip_client.aio import LiteGrip
 
 from . import orders
@@ -203,13 +203,12 @@ class GripperNode(LifecycleNode):
         while self._is_active:
             try:
                 self.inform(await self._driver.enable())
-            except ConnectError:  # noqa: PERF203 - twice a second
+                return
+            except LiteGripError as error:  # noqa: PERF203 - twice a second
+                if not orders.has_not_arrived(error):
+                    self.warn(f"enable_on_activate: {orders.refusal(error)}")
+                    return
                 await asyncio.sleep(RETRY_S)
-            except LiteGripError as error:
-                self.warn(f"enable_on_activate: {orders.refusal(error)}")
-                return
-            else:
-                return
 
     # From the driver, in its thread
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from litegrip_client import GraspResult, GripperState, LiteGripError, MoveResult
+from litegrip_client import ConnectError, GraspResult, GripperState, LiteGripError, MoveResult
 from litegrip_client.values.voices import in_shell
 
 from .joints import Target
@@ -114,3 +114,8 @@ def in_ros(method: str | None, parameter: str | None, asked: str | None) -> str 
 def refusal(error: LiteGripError) -> str:
     """Return a refusal in one line: what was wrong, whose it is, and what to do."""
     return "; ".join(line.strip().rstrip(".") for line in str(error).splitlines())
+
+
+def has_not_arrived(error: LiteGripError) -> bool:
+    """Return True if no daemon has refused it: none answers, or it was too late on its way."""
+    return isinstance(error, ConnectError) or error.reason == "too_late"

@@ -1,17 +1,28 @@
-"""A daemon and a node for all tests of a module, and more of both for a test that ends them."""
+"""A daemon and a node for all tests, and more of both for a test that ends them.
+
+Each test that meets a gripper runs twice: at the daemon's socket, and through a fleet's portal.
+"""
 
 from __future__ import annotations
 
-import itertools
-import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from processes import Daemon, Gripper, NodeProcess, Ros, context
-
-_numbers = itertools.count(1)
+from processes import (
+    LEFT,
+    RIGHT,
+    SHARED,
+    Daemon,
+    Gripper,
+    NodeProcess,
+    Place,
+    Ros,
+    context,
+    here,
+    through_a_portal,
+)
 
 
 @pytest.fixture(scope="session")
@@ -20,10 +31,20 @@ def ros() -> Iterator[Ros]:
         yield made
 
 
+@pytest.fixture(scope="session", params=[here, through_a_portal], ids=["here", "portal"])
+def place(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Place]:
+    with request.param(tmp_path_factory.mktemp("place")) as made:
+        yield made
+
+
 @pytest.fixture(scope="session")
-def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Daemon, NodeProcess]]:
+def shared(
+    place: Place, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[tuple[Daemon, NodeProcess]]:
     folder = tmp_path_factory.mktemp("shared")
-    daemon = Daemon(folder / "daemon", f"ros{os.getpid()}")
+    daemon = Daemon(place, folder / "daemon", SHARED)
     node = NodeProcess(folder / "node.log", daemon, "/shared")
     yield daemon, node
     code = node.end()
@@ -52,21 +73,28 @@ def gripper(shared: tuple[Daemon, NodeProcess], ros: Ros) -> Iterator[Gripper]:
 
 
 @pytest.fixture
-def start(tmp_path: Path, ros: Ros) -> Iterator[Callable[..., tuple[Daemon, Gripper]]]:
-    """Start a daemon and a node for this test alone; arguments are parameters of the node."""
+def start(
+    place: Place, tmp_path: Path, ros: Ros
+) -> Iterator[Callable[..., tuple[Daemon, Gripper]]]:
+    """Start a daemon and a node for this test alone; arguments are parameters of the node.
+
+    With `is_late` the daemon has gone when the node begins.
+    """
     running: list[tuple[Daemon, NodeProcess, Gripper]] = []
 
     def begin(
         namespace: str = "/own",
         *,
         is_calibrated: bool = True,
+        is_late: bool = False,
         names: tuple[str, ...] = (),
         **parameters: Any,
     ) -> tuple[Daemon, Gripper]:
-        number = next(_numbers)
-        channel = f"ros{os.getpid()}-{number}"
-        daemon = Daemon(tmp_path / f"daemon{number}", channel, is_calibrated=is_calibrated)
-        node = NodeProcess(tmp_path / f"node{number}.log", daemon, namespace, **parameters)
+        name = (LEFT, RIGHT)[len(running)]
+        daemon = Daemon(place, tmp_path / name, name, is_calibrated=is_calibrated)
+        if is_late:
+            daemon.kill()
+        node = NodeProcess(tmp_path / f"{name}.log", daemon, namespace, **parameters)
         gripper = ros.gripper(node, names)
         running.append((daemon, node, gripper))
         return daemon, gripper

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -29,30 +30,94 @@ from litegrip_client.testing import SimulatedDaemon
 
 WITHIN_S = 30.0
 """For what comes soon on an idle machine."""
-CONFIG = '[bus]\ninterface = "litegrip_sim"\nwatchdog_s = 0.4\n'
+CONFIG = f"""
+[bus]
+interface = "litegrip_sim"
+watchdog_s = 0.4
+[access]
+gateways = [{os.getuid()}]
+operators = [{os.getuid()}]
+"""
 MOUNT = '\n[gripper]\nmount = "normal"\n'
+
+
+SHARED, LEFT, RIGHT = NAMES = "shared", "left", "right"
+"""Grippers, each of which one daemon at a time is."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where nodes meet grippers: by the daemons' sockets in a folder, or by a portal's names."""
+
+    folder: Path
+    environment: dict[str, str] = field(default_factory=dict)
+    """What a node has in addition; with a portal, where its sockets are."""
+
+    def parameters(self, name: str) -> dict[str, str]:
+        """Return what a node is given to meet a gripper."""
+        if self.environment:
+            return {"channel": f"lab.{name}"}
+        return {"channel": self.channel(name), "socket_path": self.socket_path(name)}
+
+    def channel(self, name: str) -> str:
+        return f"ros{os.getpid()}-{name}"
+
+    def socket_path(self, name: str) -> str:
+        return str(self.folder / f"{name}.sock")
+
+
+@contextlib.contextmanager
+def here(folder: Path) -> Iterator[Place]:
+    yield Place(folder)
+
+
+@contextlib.contextmanager
+def through_a_portal(folder: Path) -> Iterator[Place]:
+    """Run router, gateway and portal before the daemons, by the Python that has them."""
+    command = [str(Path(os.environ["LITEGRIPD"]).with_name("python")), "-m"]
+    with subprocess.Popen(
+        [*command, "tests.integrations.ros2.portal", str(folder), *NAMES],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=Path(__file__).resolve().parents[3],
+        env=_alone(),
+    ) as process:
+        said = process.stdout.readline().strip()
+        assert Path(said).is_dir(), said
+        yield Place(folder, {"XDG_RUNTIME_DIR": said})
+        said = process.communicate(timeout=3.0 * WITHIN_S)[0]
+    assert process.returncode == 0, said
+
+
+def _alone() -> dict[str, str]:
+    """Return the environment of what has nothing to do with ROS."""
+    return {name: os.environ[name] for name in ("PATH", "LANG") if name in os.environ}
 
 
 class Daemon(SimulatedDaemon):
     """A daemon that can be killed and started again."""
 
-    def __init__(self, folder: Path, channel: str, *, is_calibrated: bool = True) -> None:
+    def __init__(
+        self, place: Place, folder: Path, name: str, *, is_calibrated: bool = True
+    ) -> None:
         folder.mkdir()
-        super().__init__(channel, str(folder / "rpc.sock"))
+        super().__init__(place.channel(name), place.socket_path(name))
+        self.place = place
+        self.name = name
         self.folder = folder
         (folder / "config.toml").write_text(CONFIG + (MOUNT if is_calibrated else ""))
         self.start()
 
     def start(self) -> None:
         command = [os.environ["LITEGRIPD"], self.channel, "--socket", self.socket_path]
-        environment = {name: os.environ[name] for name in ("PATH", "LANG") if name in os.environ}
         with (self.folder / "log").open("ab") as log:
             self.process = subprocess.Popen(
                 [*command, "--config", str(self.folder / "config.toml")],
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,
-                env={**environment, "STATE_DIRECTORY": str(self.folder), "HOME": str(self.folder)},
+                env={**_alone(), "STATE_DIRECTORY": str(self.folder), "HOME": str(self.folder)},
             )
         wait(self.answers, f"{self.channel} serves")
 
@@ -93,7 +158,7 @@ class NodeProcess:
     """The installed node, as `ros2 run litegrip_ros2 litegrip_node` starts it."""
 
     def __init__(self, log: Path, daemon: Daemon, namespace: str = "", **parameters: Any) -> None:
-        given = {"channel": daemon.channel, "socket_path": daemon.socket_path, **parameters}
+        given = {**daemon.place.parameters(daemon.name), **parameters}
         arguments = [f"{name}:={_yaml(value)}" for name, value in given.items()]
         command = [program(), "--ros-args", "-r", f"__ns:={namespace or '/'}"]
         for argument in arguments:
@@ -102,7 +167,11 @@ class NodeProcess:
         self.log = log
         with log.open("ab") as output:
             self.process = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=output, stderr=output
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=output,
+                env={**os.environ, **daemon.place.environment},
             )
 
     def said(self, pattern: str) -> list[str]:

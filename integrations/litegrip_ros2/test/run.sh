@@ -1,9 +1,11 @@
 #!/bin/bash
-# The tests with real ROS 2: builds the package by colcon, then runs pytest beside simulated daemons.
+# The tests with real ROS 2: builds the package by colcon, then runs pytest beside simulated daemons,
+# which are met here, and through a fleet's portal (`-k here`, `-k portal` for one of the two).
 #
 #   run.sh DISTRO FOLDER LITEGRIPD [ARGUMENTS OF PYTEST]
 #
-# Of this project only litegrip_client is on the path; LITEGRIPD is the daemon's program.
+# Of this project only litegrip_client is on the path; LITEGRIPD is the daemon's program, beside the
+# Python that has it and the fleet.
 set -euo pipefail
 distro=$1 folder=$2 daemon=$3
 shift 3

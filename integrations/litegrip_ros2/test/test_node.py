@@ -17,7 +17,7 @@ import pytest
 from action_msgs.msg import GoalStatus
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
-from processes import Daemon, Gripper, NodeProcess, Ros, near, program, wait
+from processes import Daemon, Gripper, Ros, near, program, wait
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
 
@@ -199,10 +199,9 @@ def test_by_a_simulated_clock_states_come_also_before_it_ticks(start) -> None:
     assert stamp_s(gripper.new_state()) == 0.0
 
 
-def test_it_may_start_before_the_daemon(tmp_path: Path) -> None:
-    daemon = Daemon(tmp_path / "daemon", f"late{os.getpid()}")
-    daemon.kill()
-    node = NodeProcess(tmp_path / "node.log", daemon, "/late", enable_on_activate=True)
+def test_it_may_start_before_the_daemon(start) -> None:
+    daemon, gripper = start("/late", is_late=True, enable_on_activate=True)
+    node = gripper.process
     wait(lambda: node.said("trying again"), "it looks for the daemon")
     daemon.start()
     wait(lambda: daemon.state()["enabled"], "the motor is enabled")
@@ -210,8 +209,6 @@ def test_it_may_start_before_the_daemon(tmp_path: Path) -> None:
     daemon.start()
     wait(lambda: node.said("answers again")[1:], "it is connected again")
     assert daemon.state()["enabled"] is False
-    assert node.end() == 0
-    daemon.end()
 
 
 @pytest.mark.parametrize(

@@ -26,6 +26,7 @@ def refused(gripper: Gripper, position_m: float = 0.02) -> str:
 
 def test_a_lease_of_another_program_with_its_owner(gripper: Gripper, daemon: Daemon) -> None:
     assert gripper.call("disable").success  # which gives the lease back
+    gripper.new_state()  # it is connected again
     with daemon.gripper() as other:
         other.enable()
         assert f"(pid {os.getpid()}) has the gripper" in refused(gripper)
@@ -58,6 +59,7 @@ def test_a_stop_of_somebody_else(gripper: Gripper, daemon: Daemon) -> None:
 
 def test_a_motor_that_is_disabled(gripper: Gripper) -> None:
     assert gripper.call("disable").success
+    gripper.new_state()  # it is connected again
     assert "~/enable" in refused(gripper)
 
 

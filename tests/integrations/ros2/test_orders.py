@@ -6,11 +6,13 @@ import pytest
 
 from litegrip_client import GraspResult, LiteGripError, MoveResult
 from litegrip_client.values.errors import from_error_object
+from litegrip_fleet.wire.answers import TOO_LATE, UNREACHABLE, error_object
 from litegrip_ros2.joints import Target
 from litegrip_ros2.orders import (
     Ending,
     Outcome,
     Plan,
+    has_not_arrived,
     in_ros,
     of_error,
     of_grasp,
@@ -145,3 +147,15 @@ def test_a_refusal_names_who_has_the_lease() -> None:
 def test_a_refusal_names_parameters_as_the_daemon_does() -> None:
     _, client = ready()
     assert refusal(refused(client, "motion.move", opening_mm=200.0)).startswith("opening_mm is 200")
+
+
+@pytest.mark.parametrize("code", [UNREACHABLE, TOO_LATE])
+def test_what_a_network_kept_may_be_asked_again(code: int) -> None:
+    error = from_error_object(error_object(code, "lab.left"), "motor.enable", in_ros)
+    assert has_not_arrived(error)
+
+
+def test_what_the_daemon_refused_is_not_asked_again() -> None:
+    _, client = ready()
+    client.result("stop")
+    assert not has_not_arrived(refused(client, "motor.enable"))
