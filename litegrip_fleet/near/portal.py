@@ -242,8 +242,8 @@ class Portal:
         )
         if alive:
             return (
-                f"{self.place} is there and does not answer {self.user}: its gateway is held up,"
-                f" or the router does not let {self.user} be {self.role}"
+                f"{self.place} is there and does not answer {self.user}: its gateway or its daemon"
+                f" is held up, or the router does not let {self.user} be {self.role}"
             )
         return (
             f"{self.place} cannot be reached: its gateway is not connected, or the router lets"
