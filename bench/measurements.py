@@ -43,6 +43,18 @@ SECTIONS = (
         (40,),
     ),
     Section(
+        "Many reads of the state at once",
+        "One client, and 60, each of which asks once a round. Times are those of an epoll loop.",
+        "bench.timing.rate",
+        (40,),
+    ),
+    Section(
+        "What a read takes a server",
+        "Instructions in the user's space, by valgrind: a busy machine changes nothing.",
+        "bench.timing.instructions",
+        (20,),
+    ),
+    Section(
         "What a command takes to start",
         "Instructions in the user's space, by valgrind: a busy machine changes nothing.",
         "bench.timing.startup",

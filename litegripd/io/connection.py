@@ -115,8 +115,8 @@ class Connection:
         """True if something is to be served, or read, in another turn."""
         return self.line is not None or self._unread > 0
 
-    def prepare(self) -> bool:
-        """Read if that is due; return True if `line` is to be served now.
+    def prepare(self) -> bytes | None:
+        """Read if that is due; return `line` if it is to be served now.
 
         A set-point is not served while a newer one of this connection may have come.
         """
@@ -127,12 +127,13 @@ class Connection:
         elif self._may_be_overtaken(self.line):
             self._read_beyond(self.line, self.received_s)
         for _ in range(_OVERTAKEN_AT_ONCE):
-            if self.line is None:
-                return False
-            if self._begin >= self._newest or not is_set_point(self.line):
-                return self._unread == 0 or not self._may_be_overtaken(self.line)
+            line = self.line
+            if line is None:
+                return None
+            if self._begin >= self._newest or not is_set_point(line):
+                return None if self._unread and self._may_be_overtaken(line) else line
             self.advance()
-        return False
+        return None
 
     def hear(self, hears: bool) -> None:
         """Start or stop watching for more to read."""
@@ -146,7 +147,7 @@ class Connection:
             self.line, self._received, self._begin, self._taken, self._newest = None, b"", 0, 0, -1
             return
         begin = self._taken
-        if self._received[begin : begin + 1] != b"{":
+        if not self._received.startswith(b"{", begin):
             text = _NOT_BLANK.search(self._received, begin)
             begin = len(self._received) if text is None else text.start()
         end = self._received.find(b"\n", begin)

@@ -212,12 +212,12 @@ class Server:
 
     def _take_turn(self, connection: Connection, now_s: float, until_s: float) -> bool:
         """Read, and serve a line; return False, with nothing done, if that would take long."""
-        is_ready = connection.prepare()
-        if is_ready and now_s + self._cost_s(connection) > until_s:
+        line = connection.prepare()
+        if line is not None and now_s + self._cost_s(line) > until_s:
             return False
         try:
-            if is_ready:
-                self._serve_line(connection, now_s)
+            if line is not None:
+                self._serve_line(connection, line, now_s)
         finally:
             if self._turns.remove(connection):  # otherwise it was dropped
                 if connection.has_more:
@@ -233,10 +233,7 @@ class Server:
         while self._dirty:
             self._dirty.popleft().flush()
 
-    def _serve_line(self, connection: Connection, now_s: float) -> None:
-        line = connection.line
-        if line is None:
-            return
+    def _serve_line(self, connection: Connection, line: bytes, now_s: float) -> None:
         self.requests += 1
         session = connection.session
         waiting = session.unanswered
@@ -250,10 +247,9 @@ class Server:
             self._dirty.pop()
             connection.flush()
 
-    def _cost_s(self, connection: Connection) -> float:
-        """Return the estimated time of the connection's line; a fresh period has room for any."""
-        length = 0 if connection.line is None else len(connection.line)
-        cost_s = _COST_PER_LINE_S + _COST_PER_BYTE_S * length
+    def _cost_s(self, line: bytes) -> float:
+        """Return the estimated time of a line; a fresh period has room for any."""
+        cost_s = _COST_PER_LINE_S + _COST_PER_BYTE_S * len(line)
         return min(cost_s, _COST_SHARE_AT_MOST * self._reactor.period_s)
 
     def on_event(self, _mask: int) -> None:

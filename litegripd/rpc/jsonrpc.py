@@ -116,9 +116,26 @@ def _problem_of_id(identity: object, *, is_given: bool) -> str | None:
     return None
 
 
+def state_asked(line: bytes) -> bytes | None:
+    """Return the number of a plain request for the state, as it is written; None for other lines.
+
+    Clients send most of all what this matches; other spellings are read by `parse`.
+    """
+    asked = _STATE_GET.fullmatch(line)
+    return None if asked is None else asked[1]
+
+
+_STATE_GET = re.compile(rb'\{"jsonrpc":"2\.0","id":(0|[1-9]\d{0,14}),"method":"state\.get"\}')
+
+
 def result_line(identity: RequestId, result: bytes) -> bytes:
     """Answer request `identity` with `result`, already JSON."""
-    return b'{"jsonrpc":"2.0","id":%b,"result":%b}\n' % (_encoded_id(identity), result)
+    return numbered_line(_encoded_id(identity), result)
+
+
+def numbered_line(identity: bytes, result: bytes) -> bytes:
+    """Answer the request whose id is `identity` with `result`, both already JSON."""
+    return b'{"jsonrpc":"2.0","id":%b,"result":%b}\n' % (identity, result)
 
 
 def error_line(identity: RequestId, refusal: Refusal) -> bytes:

@@ -20,8 +20,10 @@ from litegripd.rpc.jsonrpc import (
     error_line,
     error_object,
     notification_line,
+    numbered_line,
     parse,
     result_line,
+    state_asked,
 )
 from litegripd.rpc.method import (
     Answer,
@@ -324,17 +326,17 @@ class RpcService:
         not run after it.
         """
         self._now_s = now_s
-        came_s = now_s if received_s is None or received_s > now_s else received_s
         session.counters.requests += 1
-        request = parse(line)
         try:
-            if isinstance(request, BadRequest):
-                refusal = self._stop_all_the_same(session, line, request.refusal, now_s)
-                self._refuse(session, request.identity, refusal)
+            number = state_asked(line)
+            if number is not None:  # everybody may ask for it at any time
+                self._controller.lease.renew(session.identity, now_s)
+                session.write(numbered_line(number, self.reporter.state_line()))
             else:
-                self._call(session, request, line, now_s, came_s)
+                came_s = now_s if received_s is None or received_s > now_s else received_s
+                self._handle_any(session, line, now_s, came_s)
         except Exception as error:  # noqa: BLE001 - no request ends the daemon
-            self._refuse(session, request.identity, defect("the request", error))
+            self._refuse(session, parse(line).identity, defect("the request", error))
         self._collect_events(now_s)
 
     # The tick -------------------------------------------------------------------------------------
@@ -366,6 +368,14 @@ class RpcService:
         return self._event_log.take()
 
     # Inside ---------------------------------------------------------------------------------------
+
+    def _handle_any(self, session: Session, line: bytes, now_s: float, received_s: float) -> None:
+        request = parse(line)
+        if isinstance(request, BadRequest):
+            refusal = self._stop_all_the_same(session, line, request.refusal, now_s)
+            self._refuse(session, request.identity, refusal)
+        else:
+            self._call(session, request, line, now_s, received_s)
 
     def _call(
         self, session: Session, request: Request, line: bytes, now_s: float, received_s: float

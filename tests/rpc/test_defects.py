@@ -29,13 +29,18 @@ def test_a_defect_in_a_handler_is_told_and_logged_but_not_raised(
     assert any("ZeroDivisionError" in event.message for event in world.service.take_events())
 
 
-def test_a_defect_in_the_state_is_told_to_who_asks(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    "line", [request("state.get", 6), b'{"jsonrpc":"2.0","id":6,"method":"state.get"}']
+)
+def test_a_defect_in_the_state_is_told_to_who_asks(
+    monkeypatch: pytest.MonkeyPatch, line: bytes
+) -> None:
     world = World().start()
     raw = Raw(world)
     with monkeypatch.context() as patch:
         patch.setattr(world.service.reporter, "state", broken)
         world.service.reporter.refresh()
-        answer = raw.error(request("state.get", 6))
+        answer = raw.error(line)
     assert (answer["id"], answer["error"]["data"]["reason"]) == (6, "internal_error")
     assert raw.is_alive()
 
