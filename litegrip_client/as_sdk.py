@@ -19,9 +19,13 @@ import runpy
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from types import TracebackType
 
 FOLDER = str(Path(__file__).resolve().parent / "drop_in")
 NAME = "litegrip"
+
+_STARTERS = (__file__, runpy.__file__, "<frozen runpy>")
+"""Whose lines stand before a program's: of this file, and of what runs it."""
 
 _USAGE = "usage: python -m litegrip_client.as_sdk (SCRIPT | -m MODULE) [ARGUMENT ...]"
 
@@ -43,9 +47,18 @@ def install() -> None:
         sys.path.insert(0, FOLDER)
 
 
+def _show(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+    """Show an error that ends the program as its own interpreter would: from its first line on."""
+    while trace is not None and trace.tb_frame.f_code.co_filename in _STARTERS:
+        trace = trace.tb_next
+    sys.__excepthook__(kind, error.with_traceback(trace), trace)
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the script or module that the command line names, with its arguments."""
     given = list(sys.argv[1:] if arguments is None else arguments)
+    if not sys.flags.dev_mode:
+        sys.excepthook = _show
     if given[:1] == ["-m"] and len(given) > 1:
         install()
         importlib.import_module(NAME)

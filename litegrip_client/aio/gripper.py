@@ -10,6 +10,7 @@ import asyncio
 import contextlib
 import errno
 import functools
+import inspect
 import math
 import os
 import socket
@@ -31,6 +32,7 @@ from litegrip_client.values.motion_config import MotionConfig
 from litegrip_client.values.results import GripperState
 from litegrip_client.values.terms import Voice
 from litegrip_client.values.tracebacks import shortened
+from litegrip_client.values.voices import in_python
 from litegrip_client.values.warn import leave
 
 
@@ -514,6 +516,16 @@ class AsyncSession(DaemonSession):
         return wire
 
 
+def _in_asyncio(method: str | None, parameter: str | None, asked: str | None) -> str | None:
+    """Name a call of `LiteGrip` as it is made here: who has forgotten an `await` reads it."""
+    said = in_python(method, parameter, asked)
+    before, dot, call = (said or "").partition("gripper.")
+    name, bracket, _ = call.partition("(")
+    if not dot or not inspect.iscoroutinefunction(getattr(LiteGrip, name, None)):
+        return said
+    return f"{before}await {dot}{call}{'' if bracket else '()'}"
+
+
 @shortened
 class LiteGrip(Gripper):
     """The gripper on `channel`, as `async with LiteGrip("can0") as gripper:`.
@@ -549,7 +561,7 @@ class LiteGrip(Gripper):
             socket_path,
             disable_on_disconnect=disable_on_disconnect,
             expected=expected,
-            voice=voice,
+            voice=voice or _in_asyncio,
         )
         super().__init__(session, mount, motion_config, config)
 
@@ -563,6 +575,15 @@ class LiteGrip(Gripper):
             from litegrip_client.values.voices import no_attribute  # noqa: PLC0415 - an error
 
             raise no_attribute(self, name)
+
+        def __enter__(self) -> NoReturn:
+            """Name the class that was meant."""
+            text = (
+                "this LiteGrip is for asyncio: `async with`; for `with`: litegrip_client.LiteGrip"
+            )
+            raise TypeError(text)
+
+        __exit__ = __enter__
 
     def __repr__(self) -> str:
         what = "connected" if self.is_connected else "not connected"

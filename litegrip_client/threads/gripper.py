@@ -104,6 +104,13 @@ class LiteGrip(SdkGripper):
 
             raise no_attribute(self, name)
 
+        def __aenter__(self) -> NoReturn:
+            """Name the class that was meant."""
+            text = "LiteGrip is for threads: `with`; for `async with`: litegrip_client.aio.LiteGrip"
+            raise TypeError(text)
+
+        __aexit__ = __aenter__
+
     @property
     def actions(self) -> GripperActions:
         """The actions without the connection; this object has them, too."""

@@ -1,7 +1,8 @@
 """Tracebacks of errors that leave the API, and of Ctrl-C in it: the user's lines and one of ours.
 
 What lies below a method is the same for each of its errors, and tells a user nothing. Lines of the
-user's below it, of a callback, stay. With `python -X dev` tracebacks are whole.
+user's below it, of a callback, stay. A call with arguments that a method does not have is the
+user's line alone. With `python -X dev` tracebacks are whole.
 """
 
 from __future__ import annotations
@@ -15,13 +16,13 @@ from litegrip_client.values.errors import LiteGripError
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
     from typing import Any, TypeVar
 
     _Kind = TypeVar("_Kind", bound=type)
 
 _STANDARD = os.__file__.rpartition("/")[0]
-_HIDDEN = (
+HIDDEN = (
     __file__.rsplit("/", 2)[0] + "/",  # the package: this room is a folder of it
     f"{_STANDARD}/asyncio/",
     f"{_STANDARD}/concurrent/",
@@ -33,6 +34,14 @@ _IS_COROUTINE = 128
 
 def shortened(kind: _Kind) -> _Kind:
     """Shorten the tracebacks of what the public members of a class raise; for a decorator."""
+    return shortened_of(kind, (LiteGripError,), HIDDEN)
+
+
+def shortened_of(
+    kind: _Kind, raised: tuple[type[Exception], ...], hidden: tuple[str, ...]
+) -> _Kind:
+    """Do so for a class of a package that raises errors of its own, and lies in `hidden`, too."""
+    errors = (*raised, KeyboardInterrupt)
     if sys.flags.dev_mode:
         return kind
     members = {name: one for base in reversed(kind.__mro__) for name, one in vars(base).items()}
@@ -40,32 +49,55 @@ def shortened(kind: _Kind) -> _Kind:
         if name.startswith("_") and name not in _SPECIAL:
             continue
         if isinstance(member, property) and member.fget is not None:
-            setattr(kind, name, member.getter(_shortened(member.fget)))
+            setattr(kind, name, member.getter(_shortened(member.fget, errors, hidden)))
         elif isinstance(member, FunctionType) and not hasattr(member, "__wrapped__"):
-            setattr(kind, name, _shortened(member))
+            setattr(kind, name, _shortened(member, errors, hidden))
     return kind
 
 
-def _shortened(method: Callable[..., Any]) -> Callable[..., Any]:
+def _shortened(
+    method: Callable[..., Any], errors: tuple[type[BaseException], ...], hidden: tuple[str, ...]
+) -> Callable[..., Any]:
     def call(*arguments: Any, **named: Any) -> Any:
         try:
             return method(*arguments, **named)
-        except (LiteGripError, KeyboardInterrupt) as error:
-            _shorten(error)
+        except errors as error:
+            _shorten(error, hidden)
+            raise
+        except Exception as error:
+            _leave_out(error, method, arguments, named)
             raise
 
     async def call_and_wait(*arguments: Any, **named: Any) -> Any:
         try:
             return await method(*arguments, **named)
-        except (LiteGripError, KeyboardInterrupt) as error:
-            _shorten(error)
+        except errors as error:
+            _shorten(error, hidden)
+            raise
+        except Exception as error:
+            _leave_out(error, method, arguments, named)
             raise
 
     is_coroutine = method.__code__.co_flags & _IS_COROUTINE
     return functools.update_wrapper(call_and_wait if is_coroutine else call, method)
 
 
-def _shorten(error: LiteGripError | KeyboardInterrupt) -> None:
+def _leave_out(
+    error: Exception, method: Callable[..., Any], arguments: Sequence[Any], named: dict[str, Any]
+) -> None:
+    """Leave out the entry of the function that calls this, of any other error.
+
+    Where nothing lies below, the call itself has failed: then say what arguments the method has.
+    """
+    below = None if error.__traceback__ is None else error.__traceback__.tb_next
+    if below is None and isinstance(error, TypeError):
+        from litegrip_client.values.voices import misuse  # noqa: PLC0415 - an error
+
+        error.args = (misuse(method, arguments, named) or str(error),)
+    error.__traceback__ = below
+
+
+def _shorten(error: BaseException, hidden: tuple[str, ...]) -> None:
     """Leave out the entry of the function that calls this, and what the method's own leads to.
 
     Python 3.10 keeps the former: its `raise` does not look at the error again.
@@ -74,7 +106,7 @@ def _shorten(error: LiteGripError | KeyboardInterrupt) -> None:
     called = None if trace is None else trace.tb_next
     if called is not None:
         below = called.tb_next
-        while below is not None and below.tb_frame.f_code.co_filename.startswith(_HIDDEN):
+        while below is not None and below.tb_frame.f_code.co_filename.startswith(hidden):
             below = below.tb_next
         called.tb_next = below
         error.__traceback__ = called

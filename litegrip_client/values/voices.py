@@ -2,15 +2,19 @@
 
 On the wire a message names methods and their parameters. A script's author can type Python calls,
 and a person at a shell commands and options; a second table has the members of `LiteGrip` that
-scripts look for by other names. Nothing is decided by this module.
+scripts look for by other names. What calls with wrong arguments are told stands here, too. Nothing
+is decided by this module.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from inspect import Parameter
+    from typing import Any
+
     from litegrip_client.values.terms import Voice
 
 CALLS: Mapping[str, tuple[str, str]] = {
@@ -78,7 +82,11 @@ CALLS: Mapping[str, tuple[str, str]] = {
 
 _STROKE = {"stroke_mm": ("stroke_mm", "--stroke-mm")}
 _SPEED = {"speed_mm_s": ("speed_mm_s", "--speed")}
-_TARGETS = {name: (name, f"TARGET ({name})") for name in ("opening_mm", "position_rad", "openness")}
+_TARGETS = {
+    "opening_mm": ("position_mm", "TARGET"),
+    "position_rad": ("position_rad", "TARGET"),
+    "openness": ("openness", "TARGET"),
+}
 
 ARGUMENTS: Mapping[str, Mapping[str, tuple[str, str]]] = {
     "state.subscribe": {"hz": ("hz", "--hz")},
@@ -112,6 +120,9 @@ ARGUMENTS: Mapping[str, Mapping[str, tuple[str, str]]] = {
     "config.set": {"keep": ("keep", "--keep")},
     "recorder.dump": {"note": ("note", "--note")},
     "trajectory.record_start": {"rate_hz": ("rate_hz", "--rate")},
+    "trajectory.record_stop": {
+        "allow_partial": ("allow_partial", "litegripctl trajectories keep --partial NAME"),
+    },
     "trajectory.play": {
         "name": ("trajectory", "NAME"),
         "speed": ("speed", "--speed"),
@@ -173,8 +184,10 @@ def in_shell(method: str | None, parameter: str | None, asked: str | None) -> st
     """Name a command of `litegripctl` or an option."""
     if method is None:
         return _argument(asked, parameter)[1]
-    call = CALLS.get(method, _NONE)[1]
-    return f"{call} {_argument(method, parameter)[1] or ''}".rstrip() if call else None
+    call, option = CALLS.get(method, _NONE)[1], _argument(method, parameter)[1] or ""
+    if option.startswith("litegripctl "):  # another command does that than the method alone
+        return option
+    return f"{call} {option}".rstrip() if call else None
 
 
 def in_shell_of(here: Callable[[str], str]) -> Voice:
@@ -226,3 +239,47 @@ def no_attribute(owner: object, name: str) -> AttributeError:
     if meant is not None and not hasattr(kind, name):
         text += f"; use {meant}"
     return AttributeError(text, name=name, obj=owner)
+
+
+def misuse(
+    method: Callable[..., Any], arguments: Sequence[Any], named: Mapping[str, Any]
+) -> str | None:
+    """Return what is wrong with a call of a method and what it takes; None if nothing is found.
+
+    The first of the `arguments` is the object.
+    """
+    import inspect  # noqa: PLC0415 - an error
+
+    signature = inspect.signature(method)
+    parameters = list(signature.parameters.values())[1:]
+    kind = type(arguments[0]).__name__
+    call = kind if method.__name__ == "__init__" else f"{kind}.{method.__name__}"
+    names = [one.name for one in parameters if one.kind is not one.POSITIONAL_ONLY]
+    takes = f"it takes: {', '.join(names)}" if names else "it takes no arguments"
+    for wrong in named:
+        if wrong not in names:
+            like = _like(wrong, names)
+            meant = f"did you mean {like!r}? " if like else ""
+            return f"{call}() has no argument {wrong!r}: {meant}{takes}"
+    try:
+        signature.bind(*arguments, **named)
+    except TypeError as error:
+        return f"{call}(): {error}; {takes}{_how(parameters)}"
+    return None
+
+
+def _like(wrong: str, names: Sequence[str]) -> str | None:
+    """Return the name that was meant: one with another unit, or spelt nearly so."""
+    import difflib  # noqa: PLC0415 - an error
+
+    stem = wrong.partition("_")[0].lower()
+    for name in names:
+        if name.partition("_")[0] == stem:
+            return name
+    return next(iter(difflib.get_close_matches(wrong.lower(), names, 1)), None)
+
+
+def _how(parameters: Sequence[Parameter]) -> str:
+    """Return which arguments must be named, as an addition; empty if none must."""
+    only = [one.name for one in parameters if one.kind is one.KEYWORD_ONLY]
+    return f"; only by name: {', '.join(only)}" if only and len(only) < len(parameters) else ""

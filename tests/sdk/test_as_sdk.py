@@ -115,3 +115,37 @@ def test_nothing_of_the_standard_library_alone_is_slow() -> None:
     code = "import sys, litegrip_client; litegrip_client.LiteGrip; print('litegrip' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "False\n"
+
+
+FAILING = """from litegrip import LiteGrip
+
+def main():
+    {}
+
+main()
+"""
+WRAPPER = 1 if sys.version_info < (3, 11) else 0
+"""Python 3.10 shows what shortens a traceback, too."""
+
+
+@pytest.mark.parametrize("as_module", [False, True], ids=["script", "module"])
+@pytest.mark.parametrize(
+    ("line", "ours", "error"),
+    [
+        ("LiteGrip('none').connect()", 1, "litegrip.exceptions.ConnectError: "),
+        ("LiteGrip('none').actions.open()", 1, "litegrip.exceptions.NotInitializedError: "),
+        ("LiteGrip().open(speed=3)", 0, "TypeError: LiteGrip.open() has no argument 'speed'"),
+        ("1 / 0", -WRAPPER, "ZeroDivisionError"),
+    ],
+)
+def test_a_traceback_is_the_scripts_lines_and_one_of_ours(
+    tmp_path: Path, line: str, ours: int, error: str, as_module: bool
+) -> None:
+    script = write(tmp_path / "fails.py", FAILING.format(line))
+    done = run(*(("-m", "fails") if as_module else (script,)), cwd=tmp_path)
+    assert done.returncode == 1
+    frames = [one for one in done.stderr.splitlines() if one.startswith('  File "')]
+    assert len(frames) == 2 + ours + WRAPPER, done.stderr
+    assert [one.partition('"')[2].partition('"')[0] for one in frames[:2]] == [str(script)] * 2
+    assert done.stderr.count("Traceback") == 1
+    assert f"\n{error}" in done.stderr

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 import litegrip
+import litegrip_client
 from litegrip import LiteGrip, Trajectory, TrajectorySample
 from litegrip._bridge import Samples
 from litegrip.protocols import LiteGripCAN
@@ -351,3 +352,22 @@ def test_limits_count_from_the_next_frame(gripper: LiteGrip, site: Site) -> None
     wide_mm = open_wide()
     config.pos_open_rad *= 0.95
     assert open_wide() < wide_mm - 2.0
+
+
+# A recording
+
+
+def test_of_a_recording_that_was_broken_off_a_shell_keeps_the_part(
+    gripper: LiteGrip, daemon: Daemon, site: Site
+) -> None:
+    """`record_stop` takes no more here than the SDK's."""
+    gripper.record_start()
+    site.run(0.5)
+    daemon.client().result("stop")
+    with pytest.raises(litegrip.TrajectoryRecordingError) as caught:
+        gripper.record_stop()
+    told = "; litegripctl trajectories keep --partial NAME takes what there is"
+    assert told in str(caught.value)
+    assert isinstance(caught.value.__context__, litegrip_client.TrajectoryRecordingError)
+    kept = daemon.client().result("trajectory.record_stop", name="part", allow_partial=True)
+    assert 40 < kept["samples"] < 60

@@ -14,6 +14,7 @@ from litegrip_client.values.motion_config import DAEMON_FIELDS
 from litegrip_client.values.motion_config import MotionConfig as OurMotionConfig
 from litegrip_client.values.results import GripperState as OurState
 from litegrip_client.values.results import MoveProgress as OurProgress
+from litegrip_client.values.voices import in_python, in_shell
 
 from . import teleop, trajectory
 from .actions import MotionConfig, MoveProgress
@@ -58,7 +59,7 @@ _SESSIONS = ("teleop", "record", "play")
 
 
 def translated(error: ours.LiteGripError) -> LiteGripError:
-    """Return the SDK's exception for one of the client's, which becomes its cause."""
+    """Return the SDK's exception for one of the client's, which becomes its context."""
     if error.reason == "not_connected":
         return NotInitializedError("not connected: call connect() first")
     if error.reason == "busy" and error.data.get("kind") in _SESSIONS:
@@ -73,7 +74,13 @@ def in_their_terms() -> Iterator[None]:
     try:
         yield
     except ours.LiteGripError as error:
-        raise translated(error) from error
+        raise translated(error) from None
+
+
+def voice(method: str | None, parameter: str | None, asked: str | None) -> str | None:
+    """Name what the daemon's messages name: Python's calls, but where the SDK's take less."""
+    is_of_shell = (method, parameter) == ("trajectory.record_stop", "allow_partial")
+    return (in_shell if is_of_shell else in_python)(method, parameter, asked)
 
 
 def opening_mm(angle_rad: float, config: GripperConfig) -> float:

@@ -238,7 +238,7 @@ class Sessions:
             try:
                 result = daemon.play(given, speed, *gains, align)
             except (ours.CancelledError, ours.StoppedError) as error:
-                raise TrajectoryError(str(error)) from error
+                raise TrajectoryError(str(error)) from None
         status = self._last = self._trajectory_status(daemon)
         self._kind = None
         if not result:
@@ -511,7 +511,7 @@ def _figure(name: str, value: Any) -> float:
     try:
         return finite(name, value)
     except CommandError as error:
-        raise ValueError(str(error)) from error
+        raise ValueError(str(error)) from None
 
 
 def _above_0(name: str, value: Any) -> float:

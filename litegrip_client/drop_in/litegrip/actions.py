@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from ._shortened import shortened
 from .exceptions import CommandError
 from .models import CalibrationData, GripperConfig, GripperState
 
@@ -226,6 +227,7 @@ def force_approach_terms(
     return speed, damping, lead_rad
 
 
+@shortened
 class GripperActions:
     """The six actions of a gripper, and `config`, which is its `motion_config`."""
 

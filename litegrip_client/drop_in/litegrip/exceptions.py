@@ -1,7 +1,7 @@
 """The SDK's exceptions: the seven of this module, and those of teleoperation and trajectories.
 
 A failure that the daemon reports is raised as one of them; the client's own error, with its
-`reason`, `hint` and `owner`, is its `__cause__`.
+`reason`, `hint` and `owner`, is its `__context__`, which a traceback does not print.
 """
 
 from __future__ import annotations

@@ -27,8 +27,10 @@ from ._bridge import (
     opening_mm,
     state_of,
     translated,
+    voice,
 )
 from ._sessions import Sessions
+from ._shortened import shortened
 from .actions import (
     EnableResult,
     GraspResult,
@@ -150,6 +152,7 @@ def list_templates() -> list[str]:
     return list(CALIB_TEMPLATES)
 
 
+@shortened
 class LiteGrip:
     """The gripper on `channel`; `with LiteGrip("can0") as gripper:` connects and disconnects.
 
@@ -261,12 +264,15 @@ class LiteGrip:
         named_id = None if config.can_id == GripperParams.CAN_ID else config.can_id
         try:
             daemon = litegrip_client.LiteGrip(
-                config.can_channel, named_id, disable_on_disconnect=self.disable_on_disconnect
+                config.can_channel,
+                named_id,
+                disable_on_disconnect=self.disable_on_disconnect,
+                voice=voice,
             )
             daemon.connect()
             found, version = daemon.config, daemon.info().get("version")
         except ours.LiteGripError as error:
-            raise ConnectError(str(error)) from error
+            raise ConnectError(str(error)) from None
         self.daemon, self._enabled, self._frames, self._polled_s = daemon, False, None, None
         self._found_mst_id = found.mst_id
         if found.motor_type != self._motor_type.name:
@@ -290,7 +296,7 @@ class LiteGrip:
         try:
             daemon.disconnect()
         except ours.LiteGripError as error:
-            LOG.warning("the motor may not be disabled: %s", error)
+            LOG.warning("on disconnecting: %s", error)
         LOG.info("disconnected from %s", self.channel)
 
     def __enter__(self) -> LiteGrip:
@@ -321,7 +327,7 @@ class LiteGrip:
             self._enabled = False
             return EnableResult(False, self.get_state(), tries)
         except ours.LiteGripError as error:
-            raise translated(error) from error
+            raise translated(error) from None
         self._enabled = result.ok
         if not result.ok:
             LOG.warning("the motor could not be enabled: %s", result.message)
@@ -370,9 +376,9 @@ class LiteGrip:
         try:
             return float(daemon.read_param(int(register)))
         except ours.CommError as error:
-            raise CANTimeoutError(str(error)) from error
+            raise CANTimeoutError(str(error)) from None
         except ours.LiteGripError as error:
-            raise translated(error) from error
+            raise translated(error) from None
 
     def write_zero(self) -> WriteZeroResult:
         """Make the present angle the motor's zero, for good; the calibration stays as it is.
@@ -879,10 +885,10 @@ class LiteGrip:
             found = probe(mount, self.config.max_stroke_mm)
         except ours.HardwareError as error:
             if error.reason in ("implausible_travel", "not_found"):
-                raise RuntimeError(str(error)) from error
-            raise translated(error) from error
+                raise RuntimeError(str(error)) from None
+            raise translated(error) from None
         except ours.LiteGripError as error:
-            raise translated(error) from error
+            raise translated(error) from None
         return self._take(found.zero_position_rad, found.max_position_rad, found.rad_to_mm)
 
     def _take(self, closed_rad: float, open_rad: float, rad_to_mm: float) -> CalibrationData:

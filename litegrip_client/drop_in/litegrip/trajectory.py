@@ -132,7 +132,7 @@ class Trajectory:
         try:
             return cls._of(ours.Trajectory.from_bytes(blob))
         except errors.CommandError as error:
-            raise TrajectoryFormatError(error.message) from error
+            raise TrajectoryFormatError(error.message) from None
 
     @classmethod
     def _of(cls, known: ours.Trajectory) -> Trajectory:

@@ -1,5 +1,6 @@
 """What a traceback shows: the user's line, and what a callback of the user's has called."""
 
+import asyncio
 import os
 import subprocess
 import sys
@@ -9,9 +10,9 @@ from pathlib import Path
 import pytest
 
 import litegrip_client
-from litegrip_client import CommandError, ConnectError, LiteGripError
+from litegrip_client import CommandError, ConnectError, LiteGrip, LiteGripError, aio
 from tests.client.fake_daemon import FakeDaemon
-from tests.client.rig import Bench, Heard, Refuse, Threads
+from tests.client.rig import Bench, Heard, Kind, Refuse, Threads
 
 OURS = Path(litegrip_client.__file__).parent
 
@@ -77,6 +78,53 @@ def test_a_traceback_keeps_what_a_callback_has_called(
     assert names[-1] == "report"
 
 
+MISUSED = {
+    "open(speed=20)": "LiteGrip.open() has no argument 'speed': did you mean 'speed_mm_s'? it",
+    "grasp(force=10)": "LiteGrip.grasp() has no argument 'force': did you mean 'force_n'? it",
+    "goto(positoin_mm=9)": "did you mean 'position_mm'? it takes: position_mm, kp, kd, duration,",
+    "goto(9, colour=1)": "LiteGrip.goto() has no argument 'colour': it takes: position_mm, ",
+    "hold(9)": "LiteGrip.hold(): too many positional arguments; it takes no arguments",
+    "goto()": "LiteGrip.goto(): missing a required argument: 'position_mm'; it takes: position_mm,",
+    "open(1, 2)": "it takes: speed_mm_s, progress; only by name: progress",
+    "states(rate=3)": "LiteGrip.states() has no argument 'rate': it takes: hz, fields, batch",
+    "lease(wait=3)": "LiteGrip.lease() has no argument 'wait': did you mean 'wait_s'? it takes: ",
+}
+
+
+@pytest.mark.parametrize("call", MISUSED)
+def test_wrong_arguments_are_answered_by_the_right_ones(gripper: LiteGrip, call: str) -> None:
+    with pytest.raises(TypeError) as caught:
+        eval(f"gripper.{call}")
+    assert MISUSED[call] in str(caught.value)
+
+
+def test_an_object_with_wrong_arguments_is_not_made(kind: Kind) -> None:
+    text = r"^LiteGrip\(\) has no argument 'chanel': did you mean 'channel'\? it takes: channel, "
+    with pytest.raises(TypeError, match=text):
+        kind.gripper(chanel="can1")
+
+
+def test_the_other_client_is_named_where_a_block_is_of_the_wrong_kind(site: Bench) -> None:
+    async def wrong() -> None:
+        async with Threads(site).gripper():  # type: ignore[attr-defined]
+            pass
+
+    with pytest.raises(TypeError, match=r"`async with`: litegrip_client\.aio\.LiteGrip$") as caught:
+        asyncio.run(wrong())
+    assert frames_of(caught.value) == [*WRAPPER, "__aenter__"]
+    told = r"`with`: litegrip_client\.LiteGrip$"
+    with pytest.raises(TypeError, match=told) as caught, aio.LiteGrip():  # type: ignore[attr-defined]
+        pass
+    assert frames_of(caught.value) == [*WRAPPER, "__enter__"]
+
+
+def test_a_callback_with_wrong_arguments_is_the_users_own(site: Bench, daemon: Heard) -> None:
+    with Threads(site).gripper() as gripper:
+        gripper.enable()
+        with pytest.raises(TypeError, match=r"takes 0 positional arguments but 1 was given$"):
+            gripper.open(progress=lambda: None)  # type: ignore[misc,arg-type]
+
+
 THREADS = """
 from litegrip_client import LiteGrip
 with LiteGrip() as gripper:
@@ -93,7 +141,9 @@ asyncio.run(main())
 
 
 @pytest.mark.parametrize("script", [THREADS, ASYNCIO], ids=["threads", "asyncio"])
-@pytest.mark.parametrize("call", ["open()", "get_state()", "lease().acquire()", "goto('x')"])
+@pytest.mark.parametrize(
+    "call", ["open()", "get_state()", "lease().acquire()", "goto('x')", "open(speed=3)"]
+)
 @pytest.mark.parametrize("options", [[], ["-X", "dev"]], ids=["as usual", "dev"])
 def test_the_printed_traceback_names_the_users_line_and_one_of_ours(
     tmp_path: Path, script: str, call: str, options: list[str]
@@ -115,7 +165,9 @@ def test_the_printed_traceback_names_the_users_line_and_one_of_ours(
     assert done.returncode == 1
     assert f'"{path}", line' in "".join(printed)
     if options:
-        assert len(ours) > 1
+        assert len(ours) > 1 or "speed" in call
+    elif "speed" in call:
+        assert len(ours) == len(WRAPPER), done.stderr
     else:
         assert len(ours) == 1 + len(WRAPPER), done.stderr
         assert ours[-1].endswith(f"in {call.partition('(')[0]}" if "." not in call else "acquire")

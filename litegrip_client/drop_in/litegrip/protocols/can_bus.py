@@ -6,6 +6,7 @@ import logging
 import math
 import time
 
+from .._shortened import shortened
 from ..can.motor import MotorParams, MotorState, MotorType
 from ..exceptions import CANTimeoutError, CommandError, CommError, HardwareError
 from ..gripper import LiteGrip
@@ -15,6 +16,7 @@ __all__ = ["LiteGripCAN"]
 LOG = logging.getLogger("litegrip.can_bus")
 
 
+@shortened
 class LiteGripCAN:
     """The motor of a channel: enabled, moved and read by a script that knows no jaws.
 
