@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from litegrip_client.core.motion import Motion, SetpointStream, check_no_feedforward, frame_target
 from litegrip_client.core.session import ACTION_TIMEOUT_S, DaemonSession
-from litegrip_client.values.checks import given_numbers, integer, number
+from litegrip_client.values.checks import call_it, given_numbers, integer, number
 from litegrip_client.values.errors import CommandError, LiteGripError, ParameterError
 from litegrip_client.values.motion_config import MotionConfig
 from litegrip_client.values.results import (
@@ -324,7 +324,11 @@ class GripperActions:
         """Move to an opening in mm at a speed; everything else as for `goto`."""
         target = {"opening_mm": number("target_mm", target_mm)}
         target |= given_numbers(speed_mm_s=speed_mm_s, kp=kp, kd=kd)
-        return await self._move("motion.move", target, progress)
+        try:
+            return await self._move("motion.move", target, progress)
+        except ParameterError as error:
+            call_it(error, "position_mm", "target_mm")
+            raise
 
     async def set_force(self, force_n: float, duration: float = 0.3) -> bool:
         """Squeeze with `force_n`, 0.5 to 40 N, ramped; return after `duration` seconds.
@@ -449,13 +453,20 @@ class GripperActions:
             await self._end_frames()
         return await self._trajectories.begin(self._calibrated(params))
 
-    async def record_stop(self, allow_empty: bool = False) -> Trajectory:
+    async def record_stop(
+        self, allow_empty: bool = False, *, allow_partial: bool = False
+    ) -> Trajectory:
         """End the recording and return it.
 
-        Raises `CommandError`, reason recording_failed, for one that was interrupted (by a stop, a
-        fault of the motor, a silent bus, ...), and for one without samples unless `allow_empty`.
+        Raises `CommandError`, reason recording_failed, for one that was broken off (by a stop, a
+        fault of the motor, a silent bus, ...) unless `allow_partial`, and for one without samples
+        unless `allow_empty`. What is refused stays until the next recording begins: with
+        `allow_partial` a second call returns the samples before the break.
         """
-        return await self._trajectories.end({"allow_empty": bool(allow_empty)})
+        params = {"allow_empty": bool(allow_empty)}
+        if allow_partial:
+            params["allow_partial"] = True
+        return await self._trajectories.end(params)
 
     async def play(
         self,

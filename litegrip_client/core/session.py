@@ -440,9 +440,12 @@ async def _disable(wire: Wire) -> None:
     except LeaseError as error:  # the motor is another's to disable
         warn(f"the end of this gripper's block leaves the motor as it is: {error.message}")
         return
+    except HardwareError as error:
+        error.message = f"the motor could not be disabled, cut its power: {error.message}"
+        raise
     if not done:
         raise HardwareError(
-            "the motor did not confirm that it is disabled",
+            "the motor did not confirm that it is disabled, cut its power",
             reason="not_confirmed",
             data={"retryable": True},
         )

@@ -473,13 +473,15 @@ class GripperActions:
         """
         return complete(self._core.record_start(rate_hz, zero_gravity, max_samples))
 
-    def record_stop(self, allow_empty: bool = False) -> Trajectory:
+    def record_stop(self, allow_empty: bool = False, *, allow_partial: bool = False) -> Trajectory:
         """End the recording and return it.
 
-        Raises `CommandError`, reason recording_failed, for one that was interrupted (by a stop, a
-        fault of the motor, a silent bus, ...), and for one without samples unless `allow_empty`.
+        Raises `CommandError`, reason recording_failed, for one that was broken off (by a stop, a
+        fault of the motor, a silent bus, ...) unless `allow_partial`, and for one without samples
+        unless `allow_empty`. What is refused stays until the next recording begins: with
+        `allow_partial` a second call returns the samples before the break.
         """
-        return complete(self._core.record_stop(allow_empty))
+        return complete(self._core.record_stop(allow_empty, allow_partial=allow_partial))
 
     def play(
         self,

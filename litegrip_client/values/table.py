@@ -30,6 +30,10 @@ class JobTable(list["dict[str, Any]"]):
     def __str__(self) -> str:
         return aligned([_HEAD, *map(_row, self)])
 
+    def _repr_pretty_(self, printer: Any, _cycle: bool) -> None:
+        """Show the table in a notebook, too."""
+        printer.text(str(self))
+
 
 def _row(job: dict[str, Any]) -> tuple[str, ...]:
     owner, began_s, ended_s = job.get("owner") or {}, job.get("started_s"), job.get("ended_s")

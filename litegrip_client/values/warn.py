@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from litegrip_client.values.errors import LiteGripError
+from litegrip_client.values.errors import HardwareError, LiteGripError
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
@@ -31,4 +31,8 @@ async def leave(close: Callable[[], Awaitable[object]], error: BaseException | N
     except LiteGripError as second:
         if error is None:
             raise
-        warn(f"on leaving after {type(error).__name__}: {second}")
+        if isinstance(second, HardwareError):  # the motor may be energised: that stands alone
+            why = error.message if isinstance(error, LiteGripError) else ""
+            warn(second.message.removesuffix(f": {why}"))
+        else:
+            warn(f"on leaving after {type(error).__name__}: {second}")

@@ -20,6 +20,7 @@ from litegripd.control.admission import position_refusal
 from litegripd.control.calibration import CalibrationInUse
 from litegripd.control.controller import Controller
 from litegripd.control.events import weak_text
+from litegripd.control.heat import HeatGuard
 from litegripd.io.log import FIELDS, JournalSink, goes_to_journal
 from litegripd.io.server import MAX_CONNECTIONS, MAX_CONNECTIONS_PER_UID
 from litegripd.model.gripper import STROKE_MM, MotorType
@@ -301,9 +302,8 @@ class DaemonFacts:
         found += controller.calibrated.doubts(controller.gripper_id, controller.motor.identity)
         if controller.output.made.is_weak:
             found.append(weak_text(controller.output.made))
-        allowed_nm = controller.output.heat.allowance_nm
-        if math.isfinite(allowed_nm):
-            found.append(f"the coil is hot: holds are limited to {allowed_nm:.2f} N·m")
+        if (warm := _limited_by_heat(controller.output.heat, controller.now_s)) is not None:
+            found.append(warm)
         share = controller.swing.share
         if share < 1.0:
             found.append(
@@ -354,6 +354,18 @@ def _why_uncalibrated(calibrated: CalibrationInUse) -> str:
         return "the calibration is still being read"
     is_refused = calibrated.problem.reason == "calibration_unreadable"
     return calibrated.problem.message if is_refused else "no calibration is loaded"
+
+
+def _limited_by_heat(heat: HeatGuard, now_s: float) -> str | None:
+    """Return how far the coil's heat limits holds, and for how long yet if that is known."""
+    if math.isinf(heat.allowance_nm):
+        return None
+    limited = f"holds are limited to {heat.allowance_nm:.2f} N·m"
+    coil_c, lasts_s = heat.model.coil_c, heat.lasts_s(now_s)
+    if coil_c is None or lasts_s is None:
+        return f"the coil is hot: {limited}"
+    tens_s = max(10, 10 * math.ceil(lasts_s / 10))
+    return f"the coil was hot, it has cooled to {coil_c:.0f} °C: {limited} for {tens_s} s more"
 
 
 def _process_complaints(parts: Parts) -> list[str]:

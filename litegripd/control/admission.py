@@ -160,19 +160,25 @@ class Target:
         return 0.0, geometry.travel_mm if self.quantity == "opening_mm" else 1.0
 
 
+_UNITS = {"opening_mm": (" mm", 3), "position_rad": (" rad", 4), "openness": ("", 1)}
+"""The unit of each quantity, and with how many digits its limits are told."""
+
+
 def target_refusal(target: Target, geometry: Geometry) -> Refusal | None:
     """Return why a target cannot be reached, or None."""
     low, high = target.limits(geometry)
+    unit, digits = _UNITS[target.quantity]
     if low - _ROUNDING <= target.value <= high + _ROUNDING:
         return None
     return Refusal(
         "out_of_limits",
         sentence(
-            "{what} is {value:g}, the calibrated travel is {low} to {high}",
+            "{what} is {value:g}{unit}, the calibrated travel is {low} to {high}{unit}",
             what=parameter_name(target.quantity),
             value=target.value,
-            low=at_least(low),
-            high=at_most(high),
+            low=at_least(low, digits),
+            high=at_most(high, digits),
+            unit=unit,
         ),
         {"field": target.quantity, "requested": target.value, "limit": [low, high]},
     )

@@ -292,6 +292,18 @@ class HeatGuard:
             return None
         return self.model.course(torque_nm).passes_s(self.limit_c, _HORIZON_S)
 
+    def lasts_s(self, now_s: float) -> float | None:
+        """Return how much longer a coil that has cooled is limited if it is not used.
+
+        None while it is warm: then that depends on how it is used.
+        """
+        coil_c, nm, steps = self.model.coil_c, self.allowance_nm, 0
+        if coil_c is None or coil_c >= self.limit_c - _COOL_BELOW_K or nm == math.inf:
+            return None
+        while nm < self._top_nm:
+            nm, steps = nm / _STEP, steps + 1
+        return max(steps * _RAISE_EVERY_S - (now_s - self._changed_s), 0.0)
+
     def _lowered(self, coil_c: float, waited_s: float) -> HeatChange | None:
         course = self.model.course()
         ahead_c = course.at(_LOOK_AHEAD_S)

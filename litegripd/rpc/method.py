@@ -67,6 +67,13 @@ _NAMED: dict[Kind, str] = {
 }
 
 
+_UNITS = (
+    *(("_rad_s", "rad/s"), ("_mm_s", "mm/s"), ("_nm_rad", "N·m/rad"), ("_rad", "rad")),
+    *(("_mm", "mm"), ("_nm", "N·m"), ("_n", "N"), ("_s", "s"), ("_hz", "Hz"), ("_c", "°C")),
+)
+"""By the end of a parameter's name, the first that fits; options of a shell do not say it."""
+
+
 @dataclass(frozen=True, slots=True)
 class Param:
     """One parameter of a method; `minimum` and `maximum` are included in the range.
@@ -149,11 +156,12 @@ class Param:
         return isinstance(value, int if self.kind == "integer" else int | float)
 
     def _range(self) -> str:
+        unit = next((f" {unit}" for end, unit in _UNITS if self.name.endswith(end)), "")
         if self.minimum is None:
-            return f"at most {self.maximum:g}"
+            return f"at most {self.maximum:g}{unit}"
         if self.maximum is None:
-            return f"at least {self.minimum:g}"
-        return f"{self.minimum:g} to {self.maximum:g}"
+            return f"at least {self.minimum:g}{unit}"
+        return f"{self.minimum:g} to {self.maximum:g}{unit}"
 
 
 def check(method: str, declared: Mapping[str, Param], given: Mapping[str, Any]) -> Refusal | None:

@@ -22,7 +22,7 @@ from litegripd.control.events import NOW, Turn
 from litegripd.control.limiter import Gains
 from litegripd.model.errors import Refusal
 from litegripd.model.motion_config import fast_conflict, slow_conflict
-from litegripd.model.sentence import sentence
+from litegripd.model.sentence import joined, sentence
 from litegripd.model.state import HelperTask, Job, Owner, TaskResult
 from litegripd.trajectories.capture import Capture, Teach, result_of
 from litegripd.trajectories.file_methods import Temporaries
@@ -260,18 +260,18 @@ class Trajectories:
 
 def _unusable(capture: Capture, *, allow_empty: bool, allow_partial: bool) -> Refusal | None:
     """Return why a recording cannot be used, or None."""
-    data = {"samples": capture.samples, "error": capture.error}
+    data: dict[str, Any] = {"samples": capture.samples, "error": capture.error}
     if capture.error is not None and not allow_partial:
         text = sentence(
-            "the recording was broken off after {samples} samples: {error};"
-            " {trajectory.record_stop with allow_partial} takes what there is",
+            "the recording was broken off after {samples} samples: {error}",
             samples=capture.samples,
             error=capture.error,
         )
+        if capture.samples:
+            remedy = sentence("{trajectory.record_stop with allow_partial}")
+            text = joined("", (text, "; ", remedy, " takes what there is"))
+            data["hint"] = remedy
         return Refusal("recording_failed", text, data)
     if capture.samples == 0 and not allow_empty:
-        text = sentence(
-            "the recording has no samples ({trajectory.record_stop with allow_empty} takes it, too)"
-        )
-        return Refusal("recording_failed", text, data)
+        return Refusal("recording_failed", "the recording has no samples", data)
     return None

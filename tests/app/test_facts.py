@@ -123,6 +123,18 @@ def test_a_position_far_outside_the_travel_is_told_as_it_is_refused(by_rad: floa
     assert client.result("motion.move", opening_mm=60)["ok"]
 
 
+def test_a_coil_that_was_hot_is_not_called_so_for_ever() -> None:
+    world, _ = enabled_world()
+    heat = world.controller.output.heat
+    heat.allowance_nm, heat._top_nm, heat._changed_s = 2.63, 3.0, world.controller.now_s
+    heat.model.coil_c = 78.0
+    limited = "holds are limited to 2.63 N·m"
+    assert verdict(world) == ("degraded", [f"the coil is hot: {limited}"])
+    heat.model.coil_c = 36.6
+    told = f"the coil was hot, it has cooled to 37 °C: {limited} for 40 s more"
+    assert verdict(world) == ("degraded", [told])
+
+
 def test_a_standstill_is_named_with_how_long_it_lasted() -> None:
     world = World().start()
     assert verdict(world, late_s=0.099) == ("ok", [])

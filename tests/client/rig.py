@@ -311,7 +311,9 @@ _ASKING = ("config", "mount")
 
 
 class Threads:
-    """A program with the client for threads."""
+    """A program with the client for threads; `awaits` stands before a call that is named."""
+
+    awaits = ""
 
     interrupted: type[BaseException] = KeyboardInterrupt
 
@@ -361,6 +363,8 @@ class Threads:
 
 class Asyncio:
     """A program with the client for asyncio, each of whose calls is a task of its own."""
+
+    awaits = "await "
 
     interrupted: type[BaseException] = asyncio.CancelledError
 

@@ -41,6 +41,7 @@ PLACEHOLDER = re.compile(r"(?<![$\w])(?!PMAX|VMAX|TMAX)[A-Z]{2,}(?!\w)")
 UNKNOWN = {
     "usermod --append --groups litegrip USER": "who is to use the grippers",
     "litegripctl trajectories keep NAME": "how a recording is to be called",
+    "litegripctl trajectories keep --partial NAME": "how a recording is to be called",
     "litegripctl trajectories delete NAME": "which one can go",
     "litegripctl record NAME": "how it is to be called",
     "litegripctl lease take REASON": "why somebody takes it",

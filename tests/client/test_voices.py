@@ -93,7 +93,7 @@ def test_the_arguments_of_python_are_those_of_the_method(method: str) -> None:
 
 def test_a_time_that_goto_takes_is_not_named_as_on_the_wire() -> None:
     _, python, _ = of("motion.move", opening_mm=5, at_least_s=-1)
-    assert python == "duration is -1, it must be 0 to 3600"
+    assert python == "duration is -1, it must be 0 to 3600 s"
 
 
 def refusals() -> Iterator[Refusal]:
@@ -139,12 +139,12 @@ def of(method: str, **given: object) -> tuple[str, str, str]:
 
 
 def test_a_value_is_named_by_what_the_reader_has_typed() -> None:
-    range_ = "is 900, it must be 0.1 to 150"
+    range_ = "is 900, it must be 0.1 to 150 mm/s"
     wire, python, shell = of("motion.open", speed_mm_s=900)
     assert wire == f"motion.open: speed_mm_s {range_}"
     assert (python, shell) == (f"speed_mm_s {range_}", f"--speed {range_}")
     _, python, shell = of("motion.move", opening_mm=5, duration_s=9999)
-    range_ = "is 9999, it must be 0.01 to 3600"
+    range_ = "is 9999, it must be 0.01 to 3600 s"
     assert (python, shell) == (f"duration {range_}", f"--duration {range_}")
     _, python, shell = of("trajectory.play", name="pick", speed=9)
     assert python.startswith("speed is 9,")

@@ -28,6 +28,21 @@ COIL_LIMIT_C, LEAST_NM = DM4310.coil_limit_c, DM4310.least_useful_nm
 ROOMS_C = [25.0, 40.0, 60.0]
 
 
+def test_how_long_a_coil_that_has_cooled_is_still_limited() -> None:
+    bench = Bench(40.0)
+    bench.run(600.0, 3.0, guarded=False)
+    assert bench.guard.allowance_nm < math.inf
+    assert bench.guard.lasts_s(bench.now_s) is None, "it is hot, and its use decides"
+    while (told_s := bench.guard.lasts_s(bench.now_s)) is None:
+        bench.run(1.0, 0.0)
+    began_s = bench.now_s
+    while bench.guard.allowance_nm < math.inf:
+        bench.run(1.0, 0.0)
+    assert bench.now_s - began_s == pytest.approx(told_s, abs=3.0)
+    assert told_s > 20.0
+    assert bench.guard.lasts_s(bench.now_s) is None
+
+
 def measured(now_s: float, torque_nm: float, coil_c: float) -> Feedback:
     """A frame as the firmware sends it: whole degrees, truncated."""
     return Feedback(1, 0.0, 0.0, torque_nm, 30, min(max(int(coil_c), 0), 255), now_s)

@@ -40,6 +40,19 @@ def test_broken_off_by_hand_it_is_no_good_recording(end: str) -> None:
     assert watcher.result("trajectory.record_stop", allow_partial=True)["samples"] > 40
 
 
+def test_of_one_without_a_sample_there_is_no_part_to_take() -> None:
+    world = World()
+    client = world.enabled()
+    world.lose_from_motor = lambda _frame: True
+    client.result("trajectory.record_start", zero_gravity=False)
+    world.run(0.3)
+    error = client.call("trajectory.record_stop")["error"]
+    assert error["data"]["samples"] == 0
+    assert "allow_partial" not in error["message"]
+    error = client.call("trajectory.record_stop", allow_partial=True)["error"]
+    assert error["message"] == "the recording has no samples"
+
+
 def test_stopping_in_the_tick_of_its_end_does_not_make_it_good() -> None:
     """The job has ended, but no tick has passed in which the recording could notice."""
     world, client = recording()

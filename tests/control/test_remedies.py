@@ -228,7 +228,7 @@ def with_scale(rad_to_mm: float) -> Client:
 
 def told_limit(message: str, value: float) -> float:
     """Return the limit in a message that `value` is beyond."""
-    ends = re.search(r"travel is (\S+) to (\S+)$", message)
+    ends = re.search(r"travel is (\S+) to (-?[\d.]+)(?: mm| rad)?$", message)
     if ends is not None:
         return float(ends[1]) if value < float(ends[1]) else float(ends[2])
     told = re.search(r"at (?:most|least) (-?[\d.e-]*\d)", message)

@@ -51,7 +51,7 @@ def test_an_error_that_it_has_never_heard_of_is_the_base_class_with_the_daemons_
         error = caught.value
         assert type(error) is LiteGripError
         assert (error.reason, error.code) == (WORD, -32999)
-        assert error.message.startswith("opening_mm is 1000")
+        assert error.message.startswith("position_mm is 1000 mm")
         assert scene.gripper.goto(40.0)
 
 

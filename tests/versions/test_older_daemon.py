@@ -134,7 +134,7 @@ def test_the_client_for_asyncio_says_the_same(tmp_path: Path) -> None:
             gripper.grasp(hold_by="gains")
         tasks.close()
     assert caught.value.reason == "older_daemon"
-    assert caught.value.message.endswith(" lacks: gripper.grasp(hold_by=...)")
+    assert caught.value.message.endswith(" lacks: await gripper.grasp(hold_by=...)")
 
 
 # What a program's calls need ----------------------------------------------------------------------

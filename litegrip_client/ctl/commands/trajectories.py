@@ -37,8 +37,9 @@ with --local that of this user, in ~/.litegrip/trajectories or where
 LITEGRIP_TRAJ_DIR says.
 """
 _KEEP_HELP = """\
-Keep the latest recording, for which there was no room, or whose disk failed.
-The daemon has it until the next one begins, or until it ends.
+Keep the latest recording, for which there was no room, or whose disk failed;
+with --partial also one that was broken off, as far as it goes. The daemon has
+it until the next one begins, or until it ends.
 """
 
 
@@ -88,6 +89,9 @@ def _delete_options(parser: LateParser) -> None:
 def _keep_options(parser: LateParser) -> None:
     parser.description = _KEEP_HELP
     parser.add_argument("name", metavar="NAME", help="the name under which the daemon keeps it")
+    parser.add_argument(
+        "--partial", action="store_true", help="one that was broken off is fine, too"
+    )
     parser.add_argument("--overwrite", action="store_true", help="replace one of that name")
 
 
@@ -207,7 +211,8 @@ def keep(run: Run) -> int:
     if status["active"] and status["kind"] == "record":
         text = "a recording is under way: it is kept by the program that records"
         raise CommandError(text, reason="trajectory_busy", data={"hint": "wait for its end"})
-    data = run.connection.call("trajectory.record_stop", {"name": name}, ACTION_TIMEOUT_S)
+    params = {"name": name, **({"allow_partial": True} if run.options.partial else {})}
+    data = run.connection.call("trajectory.record_stop", params, ACTION_TIMEOUT_S)
     return run.done(data, recorded_text(data, run.here))
 
 

@@ -5,6 +5,7 @@ import inspect
 import os
 import re
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -219,7 +220,7 @@ def test_leaving_disables_what_was_enabled_here_if_that_is_wished_by_then(
     assert daemon.is_energised is (ends != DISABLED)
 
 
-def fail(gripper: LiteGrip, before: Callable[[], None] = lambda: None) -> None:
+def fail(gripper: LiteGrip, before: Callable[[], object] = lambda: None) -> None:
     gripper.enable()
     before()
     raise ZeroDivisionError
@@ -312,6 +313,23 @@ def test_an_error_on_leaving_does_not_hide_the_first(
     with pytest.raises(ZeroDivisionError), kind.gripper() as gripper:
         fail(gripper, daemon.hang_up)
     assert "ZeroDivisionError" in caplog.text
+
+
+def test_a_motor_that_cannot_be_disabled_is_told_once(
+    daemon: Heard, kind: Kind, caplog: pytest.LogCaptureFixture
+) -> None:
+    why = "the motor does not answer: is it powered?"
+    lost = Refuse("motor_silent", -32032, why)
+    told = "the motor could not be disabled, cut its power"
+    daemon.instead["motor.disable"] = daemon.instead["motion.open"] = lost
+    with pytest.raises(CANTimeoutError, match=r"^the motor does not"), kind.gripper() as gripper:
+        fail(gripper, gripper.open)
+    assert [record.message for record in caplog.records] == [told]
+    caplog.clear()
+    with pytest.raises(CANTimeoutError) as caught, kind.gripper() as gripper:
+        gripper.enable()
+    assert str(caught.value) == f"{told}: {why}"
+    assert not caplog.records
 
 
 @pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")
@@ -509,7 +527,7 @@ def test_a_stop_overtakes_a_motion(daemon: Heard, tasks: Asyncio) -> None:
     tasks.use(scene)
 
 
-def test_reading(daemon: Heard, enabled: LiteGrip) -> None:
+def test_reading(daemon: Heard, enabled: LiteGrip, kind: Kind) -> None:
     state = enabled.get_state()
     assert (state.status, state.mode, state.stale) == ("enabled", "holding", False)
     assert state.opening_mm == pytest.approx(daemon.gripper.opening_mm, abs=0.1)
@@ -518,7 +536,7 @@ def test_reading(daemon: Heard, enabled: LiteGrip) -> None:
     assert [one["kind"] for one in enabled.jobs()] == ["enable"]
     reasons = [method_name("motor.enable")]
     daemon.instead["health"] = with_terms({"verdict": "ok", "reasons": reasons})
-    assert enabled.health() == {"verdict": "ok", "reasons": ["gripper.enable()"]}
+    assert enabled.health() == {"verdict": "ok", "reasons": [f"{kind.awaits}gripper.enable()"]}
     del daemon.instead["health"]
     assert enabled.health()["verdict"] == daemon.client().result("health")["verdict"]
 
@@ -576,6 +594,23 @@ def test_jobs_print_as_a_table(enabled: LiteGrip) -> None:
     lines = str(enabled.jobs()).splitlines()
     assert lines[0].split() == ["job", "kind", "state", "by", "took", "result"]
     assert re.fullmatch(r"2 +open +done +\S+ \(pid \d+\) +\d\.\d s +pressed home", lines[2])
+
+
+def test_a_notebook_shows_jobs_as_a_table(enabled: LiteGrip) -> None:
+    shown: list[str] = []
+    jobs: Any = enabled.jobs()
+    jobs._repr_pretty_(SimpleNamespace(text=shown.append), False)
+    assert shown == [str(jobs)]
+
+
+def test_a_forgotten_await_is_hinted_at(daemon: Heard, tasks: Asyncio) -> None:
+    async def main() -> None:
+        async with aio.LiteGrip() as gripper:
+            gripper.enable().close()  # as if nobody had awaited it
+            with pytest.raises(HardwareError, match=r"\(await gripper\.enable\(\)\)"):
+                await gripper.open()
+
+    tasks.run(main())
 
 
 def test_who_takes_the_lease_may_give_a_reason(daemon: Heard, gripper: LiteGrip) -> None:

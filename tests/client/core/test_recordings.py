@@ -87,7 +87,7 @@ def test_a_recording_may_have_few_holes(
 
 
 def test_a_recording_that_was_broken_off_raises_as_the_daemon_says(
-    site: Bench, daemon: Heard, enabled: LiteGrip
+    site: Bench, daemon: Heard, enabled: LiteGrip, kind: Kind
 ) -> None:
     site.after(0.5, lambda: daemon.client().send("stop"))
     with pytest.raises(CommandError) as caught:
@@ -95,6 +95,12 @@ def test_a_recording_that_was_broken_off_raises_as_the_daemon_says(
     assert caught.value.reason == "recording_failed"
     assert 40 < caught.value.data["samples"] < 60
     assert daemon.asked("trajectory.record_stop") == [{}]
+    remedy = f"{kind.awaits}gripper.record_stop(allow_partial=...)"
+    assert f"; {remedy} takes what there is" in str(caught.value)
+    part = enabled.record_stop(allow_partial=True)
+    assert len(part) == caught.value.data["samples"]
+    last = daemon.asked("trajectory.record_stop")[-1]
+    assert last == {"allow_empty": False, "allow_partial": True}
 
 
 def test_an_interrupt_ends_the_recording(daemon: Heard, enabled: LiteGrip, kind: Kind) -> None:

@@ -195,7 +195,7 @@ def test_rescaling_is_never_after_a_stop_and_says_what_is_in_use(
 
 
 def test_loading_logs_that_the_millimetres_are_wrong_and_whatever_else_is_doubtful(
-    daemon: Heard, gripper: LiteGrip, caplog: pytest.LogCaptureFixture
+    daemon: Heard, gripper: LiteGrip, kind: Kind, caplog: pytest.LogCaptureFixture
 ) -> None:
     answer = {**CALIBRATION, "loaded": True, "factory": False, "skipped": []}
     daemon.instead["calibration.load"] = {**answer, "scale_warning": "1.40 times too large"}
@@ -206,7 +206,7 @@ def test_loading_logs_that_the_millimetres_are_wrong_and_whatever_else_is_doubtf
     assert gripper.load_template("normal")
     assert [record.getMessage() for record in caplog.records] == [
         "1.40 times too large",
-        "it has can_id 0x07: measure again (gripper.zero())",
+        f"it has can_id 0x07: measure again ({kind.awaits}gripper.zero())",
         "and another (calibration.zero)",
     ]
 

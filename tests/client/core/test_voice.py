@@ -71,7 +71,7 @@ def test_results_and_health_are_told_in_it(daemon: Heard, kind: Kind) -> None:
         assert gripper.enable().message == "~/enable"
         assert gripper.health()["reasons"] == ["~/enable"]
     with kind.gripper() as gripper:
-        assert gripper.health()["reasons"] == ["gripper.enable()"]
+        assert gripper.health()["reasons"] == [f"{kind.awaits}gripper.enable()"]
 
 
 def test_events_are_told_in_it(daemon: Heard, kind: Kind) -> None:
