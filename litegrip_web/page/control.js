@@ -1,13 +1,24 @@
 /* What acts on a gripper: only with control, which is a lease that lives while the page is seen. */
 
 import { ask } from "./ask.js";
-import { figure, outcome } from "./format.js";
+import { numberIn } from "./fields.js";
+import { figure, inPageWords, outcome } from "./format.js";
 import { askZero } from "./zero.js";
 
 const TTL_S = 3;
 const RENEW_EVERY_MS = 1000;
 const CONTINUOUS_N = 20; // the vendor's recommendation
 const MOVES = ["enable", "open", "close", "hold", "grasp", "set-force", "zero", "teach", "play"];
+const TRAJECTORY_NAME = /^(?![.\s])[^/\\\p{C}]{1,64}(?<!\s)$/u;
+
+/* By the reason of a refusal, whether a state shows that it is over. */
+const OVER = {
+  not_enabled: ({ enabled }) => enabled,
+  motor_fault: ({ mode }) => mode !== "fault",
+  motor_silent: ({ mode }) => mode !== "offline",
+  not_calibrated: ({ calibrated }) => calibrated,
+  busy: ({ job }) => job === null,
+};
 const LEASE = { ttl_s: TTL_S, purpose: "the page in a browser", on_lost: "hold" };
 
 export class Control {
@@ -16,9 +27,13 @@ export class Control {
   #has = false;
   #isDragging = false;
   #isHolding = false;
-  #isStopped = false;
+  #whyNot = null; // what nothing can move behind: a stop, or a motor that is silent
   #isRenewing = false;
   #mayReplace = null;
+  #recording = null; // "on", "ending", or "ended" by itself; null without one
+  #job = null;
+  #isPart = false;
+  #isAsking = false;
 
   constructor(panel) {
     this.#panel = panel;
@@ -32,20 +47,22 @@ export class Control {
     on("enable", () => this.#do("enable", "motor.enable"));
     on("disable", () => this.#do("disable", "motor.disable"));
     on("clear-fault", () => this.#do("clear the fault", "motor.clear_fault"));
-    on("open", () => this.#move("open", "motion.open", this.#pace()));
-    on("close", () => this.#move("close", "motion.close", this.#pace()));
+    const pace = { speed_mm_s: "pace" }; // the daemon's default without one
+    on("open", () => this.#with(pace, (params) => this.#move("open", "motion.open", params)));
+    on("close", () => this.#with(pace, (params) => this.#move("close", "motion.close", params)));
     on("hold", () => this.#do("hold", "motion.hold"));
     on("release", () => this.#move("let go", "motion.zero_gravity"));
     on("grasp", () =>
-      this.#with("force", (force_n) =>
-        this.#move("grasp", "motion.grasp", { force_n, until: "verdict", ...this.#pace() })));
+      this.#with({ force_n: "force", ...pace }, (params) =>
+        this.#move("grasp", "motion.grasp", { until: "verdict", ...params })));
     on("set-force", () =>
-      this.#with("force", (force_n) => this.#do("set force", "motion.set_force", { force_n })));
+      this.#with({ force_n: "force" }, (params) => this.#do("set force", "motion.set_force", params)));
     on("zero", () => askZero(this.#panel));
     on("rescale", () => askZero(this.#panel));
     panel.node("force").oninput = () => this.#showForce();
     on("teach", () => this.#teach());
     on("keep", () => this.#keep());
+    on("discard", () => this.#discard());
     on("play", () => this.#play());
     const slider = panel.node("slider");
     slider.oninput = () => {
@@ -54,7 +71,8 @@ export class Control {
     };
     slider.onchange = () => {
       this.#isDragging = false;
-      this.#move("move", "motion.move", { opening_mm: Number(slider.value), ...this.#pace() });
+      this.#with(pace, (params) =>
+        this.#move("move", "motion.move", { opening_mm: Number(slider.value), ...params }));
     };
     setInterval(() => this.#renew(), RENEW_EVERY_MS);
   }
@@ -78,28 +96,30 @@ export class Control {
   /* It has ended, and the lease with it. */
   end() {
     this.#set(false);
+    this.#showRecording(null);
   }
 
-  /* Press the button that a key stands for; return whether there is one. */
+  /* Press the button that a key stands for, or say why that does nothing; return whether there is one. */
   press(key) {
     const name = { e: "enable", o: "open", c: "close", g: "grasp", h: "hold" }[key];
-    if (name === undefined || !this.#has) return false;
-    this.#panel.node(name).click();
+    if (name === undefined || this.#panel.state === null) return false;
+    if (!this.#operates) this.#panel.tell(`${name}: this page looks and stops only`);
+    else if (!this.#has) this.#panel.complain(`${name}: press “Take control” first`, "control");
+    else if (this.#whyNot !== null) this.#panel.tell(`${name}: ${this.#whyNot}`);
+    else this.#panel.node(name).click();
     return true;
   }
 
-  /* Do `act` with the number in a field; an empty or a wrong one is said there, and is not 0. */
-  #with(name, act) {
-    const node = this.#panel.node(name);
-    if (node.reportValidity()) return act(Number(node.value));
-    this.#panel.tell(`${node.dataset.what}: ${node.validationMessage}`);
-    return null;
-  }
-
-  /* The speed to move at; without one in its field, the daemon's default. */
-  #pace() {
-    const node = this.#panel.node("pace");
-    return node.value === "" ? {} : { speed_mm_s: Number(node.value) };
+  /* Do `act` with the numbers in fields, each by its parameter; an empty or a wrong one is said, and is not 0. */
+  #with(fields, act) {
+    const params = {};
+    for (const [parameter, name] of Object.entries(fields)) {
+      const node = this.#panel.node(name);
+      const number = numberIn(node);
+      if (number === null) return this.#panel.tell(`${node.dataset.what}: ${node.validationMessage}`);
+      if (number !== undefined) params[parameter] = number;
+    }
+    return act(params);
   }
 
   show(state) {
@@ -110,18 +130,23 @@ export class Control {
       slider.value = state.opening_mm;
     }
     this.#isHolding = state.is_grasped !== false;
-    this.#isStopped = state.stop !== null;
+    this.#whyNot = null;
+    if (state.stop !== null) this.#whyNot = "a stop is latched, “Clear the stop” first";
+    if (this.#panel.isSilent) this.#whyNot = "the motor does not answer";
+    if (this.#recording === "on" && state.job?.kind !== "record") this.#askRecording();
     this.#allow();
     this.#showTarget();
     this.#panel.node("clear-fault").disabled = state.mode !== "fault";
   }
 
-  /* Let be pressed what would do something now: behind a stop nothing that moves, and no opening is
-     chosen while something is held, which it would drop. */
+  /* Let be pressed what would do something now: behind a stop, or without a motor, nothing that moves, and no
+     opening is chosen while something is held, which it would drop. */
   #allow() {
+    const isBarred = this.#whyNot !== null;
     this.#panel.node("motions").disabled = !this.#has;
-    for (const name of MOVES) this.#panel.node(name).disabled = this.#isStopped;
-    this.#panel.node("slider").disabled = !this.#has || this.#isStopped || this.#isHolding;
+    for (const name of MOVES) this.#panel.node(name).disabled = isBarred;
+    this.#panel.node("release").disabled = this.#panel.isSilent;
+    this.#panel.node("slider").disabled = !this.#has || isBarred || this.#isHolding;
     this.#panel.node("rescale").disabled = !this.#has;
   }
 
@@ -150,7 +175,7 @@ export class Control {
     this.#has = has && this.#operates;
     this.#allow();
     this.#panel.article.classList.toggle("controlled", this.#has);
-    if (!this.#has) this.#showRecording(false);
+    if (this.#has) this.#panel.forgive("control");
   }
 
   async #take(method, params) {
@@ -159,7 +184,7 @@ export class Control {
       this.#set(true);
       this.#panel.tell("You have control, as long as this page is seen.");
     } catch (error) {
-      this.#panel.complain(this.#wrong("take control", error));
+      this.#panel.complain(`take control: ${error.message}`, "control");
     }
     this.showLease({ owner: null, mine: this.#has });
   }
@@ -178,7 +203,7 @@ export class Control {
       await this.#panel.wire.call("lease.renew");
     } catch (error) {
       this.#set(false);
-      this.#panel.complain(`You no longer have control: ${error.message}`);
+      this.#panel.complain(`You no longer have control: ${error.message}`, "control");
     } finally {
       this.#isRenewing = false;
     }
@@ -198,26 +223,40 @@ export class Control {
 
   async #do(name, method, params = {}) {
     this.#panel.tell(`${name} …`, false);
+    this.#panel.forgive(name);
     try {
       const result = await this.#call(method, params);
       this.#panel.tell(outcome(name, result));
       return result;
     } catch (error) {
-      if (error.reason !== "replaced") this.#panel.complain(this.#wrong(name, error));
-      if (method === "trajectory.play") this.#offerSpeed(error.data);
+      const isOffered = method === "trajectory.play" && this.#offerSpeed(name, error.data);
+      if (!isOffered) this.#wrong(name, error);
       return null;
     }
+  }
+
+  /* Say why something was not done, or not to its end; a stop is said as long as it is latched, in the bar. */
+  #wrong(name, error) {
+    const text = `${name}: ${error.message}`;
+    if (error.reason === "stopped") this.#panel.tell(text);
+    else if (error.reason !== "replaced") this.#panel.complain(text, name, OVER[error.reason]);
   }
 
   /* Return whether a trajectory may be kept under the name in the field; ask before one is replaced. */
   async #mayKeep() {
     const name = this.#panel.node("name").value;
+    this.#panel.forgive("name");
+    if (!TRAJECTORY_NAME.test(name)) {
+      const rule = "1 to 64 characters, no / or \\, no dot at the beginning, no space at an end";
+      this.#panel.complain(`“Name”: it may have ${rule}, and is “${name}”`, "name");
+      return false;
+    }
     if (name === this.#mayReplace) return true;
     try {
       const { trajectories } = await this.#panel.wire.call("trajectory.list");
       if (!trajectories.some((kept) => kept.name === name)) return true;
     } catch (error) {
-      this.#panel.complain(this.#wrong("list the trajectories", error));
+      this.#wrong("list the trajectories", error);
       return false;
     }
     const text = `There is a motion with the name “${name}” already. Replace it?`;
@@ -226,46 +265,87 @@ export class Control {
     return true;
   }
 
-  #wrong(name, error) {
-    return `${name}: ${error.message}`;
-  }
-
   async #teach() {
     if (!(await this.#mayKeep())) return;
     const begun = await this.#do("teach", "trajectory.record_start");
     if (begun === null) return;
-    this.#showRecording(true);
+    this.#job = begun.job;
+    this.#showRecording("on");
     this.#panel.tell("Recording: move the jaws by hand, then end and keep it.");
+  }
+
+  /* Say at once that a recording was broken off, and why: the jaws hold against the hand then. */
+  async #askRecording() {
+    if (this.#isAsking) return;
+    this.#isAsking = true;
+    try {
+      const [{ active, job, samples, error }, ended] = await Promise.all([
+        this.#panel.wire.call("trajectory.status"),
+        this.#panel.wire.call("job.get", { job: this.#job }),
+      ]);
+      if (active || this.#recording !== "on") return;
+      const why = ended.error ? inPageWords(ended.error.message, ended.error.data.terms?.message) : error;
+      this.#tellEnd(job === this.#job ? samples : 0, why);
+    } catch (error) {
+      this.#showRecording(null); // the daemon knows no more of it
+      this.#wrong("teach", error);
+    } finally {
+      this.#isAsking = false;
+    }
+  }
+
+  #tellEnd(samples, why) {
+    this.#showRecording(samples > 0 ? "ended" : null, why !== null);
+    const choice = samples > 0 ? `, “${this.#panel.node("keep").textContent}” or “Discard”` : "";
+    const how = why === null ? "has ended" : "was broken off";
+    const text = `The recording ${how} after ${samples} samples${choice}${why === null ? "" : `: ${why}`}`;
+    this.#panel.complain(text, "teach");
+  }
+
+  async #discard() {
+    const isOn = this.#recording === "on";
+    this.#showRecording(null);
+    this.#panel.forgive("teach");
+    this.#panel.tell("The recording is discarded.");
+    if (isOn) await this.#do("end the recording", "job.cancel", { job: this.#job });
   }
 
   async #keep() {
     if (!(await this.#mayKeep())) return; // it is still recorded: another name can be given
     const name = this.#panel.node("name").value;
     this.#mayReplace = null;
-    const kept = await this.#do("keep", "trajectory.record_stop", { name });
+    const [before, isPart] = [this.#recording, this.#isPart];
+    this.#recording = "ending";
+    const kept = await this.#do("keep", "trajectory.record_stop", { name, ...(isPart && { allow_partial: true }) });
+    this.#showRecording(kept === null ? before : null, isPart);
     if (kept === null) return;
-    this.#showRecording(false);
-    await this.#do("hold", "motion.hold");
+    this.#panel.forgive("teach");
+    if (before === "on") await this.#do("hold", "motion.hold");
     this.#panel.tell(`kept as ${kept.name}: ${figure(kept.duration_s, 1, "s")}, ${kept.samples} samples`);
     await this.#listNames();
   }
 
   async #play() {
     const name = this.#panel.node("name").value;
-    await this.#with("speed", (speed) => this.#move("replay", "trajectory.play", { name, speed }));
+    await this.#with({ speed: "speed" }, (params) => this.#move("replay", "trajectory.play", { name, ...params }));
   }
 
-  /* Offer the speed that goes in place of one that was too high. */
-  #offerSpeed({ field, limit }) {
-    if (field !== "speed" || !(limit > 0)) return;
+  /* Offer the speed that goes in place of one that was too high; return whether there is one. */
+  #offerSpeed(name, { field, limit }) {
+    if (field !== "speed" || !(limit > 0)) return false;
     const most = Math.floor(limit * 100) / 100;
     this.#panel.node("speed").value = most;
-    this.#panel.complain(`That replay is too fast. Speed × ${most} goes: it is in the field, press Replay again.`);
+    const text = `That replay is too fast. Speed × ${most} goes: it is in the field, press Replay again.`;
+    this.#panel.complain(text, name);
+    return true;
   }
 
-  #showRecording(isOn) {
-    this.#panel.node("teach").hidden = isOn;
-    this.#panel.node("keep").hidden = !isOn;
+  #showRecording(recording, isPart = false) {
+    this.#recording = recording;
+    this.#isPart = isPart;
+    this.#panel.node("teach").hidden = recording !== null;
+    this.#panel.node("keep").hidden = this.#panel.node("discard").hidden = recording === null;
+    this.#panel.node("keep").textContent = isPart ? "Keep the part" : "End and keep";
   }
 
   async #listNames() {
@@ -276,7 +356,7 @@ export class Control {
       const { trajectories } = await this.#panel.wire.call("trajectory.list");
       list.replaceChildren(...trajectories.map(({ name }) => new Option(name)));
     } catch (error) {
-      this.#panel.tell(this.#wrong("list the trajectories", error));
+      this.#wrong("list the trajectories", error);
     }
   }
 }

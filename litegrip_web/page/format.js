@@ -3,7 +3,9 @@
 export const isNumber = (value) => typeof value === "number" && Number.isFinite(value);
 
 export function figure(value, digits, unit) {
-  return isNumber(value) ? `${value.toFixed(digits)} ${unit}` : `-- ${unit}`;
+  if (!isNumber(value)) return `-- ${unit}`;
+  const rounded = Number(value.toFixed(digits)) || 0; // not -0
+  return `${rounded.toFixed(digits)} ${unit}`;
 }
 
 export function time(seconds) {

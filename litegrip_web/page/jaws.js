@@ -12,7 +12,7 @@ const TOP = 14;
 const SAID = 80;
 const TRAY = 91;
 const HEIGHT = 87;
-const HEIGHT_WITH_TRAY = 117;
+const HEIGHT_WITH_TRAY = 106;
 
 function shape(kind, attributes, parent) {
   const node = document.createElementNS(SVG, kind);
@@ -55,10 +55,10 @@ export class Jaws {
     }
     if (work !== null) this.#drawWork(work);
     const tray = shape("g", { class: "tray" }, svg);
-    shape("rect", { x: -half + 2, y: TRAY - 3, width: 2 * half - 4, height: 26, rx: 3 }, tray);
+    shape("rect", { x: -half + 2, y: TRAY - 3, width: 2 * half - 4, height: 16, rx: 3 }, tray);
     for (const [side, words] of [[-1, "drag it in"], [1, "or out"]]) {
       const x = side * (half - 17); // beside an object that lies there
-      shape("text", { class: "scale", x, y: TRAY + 12 }, tray).textContent = words;
+      shape("text", { class: "scale", x, y: TRAY + 7 }, tray).textContent = words;
     }
     this.#nodes = {
       tray,
@@ -100,7 +100,7 @@ export class Jaws {
     }
     if (!this.#isHandy) this.#drawItem(isGrasped ? opening : null, true);
     this.#say(opening, isStale);
-    const text = opening === null ? "unknown" : `${opening.toFixed(1)} mm`;
+    const text = opening === null ? "unknown" : figure(opening, 1, "mm");
     const held = isGrasped ? ", something is held" : "";
     const work = this.#work === null ? "" : `, open goes to ${this.#work} mm`;
     this.svg.setAttribute("aria-label", `The jaws: opening ${text}${held}${work}`);
@@ -139,7 +139,7 @@ export class Jaws {
     item.setAttribute("x", -shown / 2);
     item.setAttribute("width", Math.max(shown, 0.5));
     item.setAttribute("y", isIn ? 24 : TRAY - 1);
-    item.setAttribute("height", isIn ? 28 : 22);
+    item.setAttribute("height", isIn ? 28 : 12);
     item.setAttribute("transform", "");
   }
 

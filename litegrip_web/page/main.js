@@ -90,11 +90,9 @@ function press(event, panels) {
   if (isTyping || event.ctrlKey || event.metaKey || event.altKey || event.repeat) return;
   if (document.querySelector("dialog[open]")) return;
   const controlled = panels.filter((panel) => panel.control.has);
-  const panel =
-    controlled.length === 1
-      ? controlled[0]
-      : controlled.find(({ article }) => article.classList.contains("focused"));
-  if (panel?.control.press(event.key.toLowerCase())) event.preventDefault();
+  const focused = panels.find(({ article }) => article.classList.contains("focused"));
+  const panel = controlled.length === 1 ? controlled[0] : focused;
+  if (panel.control.press(event.key.toLowerCase())) event.preventDefault();
 }
 
 addEventListener("dragover", (event) => event.preventDefault());

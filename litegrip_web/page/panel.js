@@ -6,7 +6,7 @@ import { figure, inPageWords, isNumber, owner, time } from "./format.js";
 import { Jaws } from "./jaws.js";
 import { Plots } from "./plots.js";
 import { Stop } from "./stop.js";
-import { toast } from "./toasts.js";
+import { sweep, toast, untoast } from "./toasts.js";
 import { Wire } from "./wire.js";
 import { World } from "./world.js";
 
@@ -47,6 +47,9 @@ export class Panel extends EventTarget {
     }
     this.article = article;
     this.channel = channel;
+    const { clear, said } = this.#nodes;
+    clear.textContent = document.body.classList.contains("several") ? `Clear ${channel}` : "Clear the stop";
+    document.getElementById("clears").append(clear);
     this.#nodes.channel.textContent = channel;
     this.wire = new Wire(channel, secret);
     this.events = new Events(this.#nodes.events, this.wire);
@@ -56,8 +59,7 @@ export class Panel extends EventTarget {
     this.control = new Control(this);
     const stop = new Stop([this], this.#nodes.outcome);
     this.#nodes.stop.onclick = () => stop.press();
-    const text = this.#nodes["stop-text"];
-    text.onclick = () => this.#showWhole(text.ariaExpanded === "false");
+    said.onclick = () => this.#showWhole(said.ariaExpanded === "false");
     const { wire } = this;
     wire.addEventListener("up", ({ detail }) => this.#begin(detail));
     wire.addEventListener("down", ({ detail }) => this.#end(detail));
@@ -84,10 +86,19 @@ export class Panel extends EventTarget {
     if (!this.#nodes.outcome.dataset.stop) this.tell("");
   }
 
-  /* Say what is wrong, until it has been read. */
-  complain(text) {
+  /* Say what is wrong `about` something, until it has been read or a state comes for which `isOver`. */
+  complain(text, about, isOver = () => false) {
     this.tell(text);
-    toast(`${this.channel}: ${text}`);
+    toast(this.channel, text, about, isOver);
+  }
+
+  /* Complain no more about something. */
+  forgive(about) {
+    untoast(this.channel, about);
+  }
+
+  get isSilent() {
+    return this.state?.mode === "offline";
   }
 
   /* Stop this gripper; return null once the daemon has confirmed it, otherwise why that is not known. */
@@ -136,10 +147,11 @@ export class Panel extends EventTarget {
 
   #showAlarms() {
     if (this.state === null) return; // there is no connection, which is what is said
-    const { mode, status, stop } = this.state;
+    const { mode, motor, status, stop } = this.state;
     const alarms = [];
     if (this.#lost !== null) alarms.push("OBJECT LOST");
     if (mode === "fault") alarms.push(`FAULT: ${status.replaceAll("_", " ")}`);
+    if (this.isSilent) alarms.push(motor === "silent" ? "MOTOR SILENT" : "NO MOTOR");
     if (this.#isLate) alarms.push("LATE");
     if (stop !== null) alarms.push("STOPPED");
     this.#alarm(alarms);
@@ -167,7 +179,7 @@ export class Panel extends EventTarget {
     this.#nodes.mode.textContent = `no ${lacks}`;
     this.#nodes.mode.dataset.mode = "offline";
     this.#nodes.why.textContent = message;
-    this.#nodes.stopped.hidden = this.#nodes.doubted.hidden = true;
+    this.#nodes.stopped.hidden = this.#nodes.clear.hidden = this.#nodes.doubted.hidden = true;
     this.#showLoss(false);
     this.#doubt = undefined;
     this.#isLate = false;
@@ -266,6 +278,7 @@ export class Panel extends EventTarget {
     this.#showDoubt(state.scale_doubt);
     this.control.show(state);
     this.world.show(state);
+    sweep(this.channel, state);
     this.#showFacts();
     this.dispatchEvent(new Event("state"));
   }
@@ -281,13 +294,14 @@ export class Panel extends EventTarget {
 
   /* Show what the gripper does: badge, sentence and alert are made of one state, so they agree. */
   #showMode(state, age = 0) {
-    const { mode, why, stopped, "stop-text": text, held } = this.#nodes;
+    const { mode, why, stopped, clear, held } = this.#nodes;
     const phase = state.job?.phase ? ` (${state.job.phase})` : "";
     const does = state.job ? `${state.mode}: ${state.job.kind}${phase}` : state.mode;
     const isFault = state.mode === "fault";
     held.dataset.on = state.is_grasped === null ? "unknown" : state.is_grasped;
     held.textContent = { true: "object detected", false: "no object", null: "object?" }[state.is_grasped];
     stopped.hidden = state.stop === null;
+    clear.hidden = stopped.hidden || !this.#operates;
     this.#showAlarms();
     if (this.#isLate) {
       mode.dataset.mode = "late";
@@ -297,7 +311,7 @@ export class Panel extends EventTarget {
     } else if (state.stop !== null) {
       mode.dataset.mode = isFault ? "fault" : "stopped";
       mode.textContent = isFault ? "fault, STOPPED" : "STOPPED";
-      why.textContent = [isFault ? "" : does, this.#reason(state)].filter(Boolean).join("; ");
+      why.textContent = [isFault ? "" : `It is ${does}`, this.#reason(state)].filter(Boolean).join("; ");
     } else {
       mode.dataset.mode = state.mode;
       mode.textContent = does;
@@ -305,18 +319,18 @@ export class Panel extends EventTarget {
     }
     if (state.stop === null) return this.#showWhole(false);
     const { by, why: reason, since_s: since, level } = state.stop;
-    const when = time(since + this.#offsetS);
-    text.textContent =
-      `Stopped (${level}) at ${when} by ${by ?? "somebody unknown"}${reason ? `: ${reason}` : ""}.`;
-    this.#nodes["stop-until"].textContent =
-      `Nothing moves until it is cleared${this.#operates ? "" : ": 'litegripctl clear'"}.`;
+    const who = `(${level}) at ${time(since + this.#offsetS)} by ${by ?? "somebody unknown"}`;
+    const how = this.#operates ? "" : " ('litegripctl clear')";
+    const told = this.isSilent
+      ? `Stop latched ${who}, but the motor does not answer: cut its power.`
+      : `Stopped ${who}. Nothing moves until it is cleared${how}.`;
+    stopped.textContent = told + (reason ? ` Why: ${reason}.` : "");
   }
 
-  /* Show all of a stop's reason, however long it is; or as much as there is room for. */
+  /* Show all that is said in the head, however long it is; or as much as there is room for. */
   #showWhole(isWhole) {
-    const { stopped, "stop-text": text } = this.#nodes;
-    stopped.parentElement.classList.toggle("whole", isWhole);
-    text.ariaExpanded = isWhole;
+    this.#nodes.said.classList.toggle("whole", isWhole);
+    this.#nodes.said.ariaExpanded = isWhole;
   }
 
   /* Say that the millimetres are probably wrong, as long as the daemon doubts them. */

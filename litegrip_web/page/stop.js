@@ -23,13 +23,15 @@ export class Stop {
     const open = new Set(this.#panels.map(({ channel }) => channel));
     const wrong = new Map();
     const tell = (text, kind) => {
-      if (number === this.#count) this.#tell(text, kind);
+      if (number !== this.#count) return;
+      this.#toldMs = performance.now();
+      this.#say(text, kind);
     };
     tell("STOP sent …", "sent");
     const show = () => {
       const failed = [...wrong].map(([channel, why]) => `${channel} (${why})`);
       if (failed.length) tell(`STOP did not reach ${failed.join(", ")}. ${CUT}`, "failed");
-      else if (open.size === 0) tell(STOPPED, "done");
+      else if (open.size === 0) tell(...this.#latched());
       else tell(`STOP not confirmed by ${[...open].join(", ")}. ${CUT}`, "failed");
     };
     const timer = setTimeout(show, CONFIRMED_WITHIN_MS);
@@ -44,26 +46,29 @@ export class Stop {
     }
   }
 
+  /* What a stop that is latched is good for, and of which kind that is: a motor that is silent does not hear of it. */
+  #latched() {
+    const silent = this.#panels.filter(({ isSilent }) => isSilent).map(({ channel }) => channel);
+    if (!silent.length) return [STOPPED, "done"];
+    const whose = this.#panels.length > 1 ? ` of ${silent.join(", ")}` : "";
+    return [`Stop latched, but the motor${whose} does not answer: cut its power.`, "silent"];
+  }
+
   /* Nothing is said any more that a state contradicts, which was measured after it was said. */
   #compare() {
+    const kind = this.#place.dataset.stop;
+    if (!["done", "silent", "failed"].includes(kind)) return;
     const saidS = (performance.now() - this.#toldMs) / 1000;
     const is = ({ state, wire }, isStopped) => {
       const ageS = state === null ? null : wire.age(state.monotonic_s);
       return ageS !== null && ageS < saidS && (state.stop !== null) === isStopped;
     };
-    if (this.#panels.some((panel) => is(panel, false))) this.#replace("done", "", "");
-    if (this.#panels.every((panel) => is(panel, true))) this.#replace("failed", STOPPED, "done");
+    if (this.#panels.every((panel) => is(panel, true))) this.#say(...this.#latched());
+    else if (kind !== "failed" && this.#panels.some((panel) => is(panel, false))) this.#say("", "");
   }
 
-  #tell(text, kind) {
-    this.#toldMs = performance.now();
-    this.#place.textContent = text;
-    this.#place.dataset.stop = kind;
-  }
-
-  #replace(old, text, kind) {
-    if (this.#place.dataset.stop !== old) return;
-    this.#place.textContent = text;
+  #say(text, kind) {
+    if (this.#place.textContent !== text) this.#place.textContent = text;
     this.#place.dataset.stop = kind;
   }
 }

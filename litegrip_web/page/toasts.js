@@ -1,19 +1,42 @@
-/* What went wrong, until somebody has read it. */
+/* What went wrong, in the bar: until somebody has read it, or it is over. The newest is seen, a click shows all. */
 
 const MOST = 5;
+const list = document.getElementById("toasts");
+list.onclick = () => list.classList.toggle("whole");
 
-export function toast(text) {
-  const list = document.getElementById("toasts");
-  for (const old of list.children) if (old.dataset.text === text) old.remove();
+/* Say `text`, in the place of what was said `about` the same; a state ends it for which `isOver`. */
+export function toast(channel, text, about, isOver) {
   const line = document.createElement("li");
-  line.dataset.text = text;
   const words = document.createElement("span");
-  words.textContent = `${new Date().toLocaleTimeString("en-GB")}  ${text}`;
+  const whose = document.body.classList.contains("several") ? `${channel}: ` : "";
+  words.textContent = `${new Date().toLocaleTimeString("en-GB")}  ${whose}${text}`;
   const close = document.createElement("button");
   close.type = "button";
   close.textContent = "Read";
-  close.onclick = () => line.remove();
+  close.onclick = (event) => {
+    event.stopPropagation();
+    remove((one) => one === line);
+  };
   line.append(words, close);
+  Object.assign(line, { channel, about, isOver });
+  remove((one) => one.channel === channel && one.about === about);
   list.append(line);
-  while (list.children.length > MOST) list.firstChild.remove();
+  remove((one) => [...list.children].indexOf(one) < list.children.length - MOST);
+}
+
+/* Say no more what was said about something: it is tried again, or has been put right. */
+export function untoast(channel, about) {
+  remove((one) => one.channel === channel && one.about === about);
+}
+
+/* Say no more what a state shows to be over. */
+export function sweep(channel, state) {
+  remove((one) => one.channel === channel && one.isOver(state));
+}
+
+function remove(isGone) {
+  for (const line of [...list.children].filter(isGone)) line.remove();
+  const more = list.children.length - 1;
+  list.dataset.more = more > 0 ? `+${more}` : "";
+  if (more < 0) list.classList.remove("whole");
 }

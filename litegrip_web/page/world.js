@@ -1,5 +1,6 @@
 /* The world of a simulated gripper: an object to drag in and out, a hand at the jaws, faults. */
 
+import { numberIn } from "./fields.js";
 import { figure, isNumber } from "./format.js";
 import { Hand } from "./hand.js";
 
@@ -59,9 +60,9 @@ export class World {
 
   /* An object is dragged in, or away. */
   onObject(isIn) {
-    const node = this.#panel.node("object");
-    if (!isIn) this.#do("sim.object");
-    else if (node.reportValidity()) this.#do("sim.object", { width_mm: Number(node.value) });
+    if (!isIn) return void this.#do("sim.object");
+    const width = numberIn(this.#panel.node("object"));
+    if (width !== null) this.#do("sim.object", { width_mm: width });
   }
 
   /* A jaw is led by a pointer that has closed it by so many mm since it took it; null: let go. */
@@ -106,8 +107,9 @@ export class World {
   async #do(method, params = {}) {
     try {
       this.#show(await this.#panel.wire.call(method, params));
+      this.#panel.forgive(method);
     } catch (error) {
-      this.#panel.complain(error.message);
+      this.#panel.complain(error.message, method);
     }
   }
 

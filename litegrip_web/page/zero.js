@@ -3,6 +3,7 @@
    How far the jaws open is asked, too: the scale follows from it. It can be corrected alone. */
 
 import { open } from "./dialog.js";
+import { numberIn } from "./fields.js";
 import { figure } from "./format.js";
 
 /* Ask, and measure or correct when the answer is yes. */
@@ -27,7 +28,7 @@ export function askZero(panel) {
 
   /* Do `act` with the answers, and show what it returns. */
   const run = async (wrong, act) => {
-    if (!stroke.reportValidity()) return;
+    if (numberIn(stroke) === null) return;
     start.disabled = rescale.disabled = true;
     const params = { ...given(), stop_generation: panel.state?.stop_generation ?? 0 };
     try {

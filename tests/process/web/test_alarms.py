@@ -13,6 +13,7 @@ from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess
 from tests.process.web.on_page import button, grasp, opened, part, places, take_control
 from tests.process.web.page_process import Page, page
 
+CUT = "Stop latched, but the motor does not answer: cut its power."
 RED = "rgb(179, 20, 30)"
 SCREENS = {"wide": (1400, 900), "phone": (390, 844), "phone, on its side": (844, 390)}
 
@@ -87,6 +88,7 @@ def test_the_page_behind_a_dialog_is_out_of_reach(
 
 def to_the_controls(tab: Tab) -> None:
     """Scroll to where somebody grasps, who does not see what the jaws' head says."""
+    expect(tab.locator(".jaws .tray")).to_be_visible()  # all is drawn
     button(tab, "Grasp").evaluate("(node) => node.scrollIntoView({block: 'end'})")
     tab.evaluate("scrollBy(0, 100)")
 
@@ -111,12 +113,83 @@ def test_a_loss_and_a_fault_are_said_where_the_buttons_are(
     expect(alarm).to_be_in_viewport(ratio=1)
     tab.keyboard.press("Escape")
     expect(alarm).to_have_text("OBJECT LOST, STOPPED")
-    button(tab, "Clear the stop").dispatch_event("click")  # without scrolling there
+    clear = button(tab, "Clear the stop")
+    expect(clear).to_be_in_viewport(ratio=1)
+    assert aims(tab) == before
+    tab.mouse.click(*middle(tab, "[data-do=clear]"))  # without scrolling there
+    expect(clear).to_be_hidden()
     client.result("sim.fault", name="overload")
     expect(alarm).to_have_text("OBJECT LOST, FAULT: overload")
     expect(alarm).to_be_in_viewport(ratio=1)
     assert alarm.evaluate("(node) => node.scrollHeight <= node.clientHeight")
     assert aims(tab) == before
+
+
+def test_a_motor_that_is_silent_is_said_and_what_needs_it_looks_so(
+    window: BrowserContext, operating: Page, client: Client
+) -> None:
+    tab = opened(window, operating)
+    take_control(tab)
+    to_the_controls(tab)
+    before = aims(tab)
+    alarm, notice = tab.locator("#alarm"), tab.locator("#notice")
+    client.result("sim.fault", name="silent")
+    expect(alarm).to_have_text("MOTOR SILENT")
+    expect(alarm).to_be_in_viewport(ratio=1)
+    for name in ("Enable", "Open", "Hold", "Let go", "Grasp", "Set force", "Zero …", "Teach"):
+        expect(button(tab, name)).to_be_disabled()
+    expect(part(tab, "slider")).to_be_disabled()
+    expect(button(tab, "Disable")).to_be_enabled()  # it may hear, and only not be heard
+    tab.keyboard.press("Escape")
+    expect(notice).to_have_text(CUT)
+    expect(notice).to_have_css("background-color", RED)
+    expect(notice).to_be_in_viewport(ratio=1)
+    expect(part(tab, "stopped")).to_contain_text("the motor does not answer: cut its power.")
+    expect(alarm).to_have_text("MOTOR SILENT, STOPPED")
+    assert aims(tab) == before
+    client.result("sim.fault", name="none")
+    expect(notice).to_have_text("Stopped. Nothing moves until it is cleared.")
+    expect(alarm).to_have_text("STOPPED")
+    client.result("sim.fault", name="silent")
+    expect(notice).to_have_text(CUT)
+    client.result("stop.clear")
+    expect(notice).to_have_text("")
+
+
+COVERED = """
+() => {
+  const rect = (node) => node.getBoundingClientRect();
+  const said = [...document.querySelectorAll("#toasts li")].map(rect);
+  const meets = (a, b) =>
+    a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
+  const bar = rect(document.querySelector("header")).bottom;
+  return [...document.querySelectorAll("main button, main input")]
+    .filter((node) => node.checkVisibility() && rect(node).top >= bar)
+    .filter((node) => said.some((one) => meets(one, rect(node))))
+    .map((node) => node.outerHTML);
+}
+"""
+
+
+def test_what_went_wrong_covers_no_controls_and_moves_none(
+    window: BrowserContext, operating: Page, client: Client
+) -> None:
+    tab = opened(window, operating)
+    take_control(tab)
+    to_the_controls(tab)
+    before = aims(tab)
+    toasts = tab.locator("#toasts li")
+    for count, key in enumerate("ocg", start=1):
+        tab.keyboard.press(key)
+        expect(toasts).to_have_count(count)
+    expect(toasts.last).to_contain_text("grasp: the motor is not enabled")
+    expect(toasts.last).to_be_in_viewport(ratio=1)
+    assert tab.evaluate(COVERED) == []
+    assert aims(tab) == before
+    toasts.last.locator("span").click()  # all of them, as long as somebody wants to
+    expect(toasts.first).to_be_in_viewport(ratio=1)
+    tab.keyboard.press("e")  # now all of it is over
+    expect(toasts).to_have_count(0)
 
 
 def test_a_daemon_and_a_page_server_that_are_gone_are_said_where_the_buttons_are(

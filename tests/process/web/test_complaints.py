@@ -1,0 +1,114 @@
+"""What the page complains of: in its own words, once, and no longer than it is so."""
+
+from typing import Any
+
+import pytest
+from playwright.sync_api import Page as Tab
+from playwright.sync_api import expect
+
+from tests.process.daemon_process import Client
+from tests.process.web.on_page import button, enable, part, take_control
+
+
+def toasts(tab: Tab) -> Any:
+    return tab.locator("#toasts li")
+
+
+def test_what_is_over_is_said_no_more(operated: Tab, client: Client) -> None:
+    take_control(operated)
+    button(operated, "Open").click()
+    expect(toasts(operated)).to_contain_text(["open: the motor is not enabled"])
+    button(operated, "Enable").click()
+    expect(toasts(operated)).to_have_count(0)
+    client.result("lease.take", why="my turn")
+    expect(toasts(operated)).to_contain_text(["You no longer have control"])
+    button(operated, "Take it over").click()
+    expect(toasts(operated)).to_have_count(0)
+    client.result("sim.fault", name="overload")
+    expect(part(operated, "mode")).to_have_text("fault")
+    button(operated, "Open").click()
+    expect(toasts(operated)).to_contain_text(["open: "])
+    button(operated, "Clear the fault").click()
+    expect(toasts(operated)).to_have_count(0)
+
+
+def test_what_is_tried_again_is_said_once(operated: Tab, client: Client) -> None:
+    enable(operated, client)
+    for name in ("here", "there"):
+        part(operated, "name").fill(name)
+        button(operated, "Replay").click()
+        expect(toasts(operated).last).to_contain_text(f"no trajectory '{name}'")
+        expect(toasts(operated)).to_have_count(1)
+    button(operated, "Read").click()
+    expect(toasts(operated)).to_have_count(0)
+
+
+def test_a_stop_leaves_no_complaint_behind(operated: Tab, client: Client) -> None:
+    enable(operated, client)
+    part(operated, "pace").fill("10")
+    operated.keyboard.press("Tab")
+    button(operated, "Close").click()
+    client.until(lambda state: bool(state["job"] and state["opening_mm"] < 59))
+    operated.keyboard.press("Escape")
+    expect(part(operated, "events")).to_contain_text("close, was broken off: a stop")
+    button(operated, "Clear the stop").click()
+    expect(part(operated, "outcome")).to_have_text("clear the stop: done")
+    expect(toasts(operated)).to_have_count(0)
+
+
+def test_a_key_that_does_nothing_says_why(operated: Tab, client: Client) -> None:
+    outcome = part(operated, "outcome")
+    operated.keyboard.press("o")
+    expect(toasts(operated)).to_contain_text(["open: press “Take control” first"])
+    operated.keyboard.press("g")
+    expect(outcome).to_have_text("grasp: press “Take control” first")
+    expect(toasts(operated)).to_have_count(1)
+    take_control(operated)
+    expect(toasts(operated)).to_have_count(0)
+    client.result("stop", level="hold")
+    expect(button(operated, "Open")).to_be_disabled()
+    operated.keyboard.press("o")
+    expect(outcome).to_have_text("open: a stop is latched, “Clear the stop” first")
+    client.result("stop.clear")
+    client.result("sim.fault", name="silent")
+    expect(part(operated, "mode")).to_have_text("offline")
+    operated.keyboard.press("o")
+    expect(outcome).to_have_text("open: the motor does not answer")
+
+
+def test_a_key_on_a_page_that_only_looks_says_why(shown: Tab) -> None:
+    shown.keyboard.press("o")
+    expect(part(shown, "outcome")).to_have_text("open: this page looks and stops only")
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "press", "told"),
+    [
+        ("force", "99", "Grasp", "force: It may be from 0.5 to 40 N, and is 99."),
+        ("force", "", "Set force", "force: It may be from 0.5 to 40 N, and is empty."),
+        ("pace", "999", "Open", "speed: It may be from 0.1 to 150 mm/s, and is 999."),
+        ("speed", "9", "Replay", "replay: It may be from 0.01 to 4 times the speed, and is 9."),
+    ],
+)
+def test_a_number_that_cannot_be_is_refused_in_the_pages_words(
+    operated: Tab, client: Client, field: str, value: str, press: str, told: str
+) -> None:
+    enable(operated, client)
+    before = client.result("job.list")["jobs"]
+    node = part(operated, field)
+    node.fill(value)
+    button(operated, press).click()
+    expect(part(operated, "outcome")).to_have_text(told)
+    said = node.evaluate("(node) => node.validationMessage")
+    assert said == told.partition(": ")[2]  # not the browser's
+    assert client.result("job.list")["jobs"] == before
+    node.fill("1")
+    assert node.evaluate("(node) => node.validity.valid")
+
+
+def test_nothing_is_minus_0(operated: Tab) -> None:
+    figures = """async () => {
+      const { figure } = await import("./format.js");
+      return [-0.04, -0, 0.04, -0.06].map((value) => figure(value, 1, "N"));
+    }"""
+    assert operated.evaluate(figures) == ["0.0 N", "0.0 N", "0.0 N", "-0.1 N"]
