@@ -83,14 +83,14 @@ def draw_page(daemon: SimulatedDaemon) -> None:
         tab.screenshot(path=IMAGES / "page.png")
         tab.emulate_media(color_scheme="dark")
         tab.keyboard.press("Escape")
-        stopped = tab.locator("[data-is=stopped]")
-        stopped.wait_for()
+        clear = tab.get_by_role("button", name="Clear the stop")
+        clear.wait_for()
         tab.wait_for_timeout(500)
         tab.screenshot(
             path=IMAGES / "page-stopped.png", clip={"x": 0, "y": 0, "width": 1240, "height": 560}
         )
-        tab.get_by_role("button", name="Clear the stop").click()
-        stopped.wait_for(state="hidden")
+        clear.click()
+        clear.wait_for(state="hidden")
 
 
 def on_the_page(tab: Page) -> None:
