@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Protocol, TypedDict
 
 from litegripd.model.errors import Refusal
-from litegripd.model.motor import Status, is_fault
+from litegripd.model.motor import Status, is_fault, status_name
 from litegripd.model.sentence import parameter_name, sentence
 from litegripd.rpc.method import Answer, Call, Method, Param
 
@@ -50,6 +50,7 @@ class SimulatedWorld(TypedDict):
     push_nm: float
     held: bool
     powered: bool
+    fault: str | None
     made_share: float
     coil_c: float
     watchdog_s: float
@@ -76,8 +77,8 @@ class SimMethods:
         "Describe the world of the simulated gripper.",
         "The object between the jaws, or null; the true opening; the torque that the object feels;"
         " the torque of a hand, positive when it closes; whether the jaws are held; whether the"
-        " motor has power, and which share of its torque it makes; its coil's temperature; after"
-        " how long without a command it disarms.",
+        " motor has power, the fault that it has latched, if any, and which share of its torque it"
+        " makes; its coil's temperature; after how long without a command it disarms.",
         SimulatedWorld,
     )
     def _get(self, _call: Call) -> Answer:
@@ -282,7 +283,7 @@ def scene_of(gripper: "SimulatedGripper") -> dict[str, Any]:
 
 def world_of(gripper: "SimulatedGripper") -> dict[str, Any]:
     """Return the world of a gripper as it travels."""
-    item = gripper.gripped_object
+    item, status = gripper.gripped_object, gripper.motor.status
     world: SimulatedWorld = {
         "object": None
         if item is None
@@ -296,6 +297,7 @@ def world_of(gripper: "SimulatedGripper") -> dict[str, Any]:
         "push_nm": gripper.hand_nm,
         "held": gripper.is_held,
         "powered": gripper.motor.is_powered,
+        "fault": status_name(status) if is_fault(status) else None,
         "made_share": gripper.made_share,
         "coil_c": gripper.motor.coil_c,
         "watchdog_s": gripper.motor.disarms_after_s,

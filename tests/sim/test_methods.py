@@ -87,10 +87,11 @@ def test_jaws_that_are_held_do_not_move_until_they_are_let_go() -> None:
 
 def test_a_fault_is_latched_and_cleared_as_in_life() -> None:
     world, client = simulated()
-    client.result("sim.fault", name="overload")
+    assert client.result("sim.fault", name="overload")["fault"] == "overload"
     world.run(0.2)
     assert client.refusal("motion.open") == "motor_fault"
     client.result("motor.clear_fault")
+    assert client.result("sim.get")["fault"] is None
     world.run(0.2)
     client.result("motor.enable")
     assert client.result("motion.open")["ok"]

@@ -116,6 +116,7 @@ def sim(run: Run) -> int:
     elif push_nm:
         hand = f"pushes {'closed' if push_nm > 0 else 'open'} with {abs(push_nm):g} N·m"
     power = "on" if data["powered"] else "off"
+    power += f", {data['fault']}" if data.get("fault") else ""
     share = data.get("made_share", 1.0)
     torque = f", makes {share:.0%} of its torque" if share < 1.0 else ""
     lines = (
