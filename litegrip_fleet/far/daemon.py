@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import socket
 from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, cast
@@ -15,6 +16,7 @@ from litegrip_fleet.wire.daemon_lines import MAX_ANSWER_BYTES
 
 ANSWER_WITHIN_S = 2.0
 STOP_WITHIN_S = 1.0
+_READ_BYTES = 65_536
 
 
 class Lines(asyncio.Protocol):
@@ -154,6 +156,21 @@ def how_it_is(
         "age_s": state["age_s"],
         "owner": None if owner is None else owner["program"],
     }
+
+
+async def told_to_stop(path: str, line: bytes) -> bytes:
+    """Give a daemon's socket for stops a line; return the answer. Raises `OSError`."""
+    loop, answer = asyncio.get_running_loop(), b""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connected:
+        connected.setblocking(False)
+        await loop.sock_connect(connected, path)
+        await loop.sock_sendall(connected, line)
+        while b"\n" not in answer:
+            received = await loop.sock_recv(connected, _READ_BYTES)
+            if not received:
+                break
+            answer += received
+    return answer
 
 
 async def stop(channel: str, level: str, why: str) -> None:

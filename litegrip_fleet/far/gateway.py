@@ -8,7 +8,6 @@ import asyncio
 import json
 import logging
 import secrets
-import socket
 import threading
 import time
 from collections.abc import Callable
@@ -28,6 +27,7 @@ from litegrip_fleet.far.daemon import (
     connected,
     followed,
     how_it_is,
+    told_to_stop,
     unreachable,
 )
 from litegrip_fleet.far.dead_man import DeadMansSwitch
@@ -47,7 +47,7 @@ from litegrip_fleet.wire.keys import Caller, Place, caller_in, is_name, stopper_
 from litegrip_fleet.wire.lateness import is_over
 from litegrip_fleet.wire.membership import Membership
 from litegrip_fleet.wire.messages import Ask, BadMessageError, Push, Reply, packed, unpacked
-from litegrip_fleet.wire.network import all_in_order, hand_over, the_newest
+from litegrip_fleet.wire.network import MOST_WAITING, Ring, all_in_order
 from litegrip_fleet.wire.site import LOOK_WITHIN_S, TWO_GATEWAYS
 from litegrip_fleet.wire.together import TOGETHER, Life, Sample
 
@@ -137,9 +137,10 @@ class Gateway:
             self.place.about, lambda query: self._let_in_about(query, take_about)
         )
         # A flood of them does not hold up other grippers' stops: one that gives way is asked again.
-        stops = session.declare_queryable(f"{key}/stop/*", the_newest())
-        # On a thread of its own: nothing else that the gateway does is before it.
-        hand_over(stops, lambda query: self._stop(query, loop), f"stop {self.place}")
+        coming: Ring[zenoh.Query] = Ring(
+            self._together.stop_loop, lambda query: self._stop(query, loop), MOST_WAITING
+        )
+        stops = session.declare_queryable(f"{key}/stop/*", coming.put)
         self._offered = [rpc, hellos, stops]
         if self._is_reached:
             self._show_alive()
@@ -423,7 +424,7 @@ class Gateway:
 
     # Stops ----------------------------------------------------------------------------------------
 
-    def _stop(self, query: zenoh.Query, loop: asyncio.AbstractEventLoop) -> None:
+    async def _stop(self, query: zenoh.Query, loop: asyncio.AbstractEventLoop) -> None:
         """Stop for a user, and answer with what the daemon says; on the stops' own thread."""
         with query:
             user, payload = stopper_in(str(query.key_expr)), query.payload
@@ -434,25 +435,20 @@ class Gateway:
                 _log.warning("%s: a stop by %s came after it was cleared", self.place, user)
                 query.reply(self.place.stop(user), error_line(None, _OVER))
                 return
-            answer = self._stopped(in_the_name_of(f"{user}@{self.place.site}", line))
+            answer = await self._stopped(in_the_name_of(f"{user}@{self.place.site}", line))
             loop.call_soon_threadsafe(self._note, answer)
             became = "stopped" if b'"result":' in answer else "NOT stopped for sure, though asked"
             _log.warning("%s: %s by %s", self.place, became, user, extra=EACH)
             # By our own key: a stop of a whole site was asked by one with a wildcard.
             query.reply(self.place.stop(user), answer)
 
-    def _stopped(self, line: bytes) -> bytes:
+    async def _stopped(self, line: bytes) -> bytes:
         if self._path is None:
             return error_line(None, error_object(UNREACHABLE, f"no daemon for {self._channel}"))
         try:
-            with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connected:
-                connected.settimeout(STOP_WITHIN_S)
-                connected.connect(stop_path(self._path))
-                connected.sendall(line)
-                with connected.makefile("rb") as answers:
-                    return answers.readline()
-        except OSError as error:
-            text = f"the stop is not confirmed by the daemon of {self._channel}: {error}"
+            return await asyncio.wait_for(told_to_stop(stop_path(self._path), line), STOP_WITHIN_S)
+        except (OSError, asyncio.TimeoutError) as error:
+            text = f"the stop is not confirmed by the daemon of {self._channel}: {error!r}"
             return error_line(None, error_object(UNREACHABLE, text))
 
 

@@ -116,6 +116,15 @@ class Together:
         self._network = network
         self._looked_s = time.monotonic()
         self._is_held_up = False
+        self._stop_loop: asyncio.AbstractEventLoop | None = None
+
+    @property
+    def stop_loop(self) -> asyncio.AbstractEventLoop:
+        """The loop of all stops, on a thread of its own: nothing that a gateway does is before."""
+        if self._stop_loop is None:
+            self._stop_loop = asyncio.new_event_loop()
+            threading.Thread(target=self._stop_loop.run_forever, name="stops", daemon=True).start()
+        return self._stop_loop
 
     async def run(self) -> None:
         """Look after all sessions; until cancelled."""

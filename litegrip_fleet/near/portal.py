@@ -13,7 +13,6 @@ import secrets
 import select
 import socket
 import stat
-import threading
 import time
 from collections.abc import Callable, Coroutine, Sequence
 from functools import partial
@@ -40,7 +39,7 @@ from litegrip_fleet.wire.foreign import stop_problem
 from litegrip_fleet.wire.keys import BadNameError, Place
 from litegrip_fleet.wire.lateness import STOP_WITHIN_S, RemoteClock
 from litegrip_fleet.wire.messages import Ask, BadMessageError, Push, Reply, packed, unpacked
-from litegrip_fleet.wire.network import Answered, ask, hand_over, the_newest
+from litegrip_fleet.wire.network import Answered, ask
 from litegrip_fleet.wire.site import TWO_GATEWAYS
 from litegrip_fleet.wire.together import TOGETHER, Sample
 
@@ -54,9 +53,6 @@ _ASK_AGAIN_S = 0.4
 _CONGESTED_BYTES = 65_536
 MOST_UNREAD_BYTES = 4 * 1024 * 1024
 _BACKLOG = 100
-MOST_PUSHES = 64
-"""So many of a gripper's pushes wait for the event loop at most: others get their turn between."""
-
 MOST_CLIENTS = MOST_STOP_CLIENTS = 64
 """At the sockets of each gripper: nobody uses up the portal's descriptors."""
 
@@ -101,14 +97,11 @@ class Portal:
         self.together = together
         together.ticks.append(self._tick)
         together.takers[place] = self._sampled
-        self._identity = secrets.token_hex(4)
+        together.pushed[place] = self._pushed
         self._count = 0
         self._clock = RemoteClock()
         self._clients: dict[str, _Client] = {}
         self._beat_s = time.monotonic()
-        self._subscribed_by: zenoh.Session | None = None
-        self._subscriber: Any = None
-        self._room = threading.Semaphore(MOST_PUSHES)
         self._serving: set[asyncio.Task[None]] = set()
         self._idle: dict[socket.socket, None] = {}  # at the socket for stops; the longest first
 
@@ -153,9 +146,6 @@ class Portal:
 
     def _tick(self, now_s: float, states: dict[int, str | None]) -> None:
         self._beat_s = now_s
-        session = self._session()
-        if session is not None and session is not self._subscribed_by:
-            self._subscribe(session)  # before a session needs it: the router has to hear of it
         for client in list(self._clients.values()):
             client.tick(now_s, states)
 
@@ -173,7 +163,7 @@ class Portal:
             await writer.drain()
             return
         self._count += 1
-        session = f"{self._identity}-{self._count}"
+        session = f"{self.together.identity}-{self._count}"
         key = self.place.rpc(self.user, session, self.role)
         client = _Client(self, session, key, writer)
         self._clients[session] = client
@@ -212,7 +202,7 @@ class Portal:
         )
         while (sent_s := time.monotonic()) < ends_s:
             session = self._session()
-            if session is None or self._subscriber is None:
+            if session is None or session is not self.together.heard_by:
                 await asyncio.sleep(TICK_S)
                 continue
             within_s = min(ends_s - sent_s, 1.0)
@@ -225,8 +215,6 @@ class Portal:
             if reply.gone is not None:
                 return reply.gone
             client.begin(reply, sent_s, now_s)
-            if client.carrier is not None:
-                self.together.listen(session, client.carrier)
             return None
         return error_object(UNREACHABLE, await self._why())
 
@@ -250,21 +238,7 @@ class Portal:
             f" {self.user} see nothing"
         )
 
-    def _subscribe(self, session: zenoh.Session) -> None:
-        """Subscribe to what the gateway sends to this portal's sessions."""
-        loop = asyncio.get_running_loop()
-        key = self.place.to(self.user, f"{self._identity}-*").replace("-*", "-$*")
-        self._subscribed_by = session
-        self._subscriber = session.declare_subscriber(key, the_newest())
-
-        def take(sample: zenoh.Sample) -> None:
-            self._room.acquire()
-            loop.call_soon_threadsafe(self._pushed, sample)
-
-        hand_over(self._subscriber, take, f"portal {self.place}")
-
-    def _pushed(self, sample: zenoh.Sample) -> None:
-        self._room.release()
+    async def _pushed(self, sample: zenoh.Sample) -> None:
         client = self._clients.get(str(sample.key_expr).rpartition("/")[2])
         attached = sample.attachment
         if client is None or client.near is None:

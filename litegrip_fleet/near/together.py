@@ -1,23 +1,21 @@
 """What the portals of one process do together, for all grippers that they make local.
 
-They take the samples of a machine's grippers by one subscription, and say in one message which of
-their clients live.
+They hear what gateways send by one subscription, and say in one message which of their clients
+live.
 """
 
 import asyncio
 import logging
 import secrets
-import threading
 import time
-from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from typing import Any, Protocol
 
 import zenoh
 
-from litegrip_fleet.wire.keys import Place
+from litegrip_fleet.wire.keys import Place, place_in
 from litegrip_fleet.wire.messages import Ask, BadMessageError, Reply, packed
-from litegrip_fleet.wire.network import Answered, ask, hand_over, the_newest
+from litegrip_fleet.wire.network import MOST_WAITING, Answered, Ring, ask, hand_over, the_newest
 from litegrip_fleet.wire.together import (
     MOST_LIVES,
     Life,
@@ -58,22 +56,28 @@ class Together:
     """All portals of a process, which are of one user and one role.
 
     `ticks` are called again and again with the time, and what is known by then of the states of
-    processes. `takers` take a sample for a gripper, with the gripper by whose key it came.
+    processes. `takers` take a sample for a gripper, with the gripper by whose key it came; `pushed`
+    take what is sent to one session of a gripper.
     """
 
     def __init__(self, session: Callable[[], zenoh.Session | None], user: str, role: str) -> None:
-        self.name = f"{secrets.token_hex(8)}-all"
+        self.identity = secrets.token_hex(8)
+        """The begin of all sessions' names: so one subscription hears what is sent to them."""
+
+        self.name = f"{self.identity}-all"
         """The part of the keys where gateways send samples to, and are told who lives."""
+
+        self.heard_by: zenoh.Session | None = None
+        """The network's session that hears what is sent to those of the clients."""
 
         self.ticks: list[Callable[[float, dict[int, str | None]], None]] = []
         self.takers: dict[Place, Callable[[Sample, Place], None]] = {}
+        self.pushed: dict[Place, Callable[[zenoh.Sample], Coroutine[Any, Any, None]]] = {}
         self.is_ticking = False
         self._session = session
         self._user = user
         self._role = role
-        self._heard: dict[Place, tuple[zenoh.Session, zenoh.Subscriber[Any]]] = {}
-        self._waiting: deque[tuple[Place, bytes]] = deque(maxlen=MOST_PUBLICATIONS)
-        self._is_due = threading.Event()
+        self._subscriber: zenoh.Subscriber[Any] | None = None
         self._living: dict[Place, list[tuple[Living, Ask]]] = {}
 
     async def run(self) -> None:
@@ -85,9 +89,9 @@ class Together:
     def tick(self, now_s: float) -> None:
         """Do what is due."""
         states: dict[int, str | None] = {}
-        if (session := self._session()) is not None:
-            for carrier in list(self._heard):
-                self.listen(session, carrier)
+        session = self._session()
+        if session is not None and session is not self.heard_by:
+            self._listen(session)  # before a session needs it: the router has to hear of it
         self.is_ticking = True
         try:
             for tick in self.ticks:
@@ -98,34 +102,29 @@ class Together:
         for carrier, those in living.items():
             self._show(carrier, those)
 
-    # Samples --------------------------------------------------------------------------------------
+    # What gateways send ---------------------------------------------------------------------------
 
-    def listen(self, session: zenoh.Session, carrier: Place) -> None:
-        """Have the samples taken that come by a gripper's key; again after another session's."""
-        if carrier in self._heard and self._heard[carrier][0] is session:
-            return
+    def _listen(self, session: zenoh.Session) -> None:
+        """Have all taken that gateways send, by this session of the network's."""
         loop = asyncio.get_running_loop()
-        subscriber = session.declare_subscriber(carrier.to(self._user, self.name), the_newest())
-        self._heard[carrier] = (session, subscriber)
+        publications = Ring(loop, self._take, MOST_PUBLICATIONS)
+        pushes = {place: Ring(loop, take, MOST_WAITING) for place, take in self.pushed.items()}
+        key = Place("*", "*").to(self._user, f"{self.identity}-$*")
+        self.heard_by, self._subscriber = session, session.declare_subscriber(key, the_newest())
 
         def take(sample: zenoh.Sample) -> None:
-            self._waiting.append((carrier, sample.payload.to_bytes()))
-            if not self._is_due.is_set():
-                self._is_due.set()
-                loop.call_soon_threadsafe(self._take)
+            key = str(sample.key_expr)
+            place = place_in(key)
+            if place is not None and key.endswith(self.name):
+                publications.put((place, sample.payload.to_bytes()))
+            elif place in pushes:
+                pushes[place].put(sample)
 
-        hand_over(subscriber, take, f"states by {carrier}")
+        hand_over(self._subscriber, take, "what gateways send")
 
-    def _take(self) -> None:
-        """Take one publication; others have their turn before the next one."""
-        self._is_due.clear()
-        try:
-            carrier, payload = self._waiting.popleft()
-        except IndexError:
-            return
-        if self._waiting and not self._is_due.is_set():
-            self._is_due.set()
-            asyncio.get_running_loop().call_soon(self._take)
+    async def _take(self, publication: tuple[Place, bytes]) -> None:
+        """Take the samples of a publication, which came by the key of a gripper."""
+        carrier, payload = publication
         try:
             samples = samples_in(payload)
         except BadMessageError as error:

@@ -9,14 +9,16 @@ import json
 import logging
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Coroutine, Mapping, Sequence
 from concurrent import futures
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import zenoh
 
 _log = logging.getLogger(__name__)
+_Item = TypeVar("_Item")
 
 LEASE_MS = 2000
 """A neighbour that is frozen or cut off is gone after so long."""
@@ -26,8 +28,8 @@ DROP_AFTER_US = 20_000
 and asked for again."""
 
 MAX_MESSAGE_BYTES = 65_536
-_WAITING = 1024
-"""So many queries or samples wait for the event loop before zenoh is held up."""
+MOST_WAITING = 1024
+"""So many messages wait for an event loop; then the oldest gives way, and is asked for again."""
 
 QUERY_WITHIN_S = 1.0
 CONNECT_WITHIN_S = 3.0
@@ -164,6 +166,47 @@ def all_in_order(
     return hand_over_one
 
 
+class Ring(Generic[_Item]):
+    """Has an event loop take what comes, one after the other; its other work is done between.
+
+    Of what waits the newest `most` are kept.
+    """
+
+    def __init__(
+        self,
+        loop: asyncio.AbstractEventLoop,
+        take: Callable[[_Item], Coroutine[Any, Any, None]],
+        most: int,
+    ) -> None:
+        self._take = take
+        self._waiting: deque[_Item] = deque(maxlen=most)
+        self._taking: asyncio.Task[None] | None = None
+        self._is_due = False
+        self._loop = loop
+        self._wake = all_in_order(loop, self._begin)
+
+    def put(self, item: _Item) -> None:
+        """Add one, whatever the thread; it waits for nothing."""
+        self._waiting.append(item)
+        if not self._is_due:
+            self._is_due = True
+            self._wake(None)
+
+    def _begin(self, _nothing: None) -> None:
+        self._is_due = False  # first: what is put from now on has it called again
+        if self._taking is None:
+            self._taking = self._loop.create_task(self._take_all())
+
+    async def _take_all(self) -> None:
+        while self._waiting:
+            try:
+                await self._take(self._waiting.popleft())
+            except Exception:  # noqa: BLE001 - the next one counts all the same, a stop most of all
+                _log.exception("what came was not taken")
+            await asyncio.sleep(0)
+        self._taking = None
+
+
 def hand_over(
     source: "zenoh.Queryable[Any] | zenoh.Subscriber[Any] | zenoh.LinkEventsListener[Any]",
     take: Callable[[Any], object],
@@ -171,7 +214,7 @@ def hand_over(
 ) -> None:
     """Take what comes from a source of zenoh's, on a thread of its own, until it ends.
 
-    That thread wakes up ten times a second, as long as nothing comes: for a gripper, have few.
+    That thread wakes up ten times a second, as long as nothing comes: have none for each gripper.
     """
     queue = source.handler  # the source itself cannot be undeclared while a thread waits at it
 
@@ -191,7 +234,7 @@ def hand_over(
 
 def the_newest() -> "zenoh.handlers.RingChannel[Any]":
     """Return a queue whose oldest entries give way when it is full."""
-    queue: zenoh.handlers.RingChannel[Any] = zenoh.handlers.RingChannel(_WAITING)
+    queue: zenoh.handlers.RingChannel[Any] = zenoh.handlers.RingChannel(MOST_WAITING)
     return queue
 
 

@@ -9,7 +9,10 @@ import select
 import socket
 import time
 from collections.abc import AsyncIterator
+from functools import partial
+from itertools import chain, repeat
 from pathlib import Path
+from types import SimpleNamespace
 from typing import cast
 
 import pytest
@@ -206,50 +209,41 @@ def test_a_portal_without_descriptors_goes_on_and_says_of_nobody_that_he_lives(
 
 
 class Pouring:
-    """A gripper that sends pushes without end: what zenoh would have for the portal."""
+    """Pushes of the gripper left without end, one of the gripper right, and the end of them."""
 
     def __init__(self, count: int) -> None:
-        self.left = count
+        names = chain(repeat("left", count), ("right",), repeat("left", count), ("last",))
+        self._keys = (f"litegripd/1/lab/{name}/to/op1/nobody" for name in names)
         self.handler = self
 
     def recv(self) -> object:
-        if self.left == 0:
-            raise zenoh.ZError("undeclared")
-        self.left -= 1
-        return self
-
-    key_expr, attachment = "litegripd/1/lab/left/to/op1/nobody", None
+        for key in self._keys:
+            return SimpleNamespace(key_expr=key)
+        raise zenoh.ZError("undeclared")
 
 
-def test_a_gripper_that_pushes_without_end_leaves_others_their_turn(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    portal, pushes, most = Stopping(), 20_000, 0
-    taken = 0
-    inner = portal._pushed
+def test_a_gripper_that_pushes_without_end_leaves_others_their_turn() -> None:
+    session = SimpleNamespace(declare_subscriber=lambda *_arguments: Pouring(20_000))
+    together = Together(lambda: cast("zenoh.Session", session), "op1", "operator")
+    taken = {"left": 0, "right": 0, "last": 0}
 
-    def pushed(sample: zenoh.Sample) -> None:
-        nonlocal taken
-        taken += 1
-        inner(sample)
+    async def note(name: str, _sample: zenoh.Sample) -> None:
+        taken[name] += 1
 
-    monkeypatch.setattr(portal, "_pushed", pushed)
+    for name in taken:
+        together.pushed[Place("lab", name)] = partial(note, name)
 
-    class Session:
-        def declare_subscriber(self, *_arguments: object) -> Pouring:
-            return Pouring(pushes)
-
-    async def others() -> None:
+    async def others() -> int:
         """Another gripper's work: it counts how many pushes are taken between two turns."""
-        nonlocal most
-        portal._subscribe(cast("zenoh.Session", Session()))
-        before = 0
-        while taken < pushes:
+        together.tick(0.0)
+        before, most = 0, 0
+        while not taken["last"]:
             await asyncio.sleep(0)
-            most, before = max(most, taken - before), taken
+            most, before = max(most, taken["left"] - before), taken["left"]
+        return most
 
-    asyncio.run(asyncio.wait_for(others(), 60.0))
-    assert 0 < most <= 64
+    assert 0 < asyncio.run(asyncio.wait_for(others(), 60.0)) <= 64
+    assert taken["right"] == 1
 
 
 def test_what_is_sent_to_a_portal_is_heard_by_the_session_of_the_time() -> None:

@@ -21,7 +21,7 @@ from litegrip_fleet.far.together import Together as FarTogether
 from litegrip_fleet.near.together import MOST_PUBLICATIONS
 from litegrip_fleet.near.together import Together as NearTogether
 from litegrip_fleet.wire.daemon_lines import generation_in
-from litegrip_fleet.wire.keys import Caller, Place
+from litegrip_fleet.wire.keys import PREFIX, Caller, Place
 from litegrip_fleet.wire.messages import Ask, BadMessageError, Push, Reply, packed, unpacked
 from litegrip_fleet.wire.network import MAX_MESSAGE_BYTES, Answered
 from litegrip_fleet.wire.together import (
@@ -39,6 +39,18 @@ from tests.properties import examples
 
 LEFT, RIGHT = Place("lab", "left"), Place("lab", "right")
 NOTHING: Any = SimpleNamespace()
+
+
+def ended() -> None:
+    """Receive from a session that has ended."""
+    raise zenoh.ZError("closed")
+
+
+SILENT: Any = SimpleNamespace(
+    declare_subscriber=lambda *_arguments: SimpleNamespace(handler=SimpleNamespace(recv=ended))
+)
+"""A session of zenoh's by which nothing comes."""
+
 names = st.from_regex(r"[A-Za-z0-9_-]{1,32}", fullmatch=True)
 counts = st.integers(0, 2**53 - 1)
 objects = st.recursive(
@@ -512,7 +524,7 @@ class Portals:
     """The portals of a process with one client for each gripper, and the gateway's answers."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, count: int) -> None:
-        self.together = NearTogether(lambda: NOTHING, "op1", "operator")
+        self.together = NearTogether(lambda: SILENT, "op1", "operator")
         self.clients = [Client(Place("lab", f"{index:04}"), f"s-{index}") for index in range(count)]
         self.asked: list[tuple[str, list[Life]]] = []
         self.answers: list[bytes] | None = None
@@ -619,7 +631,8 @@ class Published:
         if not self._payloads:
             self.has_ended.set()
             raise zenoh.ZError("undeclared")
-        return SimpleNamespace(payload=zenoh.ZBytes(self._payloads.pop(0)))
+        key = self.key.replace("*/*", "lab/left").replace("$*", "all")
+        return SimpleNamespace(key_expr=key, payload=zenoh.ZBytes(self._payloads.pop(0)))
 
 
 def taken(payloads: list[bytes]) -> list[tuple[Sample, Place]]:
@@ -627,15 +640,15 @@ def taken(payloads: list[bytes]) -> list[tuple[Sample, Place]]:
     found: list[tuple[Sample, Place]] = []
 
     async def scene() -> None:
-        together = NearTogether(lambda: NOTHING, "op1", "operator")
+        session: Any = Published(list(payloads))
+        together = NearTogether(lambda: session, "op1", "operator")
         for place in (LEFT, RIGHT):
             together.takers[place] = lambda sample, carrier: found.append((sample, carrier))
-        session = Published(list(payloads))
-        together.listen(cast("Any", session), LEFT)
-        assert session.key == LEFT.to("op1", together.name)
+        together.tick(0.0)
+        assert session.key == f"{PREFIX}/*/*/to/op1/{together.name.replace('all', '$*')}"
         await asyncio.to_thread(session.has_ended.wait, 30.0)
-        await until(lambda: not together._waiting)
-        await asyncio.sleep(0)
+        for _ in range(MOST_PUBLICATIONS + 1):
+            await asyncio.sleep(0)
 
     asyncio.run(scene())
     return found
