@@ -448,7 +448,8 @@ class Gateway:
         try:
             return await asyncio.wait_for(told_to_stop(stop_path(self._path), line), STOP_WITHIN_S)
         except (OSError, asyncio.TimeoutError) as error:
-            text = f"the stop is not confirmed by the daemon of {self._channel}: {error!r}"
+            why = str(error) or f"no answer within {STOP_WITHIN_S:g} s"
+            text = f"the stop is not confirmed by the daemon of {self._channel}: {why}"
             return error_line(None, error_object(UNREACHABLE, text))
 
 
