@@ -2,7 +2,9 @@
 
 import contextlib
 import socket
+import time
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
@@ -67,8 +69,12 @@ def uids_served(loop: Loop) -> list[int]:
 
 
 def test_a_user_with_one_connection_is_served_as_much_as_three_with_many(
-    loop: Loop, users: Users
+    loop: Loop, users: Users, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Whoever is served while this busy machine runs something else is not charged for that."""
+    lag_s = time.monotonic() - time.thread_time()
+    clock = SimpleNamespace(monotonic=lambda: lag_s + time.thread_time())
+    monkeypatch.setattr(server_module, "time", clock)
     flood = Flood(users, line("echo", 1))
     polite = users.connect(POLITE)
     flood.go_on()
