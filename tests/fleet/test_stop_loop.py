@@ -111,4 +111,4 @@ def test_a_stop_that_a_daemon_does_not_answer_is_said_not_to_be_confirmed(
     monkeypatch.setattr(gateway_module, "STOP_WITHIN_S", 0.05)
     assert b"not confirmed by the daemon of can0" in asyncio.run(gateway._stopped(b"relax\n"))
     daemon.close()
-    assert b"ConnectionRefused" in asyncio.run(gateway._stopped(b"relax\n"))
+    assert b"Connection refused" in asyncio.run(gateway._stopped(b"relax\n"))
