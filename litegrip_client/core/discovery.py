@@ -52,9 +52,10 @@ def check_channel(channel: str) -> str:
     A channel becomes part of a path, so it must not be able to leave the directory.
     """
     if not isinstance(channel, str) or _CHANNEL.fullmatch(channel) is None:
+        of = f"{CHANNEL_VARIABLE}: " if channel == os.environ.get(CHANNEL_VARIABLE) else ""
         raise ParameterError(
-            f"{channel!r:.80} cannot be a channel: a string of 1 to 64 letters, digits, '_', '-'"
-            " and '.', and no '.' in front",
+            f"{of}{channel!r:.80} cannot be a channel: a string of 1 to 64 letters, digits, '_',"
+            " '-' and '.', and no '.' in front",
             reason="invalid_params",
             data={"hint": "name the daemon's channel, can0 for example"},
         )

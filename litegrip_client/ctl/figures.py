@@ -21,6 +21,8 @@ Only what this program says itself goes through it: in what others say, nothing 
 def figure(value: object, form: str, unit: str) -> str:
     """Return a number with its unit, `--` if it is not known."""
     shown = format(value, form) if isinstance(value, int | float) else "--"
+    if shown.startswith("-0") and not shown.strip("-0."):
+        shown = f"{'+' if form.startswith('+') else ''}{shown[1:]}"  # no zero below zero
     return f"{shown} {unit}".rstrip()
 
 

@@ -143,6 +143,8 @@ _CLOSE = 0.7
 """From so much likeness on (of 1) a name is asked for: --socket is none for --force."""
 _OTHER_NAMES = {"goto": "move", "status": "state", "unlock": "clear", "reset": "clear-fault"}
 """What Python and other programs call it."""
+_STOP = re.compile(r"stop\b", re.IGNORECASE)
+_HALTING = ("halt", "estop", "e-stop", "freeze", "abort", "emergency")
 _FEW = 12
 """Names that are listed where none comes close."""
 
@@ -215,10 +217,14 @@ def parse(given: list[str], rows: Sequence[Row]) -> argparse.Namespace:
 def meant_stop(given: list[str], rows: Sequence[Row]) -> argparse.Namespace | None:
     """Return the stop that a wrong command line means, None where it is none for sure.
 
-    What comes before the word `stop` has to be right: it may name another gripper. Of the rest, a
-    level and the gripper count.
+    What comes before the word `stop`, in capitals or not, has to be right: it may name another
+    gripper. Of the rest, a level and the gripper count.
     """
-    at = given.index("stop")
+    words = [part for word in given for part in (word.split() if _STOP.match(word) else [word])]
+    at = next((at for at, word in enumerate(words) if word.lower() == "stop"), None)
+    if at is None:
+        return None
+    given = words
     before, behind = given[:at], given[at + 1 :]
     try:
         known, others = Parser(add_help=False).parse_known_args(behind)
@@ -230,6 +236,12 @@ def meant_stop(given: list[str], rows: Sequence[Row]) -> argparse.Namespace | No
         return None
     options.json = "--json" in given
     return options if options.command == "stop" else None
+
+
+def sounds_like_stop(given: list[str]) -> bool:
+    """Return True if a word of a command line that is wrong may have been meant to stop."""
+    words = [part.lower().strip("-") for word in given for part in word.split()]
+    return any(word in _HALTING or get_close_matches(word, ["stop"], 1, _CLOSE) for word in words)
 
 
 def _call(options: argparse.Namespace) -> str:

@@ -5,7 +5,8 @@ from argparse import Namespace
 
 from litegrip_client.ctl.commands import COMMANDS, find, needs_daemon
 from litegrip_client.ctl.commands.state import not_stopped, stop_first, stop_within_s
-from litegrip_client.ctl.parser import UsageError, meant_stop, parse
+from litegrip_client.ctl.figures import PROGRAM
+from litegrip_client.ctl.parser import UsageError, meant_stop, parse, sounds_like_stop
 from litegrip_client.ctl.render import hint_for, names_remedy
 from litegrip_client.ctl.run import (
     INTERRUPTED,
@@ -15,6 +16,7 @@ from litegrip_client.ctl.run import (
     Output,
     Run,
     connected,
+    take_the_only,
 )
 from litegrip_client.line.exchange import DEFAULT_TIMEOUT_S
 from litegrip_client.values.errors import CommandError, LiteGripError, ProtocolError, exit_code
@@ -33,6 +35,7 @@ def run(given: list[str]) -> int:
 def _run(options: Namespace, output: Output) -> int:
     try:
         if options.command == "stop":
+            take_the_only(options)
             code = stop_first(options, output)
             if code is not None:
                 return code
@@ -64,14 +67,14 @@ def _fail(error: LiteGripError, options: Namespace, output: Output) -> int:
 def _refuse(wrong: UsageError, given: list[str]) -> int:
     """Report what is wrong with the command line; stop first, where that is what it means."""
     output = Output(as_json="--json" in given)
-    if "stop" in given:
-        stop = meant_stop(given, COMMANDS)
-        if stop is None:
-            wrong.message += "; nothing was stopped"
-        elif (code := _run(stop, output)) in (OK, NOT_OK):
-            wrong.message += f"; {stop.channel} was told to stop ({stop.level}) all the same"
-        else:
+    stop = meant_stop(given, COMMANDS)
+    if stop is not None:
+        code = _run(stop, output)
+        if code not in (OK, NOT_OK):
             return code  # it says what is to be done now
+        wrong.message += f"; {stop.channel} was told to stop ({stop.level}) all the same"
+    elif sounds_like_stop(given):
+        wrong.message += f"; nothing was stopped: say {PROGRAM} stop"
     if not output.as_json:
         sys.stderr.write(wrong.usage)
     hint = f"see: {wrong.program} --help"

@@ -110,7 +110,9 @@ def hint_for(error: LiteGripError, options: Namespace) -> str:
         # Which of them is meant is not guessed: it may be the one that must not move. Where the
         # default's socket is there, it is known to be meant, and the error says what is wrong.
         if running and options.channel not in channels_with_socket():
-            return f"there are: {', '.join(running)}; name one: litegripctl -c {running[0]} ..."
+            command = "stop" if options.command == "stop" else "..."
+            first = f"litegripctl -c {running[0]} {command}"
+            return f"there are: {', '.join(running)}; name one: {first}"
     if options.command == "clear" and error.reason == "lease_held":
         return "ask one of them to clear it"  # the message names who may
     reason, here = error.reason or "", options.here

@@ -126,13 +126,8 @@ def connected(options: Namespace, timeout_s: float = DEFAULT_TIMEOUT_S) -> Conne
 
     Raises `LiteGripError`. `timeout_s` is the time limit of connecting and of each call.
     """
-    is_named = options.channel_chosen or is_socket_given(options.socket)
-    if options.only_reads and not is_named and DEFAULT_CHANNEL not in channels_with_socket():
-        # A command that only reads takes the only daemon that listens to this user, and says so.
-        running = running_channels()
-        if len(running) == 1:
-            say(f"{running[0]}, the only daemon that you can reach:")
-            options.channel, options.channel_chosen = running[0], True
+    if options.only_reads:
+        take_the_only(options)
     connection = connect(options.channel, options.socket, timeout_s)
     connection.voice = options.voice
     try:
@@ -147,6 +142,20 @@ def connected(options: Namespace, timeout_s: float = DEFAULT_TIMEOUT_S) -> Conne
         connection.close()
         raise
     return connection
+
+
+def take_the_only(options: Namespace) -> None:
+    """Take the only daemon that listens to this user where none is named, and say so.
+
+    For commands that move nothing: where one moves, which is meant is not guessed.
+    """
+    is_named = options.channel_chosen or is_socket_given(options.socket)
+    if is_named or DEFAULT_CHANNEL in channels_with_socket():
+        return
+    running = running_channels()
+    if len(running) == 1:
+        say(f"{running[0]}, the only daemon that you can reach:")
+        options.channel, options.channel_chosen = running[0], True
 
 
 OK = 0

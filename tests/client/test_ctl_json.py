@@ -70,8 +70,9 @@ def test_without_a_daemon(tmp_path: Path, litegripctl: Ctl, line: str) -> None:
 
 
 @pytest.mark.parametrize("line", LINES)
-def test_a_wrong_command_line(litegripctl: Ctl, line: str) -> None:
-    code, out, _ = litegripctl(*line.split(), "--no-such-option", "--json")
+def test_a_wrong_command_line(tmp_path: Path, litegripctl: Ctl, line: str) -> None:
+    where = ("--socket", str(tmp_path / "none.sock"))
+    code, out, _ = litegripctl(*where, *line.split(), "--no-such-option", "--json")
     # A stop is tried all the same, and there is no daemon.
     wrong = (3, "no_daemon") if line.startswith("stop") else (2, "wrong_usage")
     assert (code, error_of(out)["data"]["reason"]) == wrong

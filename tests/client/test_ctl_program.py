@@ -198,6 +198,19 @@ def test_a_command_that_only_reads_takes_the_only_daemon_and_says_which(
     assert (code, "there are: sim7, sim8" in err) == (3, True)
 
 
+def test_a_stop_without_a_channel_stops_the_only_gripper_and_asks_which_of_several(
+    sim7: FakeDaemon, litegripctl: Ctl
+) -> None:
+    sim7.handlers["stop"] = lambda _request: {"level": "hold", "generation": 4}
+    code, out, err = litegripctl("stop")
+    assert (code, err) == (0, "sim7, the only daemon that you can reach:\n")
+    assert out == "stopped: hold, until: litegripctl clear\n"
+    assert "stop" in sim7.methods()
+    with FakeDaemon(Path(sim7.path).with_name("sim8.sock")):
+        code, _, err = litegripctl("stop")
+    assert (code, "name one: litegripctl -c sim7 stop\n" in err) == (3, True)
+
+
 def test_a_daemon_that_hangs_is_one_of_them_also_when_its_queue_is_full(
     sim7: FakeDaemon, litegripctl: Ctl
 ) -> None:

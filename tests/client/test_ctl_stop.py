@@ -85,7 +85,26 @@ def test_what_may_mean_another_gripper_or_no_stop_at_all_says_that_nothing_was_s
 ) -> None:
     code, out, err = ctl(*given)
     assert (code, out, stops.requests) == (2, "", [])
-    assert "; nothing was stopped\n" in err
+    assert "; nothing was stopped: say litegripctl stop\n" in err
+
+
+@pytest.mark.parametrize("given", [("STOP",), ("Stop",), ("stop now",), ("STOP", "now")], ids=str)
+def test_a_stop_in_capitals_or_in_one_word_with_more_stops(
+    stops: FakeDaemon, ctl: Ctl, given: tuple[str, ...]
+) -> None:
+    stops.handlers["stop"] = lambda _request: {"level": "hold", "generation": 4}
+    code, out, err = ctl(*given)
+    assert (code, out) == (2, "stopped: hold, until: litegripctl clear\n")
+    assert "can0 was told to stop (hold) all the same" in err
+
+
+@pytest.mark.parametrize("word", ["stopp", "sotp", "halt", "--stop", "ESTOP"])
+def test_what_sounds_like_a_stop_says_that_nothing_was_stopped(
+    stops: FakeDaemon, ctl: Ctl, word: str
+) -> None:
+    code, out, err = ctl(word)
+    assert (code, out, stops.requests) == (2, "", [])
+    assert "; nothing was stopped: say litegripctl stop\n" in err
 
 
 def test_a_wrong_stop_names_the_gripper_that_it_stopped(
@@ -214,9 +233,10 @@ def test_a_stop_that_reaches_no_daemon_says_so_and_names_those_that_run(
 ) -> None:
     monkeypatch.setattr("litegrip_client.core.sockets.SYSTEM_DIRECTORY", str(tmp_path))
     (tmp_path / "xdg/litegripd").mkdir(parents=True)
-    with FakeDaemon(tmp_path / "xdg/litegripd/left.sock"):
+    folder = tmp_path / "xdg/litegripd"
+    with FakeDaemon(folder / "left.sock"), FakeDaemon(folder / "right.sock"):
         for line, whom, hint in (
-            ("stop", "can0", "there are: left; name one: litegripctl -c left ..."),
+            ("stop", "can0", "there are: left, right; name one: litegripctl -c left stop"),
             ("-c lef stop", "lef", "did you mean left? there is one for left"),
         ):
             code, _, err = litegripctl(*line.split())

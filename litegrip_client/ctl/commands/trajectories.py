@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 
@@ -394,7 +395,7 @@ def recorded_text(data: Data, here: Here) -> str:
     name = plain(data.get("name"))
     grips = f", {grips_counted(data['grips'])}" if data.get("grips") else ""
     text = f"record: {data.get('samples')} samples in {length}{missed}{grips}, kept as {name}"
-    return f"{text}; {here('replay it with: litegripctl play')} {name}"
+    return f"{text}; {here('replay it with: litegripctl play')} {shlex.quote(name)}"
 
 
 _PLAY = """\
