@@ -337,7 +337,7 @@ class GripperActions:
         still hold then.
 
         It changes the force of a grasp, also while another thread or task of this program waits
-        for that grasp. Jaws that hold nothing close until something resists, faster than by `grasp`.
+        for that grasp. Jaws that hold nothing close until something resists, faster than `grasp`.
         """
         wait_s = number("duration", duration)
         if not 0.0 <= wait_s <= _LONGEST_WAIT_S:

@@ -394,7 +394,7 @@ class GripperActions:
         still hold then.
 
         It changes the force of a grasp, also while another thread or task of this program waits
-        for that grasp. Jaws that hold nothing close until something resists, faster than by `grasp`.
+        for that grasp. Jaws that hold nothing close until something resists, faster than `grasp`.
         """
         return complete(self._core.set_force(force_n, duration))
 
