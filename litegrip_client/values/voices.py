@@ -177,7 +177,8 @@ def in_python(method: str | None, parameter: str | None, asked: str | None) -> s
     if parameter is None:
         return call
     name = _argument(method, parameter)[0] or parameter
-    return f"{call.removesuffix(')')}{name}=...)" if call and call.endswith("()") else None
+    value = "True" if name and name.startswith("allow_") else "..."
+    return f"{call.removesuffix(')')}{name}={value})" if call and call.endswith("()") else None
 
 
 def in_shell(method: str | None, parameter: str | None, asked: str | None) -> str | None:

@@ -95,7 +95,7 @@ def test_a_recording_that_was_broken_off_raises_as_the_daemon_says(
     assert caught.value.reason == "recording_failed"
     assert 40 < caught.value.data["samples"] < 60
     assert daemon.asked("trajectory.record_stop") == [{}]
-    remedy = f"{kind.awaits}gripper.record_stop(allow_partial=...)"
+    remedy = f"{kind.awaits}gripper.record_stop(allow_partial=True)"
     assert f"; {remedy} takes what there is" in str(caught.value)
     part = enabled.record_stop(allow_partial=True)
     assert len(part) == caught.value.data["samples"]
