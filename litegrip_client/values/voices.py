@@ -177,7 +177,7 @@ def in_python(method: str | None, parameter: str | None, asked: str | None) -> s
     if parameter is None:
         return call
     name = _argument(method, parameter)[0] or parameter
-    value = "True" if name and name.startswith("allow_") else "..."
+    value = "True" if name.startswith("allow_") else "..."
     return f"{call.removesuffix(')')}{name}={value})" if call and call.endswith("()") else None
 
 
