@@ -2,18 +2,20 @@
 
 import { open } from "./dialog.js";
 
-/* Ask; return whether the answer was `yes`, the words on that button. */
-export function ask(text, yes) {
+/* Ask; return whether the answer was `yes`, the words on that button, which needs "motion" or "control" alone. */
+export function ask(panel, text, yes, needs) {
   const dialog = document.getElementById("ask");
+  const button = document.getElementById("ask-yes");
   document.getElementById("ask-text").textContent = text;
-  document.getElementById("ask-yes").textContent = yes;
+  button.textContent = yes;
+  button.dataset.needs = needs;
   return new Promise((resolve) => {
     const end = (answer) => {
       dialog.close();
       resolve(answer);
     };
-    document.getElementById("ask-yes").onclick = () => end(true);
+    button.onclick = () => end(true);
     document.getElementById("ask-no").onclick = () => end(false);
-    open(dialog);
+    open(dialog, panel);
   });
 }

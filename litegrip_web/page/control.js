@@ -27,7 +27,7 @@ export class Control {
   #has = false;
   #isDragging = false;
   #isHolding = false;
-  #whyNot = null; // what nothing can move behind: a stop, or a motor that is silent
+  #barred = null; // what nothing can move behind: a stop, or a motor that is silent
   #isRenewing = false;
   #mayReplace = null;
   #recording = null; // "on", "ending", or "ended" by itself; null without one
@@ -103,11 +103,19 @@ export class Control {
   press(key) {
     const name = { e: "enable", o: "open", c: "close", g: "grasp", h: "hold" }[key];
     if (name === undefined || this.#panel.state === null) return false;
-    if (!this.#operates) this.#panel.tell(`${name}: this page looks and stops only`);
-    else if (!this.#has) this.#panel.complain(`${name}: press “Take control” first`, "control");
-    else if (this.#whyNot !== null) this.#panel.tell(`${name}: ${this.#whyNot}`);
-    else this.#panel.node(name).click();
+    const why = this.whyNot("motion");
+    if (why === null) this.#panel.node(name).click();
+    else if (this.#operates && !this.#has) this.#panel.complain(`${name}: ${why}`, "control");
+    else this.#panel.tell(`${name}: ${why}`);
     return true;
+  }
+
+  /* Why what needs "motion", or "control" alone, would do nothing now; null if it would do something. */
+  whyNot(needs) {
+    if (this.#panel.state === null) return "the gripper is not connected";
+    if (!this.#operates) return "this page looks and stops only";
+    if (!this.#has) return "press “Take control” first";
+    return needs === "motion" ? this.#barred : null;
   }
 
   /* Do `act` with the numbers in fields, each by its parameter; an empty or a wrong one is said, and is not 0. */
@@ -130,9 +138,9 @@ export class Control {
       slider.value = state.opening_mm;
     }
     this.#isHolding = state.is_grasped !== false;
-    this.#whyNot = null;
-    if (state.stop !== null) this.#whyNot = "a stop is latched, “Clear the stop” first";
-    if (this.#panel.isSilent) this.#whyNot = "the motor does not answer";
+    this.#barred = null;
+    if (state.stop !== null) this.#barred = "a stop is latched, “Clear the stop” first";
+    if (this.#panel.isSilent) this.#barred = "the motor does not answer";
     if (this.#recording === "on" && state.job?.kind !== "record") this.#askRecording();
     this.#allow();
     this.#showTarget();
@@ -142,12 +150,14 @@ export class Control {
   /* Let be pressed what would do something now: behind a stop, or without a motor, nothing that moves, and no
      opening is chosen while something is held, which it would drop. */
   #allow() {
-    const isBarred = this.#whyNot !== null;
-    this.#panel.node("motions").disabled = !this.#has;
+    const isBarred = this.whyNot("motion") !== null;
+    const lacksControl = this.whyNot("control") !== null;
+    this.#panel.node("motions").disabled = lacksControl;
     for (const name of MOVES) this.#panel.node(name).disabled = isBarred;
     this.#panel.node("release").disabled = this.#panel.isSilent;
-    this.#panel.node("slider").disabled = !this.#has || isBarred || this.#isHolding;
-    this.#panel.node("rescale").disabled = !this.#has;
+    this.#panel.node("slider").disabled = isBarred || this.#isHolding;
+    this.#panel.node("rescale").disabled = lacksControl;
+    this.#panel.dispatchEvent(new Event("allowed"));
   }
 
   /* Show who has the gripper; null where that is not known. */
@@ -242,8 +252,9 @@ export class Control {
     else if (error.reason !== "replaced") this.#panel.complain(text, name, OVER[error.reason]);
   }
 
-  /* Return whether a trajectory may be kept under the name in the field; ask before one is replaced. */
-  async #mayKeep() {
+  /* Return whether a trajectory may be kept under the name in the field; ask before one is replaced, by what `needs`
+     "motion" or "control". */
+  async #mayKeep(needs) {
     const name = this.#panel.node("name").value;
     this.#panel.forgive("name");
     if (!TRAJECTORY_NAME.test(name)) {
@@ -260,13 +271,13 @@ export class Control {
       return false;
     }
     const text = `There is a motion with the name “${name}” already. Replace it?`;
-    if (!(await ask(text, "Replace it"))) return false;
+    if (!(await ask(this.#panel, text, "Replace it", needs))) return false;
     this.#mayReplace = name;
     return true;
   }
 
   async #teach() {
-    if (!(await this.#mayKeep())) return;
+    if (!(await this.#mayKeep("motion"))) return;
     const begun = await this.#do("teach", "trajectory.record_start");
     if (begun === null) return;
     this.#job = begun.job;
@@ -311,7 +322,7 @@ export class Control {
   }
 
   async #keep() {
-    if (!(await this.#mayKeep())) return; // it is still recorded: another name can be given
+    if (!(await this.#mayKeep("control"))) return; // it is still recorded: another name can be given
     const name = this.#panel.node("name").value;
     this.#mayReplace = null;
     const [before, isPart] = [this.#recording, this.#isPart];

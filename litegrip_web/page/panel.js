@@ -97,6 +97,11 @@ export class Panel extends EventTarget {
     untoast(this.channel, about);
   }
 
+  /* Whether what is shown is no longer measured. */
+  get #isLastKnown() {
+    return Boolean(this.state?.stale) || this.#isLate;
+  }
+
   get isSilent() {
     return this.state?.mode === "offline";
   }
@@ -218,6 +223,7 @@ export class Panel extends EventTarget {
     this.article.classList.toggle("late", isLate);
     this.#showMode(this.state, age);
     this.#showJaws(this.state);
+    this.#showFacts();
   }
 
   async #take(event) {
@@ -288,7 +294,7 @@ export class Panel extends EventTarget {
       opening: state.opening_mm,
       command: this.#openingAt(state.command_rad),
       isGrasped: state.is_grasped,
-      isStale: state.stale || this.#isLate,
+      isStale: this.#isLastKnown,
     });
   }
 
@@ -373,15 +379,15 @@ export class Panel extends EventTarget {
     const toLimit = heat?.time_to_limit_s;
     const held = lease?.owner;
     const purpose = held?.purpose ? `, ${held.purpose}` : "";
-    this.#fact("Opening", figure(state?.opening_mm, 1, "mm"));
-    this.#fact("Force", figure(state?.force_n, 1, "N"));
-    this.#fact("Set force", figure(state?.force_set_n, 1, "N"));
+    this.#figure("Opening", figure(state?.opening_mm, 1, "mm"));
+    this.#figure("Force", figure(state?.force_n, 1, "N"));
+    this.#figure("Set force", figure(state?.force_set_n, 1, "N"));
     const felt = clamp ? `${clamp[0].toFixed(1)} to ${clamp[1].toFixed(1)} N by the motor` : "--";
-    this.#fact("Coil", figure(state?.coil_temperature_c, 0, "°C"));
-    this.#fact("Driver", figure(state?.driver_temperature_c, 0, "°C"));
-    this.#fact("Time to the heat limit", isNumber(toLimit) ? figure(toLimit, 0, "s") : heat ? "none" : "--");
+    this.#figure("Coil", figure(state?.coil_temperature_c, 0, "°C"));
+    this.#figure("Driver", figure(state?.driver_temperature_c, 0, "°C"));
+    this.#figure("Time to the heat limit", isNumber(toLimit) ? figure(toLimit, 0, "s") : heat ? "none" : "--");
     this.#showHealth();
-    this.#fact("On the object", felt, "wide", UNSEEN);
+    this.#figure("On the object", felt, "wide", UNSEEN);
     this.#fact("Lease", held ? `${owner(held)}${purpose}` : lease ? "free" : "--", "wide");
   }
 
@@ -404,6 +410,13 @@ export class Panel extends EventTarget {
     );
   }
 
+  /* A figure that is no longer measured says so; an unknown one is none. */
+  #figure(name, value, kind = "", hint = "") {
+    const isLastKnown = this.#isLastKnown && !value.startsWith("--");
+    const node = this.#fact(name, isLastKnown ? `${value}, last known` : value, kind, hint);
+    node.classList.toggle("last-known", isLastKnown);
+  }
+
   #fact(name, value, kind = "", hint = "") {
     let node = this.#facts.get(name);
     if (node === undefined) {
@@ -417,5 +430,6 @@ export class Panel extends EventTarget {
       this.#facts.set(name, node);
     }
     if (node.textContent !== value) node.textContent = value;
+    return node;
   }
 }

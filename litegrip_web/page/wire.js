@@ -11,8 +11,9 @@ const CLOSED = {
   4429: "Too many browsers show this gripper.",
 };
 const STRANGER =
-  "What answers here does not know this page's secret, and was not told it: it is a stranger, or a litegripd-web " +
-  "with a newer secret. Look whether yours runs, and open the address that litegripd-web printed.";
+  "What answers here does not know this page's secret, and was not told it: the address is mistyped or cut short, " +
+  "or litegripd-web has a newer secret, or a stranger answers. Look whether yours runs, and open the address that " +
+  "litegripd-web printed.";
 
 export class RpcError extends Error {
   constructor({ message, data }) {

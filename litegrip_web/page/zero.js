@@ -14,6 +14,7 @@ export function askZero(panel) {
   ].map((name) => document.getElementById(`zero-${name}`));
   const configured = panel.gripper.stroke_mm;
   let job = null;
+  let isBusy = false;
 
   /* The measured opening, if the person gave another one than is configured. */
   const given = () => {
@@ -29,27 +30,32 @@ export function askZero(panel) {
   /* Do `act` with the answers, and show what it returns. */
   const run = async (wrong, act) => {
     if (numberIn(stroke) === null) return;
-    start.disabled = rescale.disabled = true;
+    isBusy = true;
+    allow();
     const params = { ...given(), stop_generation: panel.state?.stop_generation ?? 0 };
     try {
       progress.textContent = await act(params);
+      cancel.textContent = "Done";
     } catch (error) {
       progress.textContent = `${wrong}: ${error.message}`;
+      cancel.textContent = "Close";
     }
     job = null;
-    start.disabled = rescale.disabled = false;
-    cancel.textContent = "Done";
+    isBusy = cancel.disabled = false;
+    allow();
   };
 
   const measure = async (params) => {
     cancel.textContent = "Stop measuring";
+    cancel.disabled = true; // there is nothing yet that it could stop
     progress.textContent = "The jaws move.";
     if (mount.value) params.mount = mount.value;
     const result = await panel.wire.call("calibration.zero", { ...params, progress: true }, (step) => {
       job = step.job;
+      cancel.disabled = false;
       progress.textContent = `${step.phase.replaceAll("_", " ")}: step ${step.step}, ${figure(step.torque_nm, 2, "N·m")}`;
     });
-    if (!result.ok) return `Not measured: ${result.message ?? result.outcome.replaceAll("_", " ")}`;
+    if (!result.ok) throw new Error(result.message ?? result.outcome.replaceAll("_", " "));
     return (
       `Measured: ${figure(result.travel_rad * result.rad_to_mm, 1, "mm")} of travel, saved. ` +
       `The scale uses ${used(params)}. If a caliper shows another opening, enter it and press ` +
@@ -72,12 +78,11 @@ export function askZero(panel) {
   stroke.oninput = showUses;
   showUses();
   progress.textContent = "";
-  start.disabled = rescale.disabled = false;
   cancel.textContent = "Cancel";
   start.onclick = () => run("Not measured", measure);
   rescale.onclick = () => run("Not corrected", correct);
   cancel.onclick = async () => {
-    if (start.disabled && job !== null) {
+    if (job !== null) {
       try {
         await panel.wire.call("job.cancel", { job });
       } catch (error) {
@@ -87,5 +92,5 @@ export function askZero(panel) {
     }
     dialog.close();
   };
-  open(dialog);
+  const allow = open(dialog, panel, () => isBusy);
 }

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,7 +11,16 @@ from playwright.sync_api import Browser, BrowserContext, expect
 from playwright.sync_api import Page as Tab
 
 from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess
-from tests.process.web.on_page import button, grasp, opened, part, places, take_control
+from tests.process.web.on_page import (
+    button,
+    fact,
+    grasp,
+    opened,
+    part,
+    places,
+    take_control,
+    wait_until_it_fits,
+)
 from tests.process.web.page_process import Page, page
 
 CUT = "Stop latched, but the motor does not answer: cut its power."
@@ -154,6 +164,55 @@ def test_a_motor_that_is_silent_is_said_and_what_needs_it_looks_so(
     expect(notice).to_have_text(CUT)
     client.result("stop.clear")
     expect(notice).to_have_text("")
+
+
+UNCOVERED = """
+() => {
+  const bottom = document.querySelector("#notice").getBoundingClientRect().bottom;
+  const nodes = document.querySelector("dialog[open]").children;
+  return [...nodes].every((node) => node.getBoundingClientRect().top >= bottom);
+}
+"""
+
+
+def test_what_has_to_be_done_now_covers_nothing_of_a_dialog_and_moves_nothing_in_it(
+    window: BrowserContext, operating: Page, client: Client
+) -> None:
+    tab = opened(window, operating)
+    take_control(tab)
+    button(tab, "Zero …").click()
+    cancel = button(tab, "Cancel")
+    place = cancel.bounding_box()
+    client.result("sim.fault", name="silent")
+    tab.keyboard.press("Escape")
+    expect(tab.locator("#notice")).to_have_text(CUT)
+    assert tab.evaluate(UNCOVERED)
+    assert cancel.bounding_box() == place
+    long = "STOP did not reach can7 (litegripd does not answer). Cut the motor's power."
+    tab.locator("#notice").evaluate("(node, text) => { node.textContent = text; }", long)
+    assert tab.evaluate(UNCOVERED)
+
+
+def test_the_figures_of_a_silent_motor_are_last_known(
+    window: BrowserContext, operating: Page, client: Client
+) -> None:
+    grasp(client)
+    tab = opened(window, operating)
+    grey = tab.locator("dt", has_text="Opening").evaluate("(node) => getComputedStyle(node).color")
+    figures = ("Opening", "Force", "Set force", "Coil", "Driver", "Time to the heat limit")
+    for name in (*figures, "On the object"):
+        expect(fact(tab, name)).not_to_have_text(re.compile("last known|^--"))
+        expect(fact(tab, name)).not_to_have_css("color", grey)
+    client.result("sim.fault", name="silent")
+    for name in figures:
+        expect(fact(tab, name)).to_have_text(re.compile(r"\w.*, last known$"))
+        expect(fact(tab, name)).to_have_css("color", grey)
+    expect(fact(tab, "On the object")).to_have_text(re.compile("^--$|, last known$"))
+    wait_until_it_fits(tab)
+    client.result("sim.fault", name="none")
+    for name in figures:
+        expect(fact(tab, name)).not_to_have_css("color", grey)
+        expect(fact(tab, name)).not_to_contain_text("last known")
 
 
 COVERED = """

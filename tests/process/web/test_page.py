@@ -511,6 +511,17 @@ def test_a_name_that_browsers_do_not_take_for_secure_is_said(
         expect(tab.get_by_role("button", name="STOP Esc")).to_be_disabled()
 
 
+@pytest.mark.parametrize("cut", [5, 1])
+def test_an_address_that_was_cut_short_is_named(
+    window: BrowserContext, looking: Page, client: Client, cut: int
+) -> None:
+    tab = window.new_page()
+    tab.goto(looking.told[:-cut])
+    expect(part(tab, "why")).to_contain_text("mistyped or cut short")
+    expect(part(tab, "why")).to_contain_text("open the address that litegripd-web printed")
+    expect(part(tab, "why")).to_be_in_viewport(ratio=1)
+
+
 STORED = """
 async () => JSON.stringify([
   {...sessionStorage}, {...localStorage}, document.cookie, history.state, location.href,
@@ -536,6 +547,7 @@ def test_a_frozen_daemon_is_late_and_a_stop_is_not_confirmed(
         expect(part(operated, "mode")).to_have_text("late")
         expect(part(operated, "why")).to_contain_text("No newer state has come for")
         expect(operated.locator(".jaws .jaw.unknown")).to_have_count(2)
+        expect(fact(operated, "Opening")).to_have_text(re.compile(r"\d mm, last known$"))
         operated.keyboard.press("Escape")
         notice = operated.locator("#notice")
         expect(notice).to_have_text(f"STOP not confirmed by {CHANNEL}. Cut the motor's power.")
