@@ -207,7 +207,7 @@ class Connection(Exchange):
         self._check_usable()
         limit_s = self.timeout_s if timeout_s is None else timeout_s
         line = call.line()
-        watch = self._watch(call, limit_s)
+        watch = Watch(self, call) if limit_s > DEFAULT_TIMEOUT_S else None
         since_s = self._loop.time()
         try:
             self._router.calls[call.identity] = call

@@ -272,7 +272,8 @@ class Multiplexer:
             answer = answer_in(lines[0], call.identity)
             if answer is not None:
                 call.answered = True
-                self._router.heard()
+                router = self._router
+                router.is_silent = router.is_danger_told = False
                 stream.keep(rest)
             return answer
         except StreamEndedError:
@@ -416,7 +417,7 @@ class Connection(Exchange):
         limit_s = self.timeout_s if timeout_s is None else timeout_s
         line = request_line(call.identity, call.method, call.params)
         since_s = time.monotonic()
-        watch = self._watch(call, limit_s)
+        watch = Watch(self, call) if limit_s > DEFAULT_TIMEOUT_S else None
         try:
             calls[call.identity] = call
             answer = multiplexer.ask(call, line, self.timeout_s, limit_s)

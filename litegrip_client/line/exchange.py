@@ -174,20 +174,16 @@ class Router:
         self.listeners: dict[Key, ref[Listener]] = {}
         self.refusal: Message | None = None
         self.ending: ConnectError | None = None
-        self.heard()
+        self.is_silent = self.is_danger_told = False
         self._on_orphan = on_orphan
         self._parting_error: Any = None
-
-    def heard(self) -> None:
-        """Note that something has come."""
-        self.is_silent = self.is_danger_told = False
 
     def take(self, lines: Iterable[bytes]) -> str | None:
         """Route complete lines; return what violates the protocol, or None."""
         try:
             for line in lines:
                 self._route(_decode(line))
-                self.heard()
+                self.is_silent = self.is_danger_told = False
         except _VIOLATIONS as error:
             return f"the daemon sent what is not the protocol: {error!r}"
         return None
@@ -466,10 +462,6 @@ class Exchange:
         self._router.calls[question.identity] = question
         self._post(question.line())
         return question
-
-    def _watch(self, call: Call, limit_s: float) -> Watch | None:
-        """Return what watches a call whose time limit is long, None for another."""
-        return Watch(self, call) if limit_s > DEFAULT_TIMEOUT_S else None
 
     def forget(self, call: Call) -> None:
         """Drop later messages for `call`; for callers that set its `keep`."""
