@@ -16,10 +16,10 @@ def closing(running: DaemonProcess) -> "Iterator[subprocess.Popen[str]]":
     """Have `litegripctl` move slowly; kill it at the end."""
     path = str(running.socket_path)
     command = [*CTL, "--socket", path, *SLOW]
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    pipe = subprocess.PIPE
     with running.connect() as client:
         client.enabled()
-        process = subprocess.Popen(command, **pipes, text=True)
+        process = subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True)
         try:
             client.until(lambda state: bool(state["mode"] == "moving"))
             yield process
