@@ -22,8 +22,8 @@ from litegrip_client.core.discovery import reach
 from litegrip_client.core.expected import expectations
 from litegrip_client.core.gripper import Gripper
 from litegrip_client.core.session import DaemonSession
-from litegrip_client.line.connection import peer_pid
-from litegrip_client.line.exchange import DEFAULT_TIMEOUT_S, Call, Exchange, no_answer
+from litegrip_client.line.connection import SLICE_S, peer_pid
+from litegrip_client.line.exchange import DEFAULT_TIMEOUT_S, Call, Exchange, Watch, no_answer
 from litegrip_client.line.feeds import Event, EventFeed, Feed, StateFeed, some_fields, whole_state
 from litegrip_client.line.latest import BaseLatest, NewestFeed
 from litegrip_client.values.calibration import GripperConfig
@@ -207,17 +207,28 @@ class Connection(Exchange):
         self._check_usable()
         limit_s = self.timeout_s if timeout_s is None else timeout_s
         line = call.line()
+        watch = Watch(self, call) if limit_s > DEFAULT_TIMEOUT_S else None
+        since_s = self._loop.time()
         try:
             self._router.calls[call.identity] = call
             if self._stream.is_full:
                 await self._wait_for_room()
             self._stream.send(line)
             while True:
-                await self.wait_until(lambda: bool(call.inbox), limit_s, call.method)
+                await self.wait_until(
+                    lambda: bool(call.inbox), limit_s, call.method, since_s, watch
+                )
+                is_report = "method" in call.inbox[0]
                 result = self._take(call)
                 if result is not None:
                     return result
+                if is_report:
+                    since_s = self._loop.time()
+                if watch is not None:
+                    watch.restart()
         finally:
+            if watch is not None:
+                watch.end()
             if not call.keep:
                 self.forget(call)
 
@@ -331,15 +342,33 @@ class Connection(Exchange):
     def _post(self, line: bytes) -> None:
         self._stream.send(line)
 
-    async def wait_until(self, came: Callable[[], bool], timeout_s: float, what: str) -> None:
-        """Return when something has come; raises `ConnectError` when it cannot come."""
+    async def wait_until(
+        self,
+        came: Callable[[], bool],
+        timeout_s: float,
+        what: str,
+        since_s: float | None = None,
+        watch: Watch | None = None,
+    ) -> None:
+        """Return when something has come; raises `ConnectError` when it cannot come.
+
+        That is, by `timeout_s` after `since_s` (now), or when `watch` says so.
+        """
         self._check_loop()
 
         def ready() -> bool:
             return came() or self._router.ending is not None
 
-        if not await self._waiting.until(ready, timeout_s):
-            raise no_answer(f"the daemon did not answer {what}", timeout_s)
+        ends_s = timeout_s + (self._loop.time() if since_s is None else since_s)
+        while True:
+            remaining_s = ends_s - self._loop.time()
+            wait_s = remaining_s if watch is None else min(remaining_s, SLICE_S)
+            if await self._waiting.until(ready, wait_s):
+                break
+            if watch is None or wait_s == remaining_s:
+                self.note_silence()
+                raise no_answer(f"the daemon did not answer {what}", timeout_s)
+            watch.look()
         if not came():
             self._router.check()
 

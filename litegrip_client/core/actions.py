@@ -7,7 +7,7 @@ generated from this file: its docstrings are written for both.
 from __future__ import annotations
 
 from litegrip_client.core.motion import Motion, SetpointStream, check_no_feedforward, frame_target
-from litegrip_client.core.session import ACTION_TIMEOUT_S, DaemonSession
+from litegrip_client.core.session import ACTION_TIMEOUT_S, DaemonSession, naming_the_danger
 from litegrip_client.values.checks import call_it, given_numbers, integer, number
 from litegrip_client.values.errors import CommandError, LiteGripError, ParameterError
 from litegrip_client.values.motion_config import MotionConfig
@@ -147,8 +147,12 @@ class GripperActions:
         await self._session.let_go()
 
     async def disable(self) -> bool:
-        """Disable the motor: no torque, the jaws can be moved by hand. True if confirmed."""
-        done = (await self._ask("motor.disable"))["ok"] is True
+        """Disable the motor: no torque, the jaws can be moved by hand. True if confirmed.
+
+        Raises `CommError` if the motor cannot be reached: it may be enabled, so cut its power.
+        """
+        with naming_the_danger():
+            done = (await self._ask("motor.disable"))["ok"] is True
         if done:
             self._session.enabled_here = False
         return done

@@ -6,13 +6,14 @@ module sends it and finds out what became of it. The daemon decides how the jaws
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import time
 from collections.abc import Awaitable, Callable, Mapping
 
 from litegrip_client.core.session import DaemonSession, own_jobs
-from litegrip_client.line.exchange import FOREVER_S, Call, Progress
+from litegrip_client.line.exchange import FOREVER_S, Call, Progress, not_answered
 from litegrip_client.values.checks import given_numbers, number
 from litegrip_client.values.errors import (
     CancelledError,
@@ -46,7 +47,10 @@ class Motion:
         method: str,
         params: Mapping[str, Any],
         on_progress: Progress | None = None,
+        *,
+        warns: bool = True,
     ) -> None:
+        """With `warns`, a failed cancelling is logged."""
         self.cancelled: dict[str, Any] | None = None
         self.cancel_error: LiteGripError | None = None
         self._wire = wire
@@ -54,6 +58,7 @@ class Motion:
         # Always with progress, because that gives the number of the job.
         self._params = {**params, "progress": True}
         self._on_progress = on_progress
+        self._warns = warns
 
     async def run(self) -> dict[str, Any]:
         """Wait for the motion's result, however long it takes.
@@ -68,8 +73,12 @@ class Motion:
             return await wire.run(call, FOREVER_S)
         except GeneratorExit:  # the event loop is gone, and nothing can be awaited
             raise
-        except BaseException:
-            if not call.answered:
+        except BaseException as error:
+            if call.answered:
+                raise
+            if isinstance(error, ConnectError) and wire.connection.is_silent:
+                self._cancel_later(call)
+            else:
                 await wire.finish(self._cancel(call))
             raise
         finally:
@@ -87,7 +96,29 @@ class Motion:
                 self.cancelled = await self._wire.call("job.cancel", params, _CANCEL_TIMEOUT_S)
         except LiteGripError as error:
             self.cancel_error = error
-            warn(f"the interrupted {self._method} could not be cancelled: {error}")
+            connection = self._wire.connection
+            if connection.is_silent:
+                error.message = not_answered(_CANCEL_TIMEOUT_S)
+                connection.note_silence(is_danger_told=True)
+            if self._warns:
+                from litegrip_client.values.voices import in_python  # noqa: PLC0415 - seldom needed
+
+                name = (connection.voice or in_python)(self._method, None, None) or self._method
+                warn(f"the interrupted {name} could not be cancelled: {error.message}")
+
+    def _cancel_later(self, call: Call) -> None:
+        """Have the motion cancelled when the silent daemon goes on: nobody waits for that."""
+        connection = self._wire.connection
+
+        def cancel(result: dict[str, Any]) -> None:
+            for job in own_jobs(connection, result["jobs"]):
+                connection.post("job.cancel", {"job": job})
+
+        with contextlib.suppress(LiteGripError):  # why the waiting ended is what counts
+            if call.job is not None:
+                connection.post("job.cancel", {"job": call.job})
+            else:
+                connection.post("job.list", {}, cancel)
 
     async def _find_job(self, call: Call) -> int | None:
         """Find the running job of this connection: no notification has named its number yet."""

@@ -8,13 +8,14 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
-from collections.abc import Callable, Coroutine, Iterable, Mapping
+from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
 from weakref import WeakSet
 
 from litegrip_client.core.discovery import chosen_channel
 from litegrip_client.values.checks import given_numbers
 from litegrip_client.values.errors import (
     CommandError,
+    CommError,
     ConnectError,
     HardwareError,
     LeaseError,
@@ -435,6 +436,7 @@ def _is_own(connection: Exchange, owner: Mapping[str, Any]) -> bool:
 
 
 async def _disable(wire: Wire) -> None:
+    is_told = wire.connection.is_danger_told
     try:
         done = (await wire.call("motor.disable", None, ACTION_TIMEOUT_S)).get("ok")
     except LeaseError as error:  # the motor is another's to disable
@@ -443,12 +445,29 @@ async def _disable(wire: Wire) -> None:
     except HardwareError as error:
         error.message = f"the motor could not be disabled, cut its power: {error.message}"
         raise
+    except ConnectError as error:
+        if error.reason == "no_answer":
+            why = "the daemon does not answer"
+            error.message = f"the motor could not be disabled, cut its power: {why}"
+            error.is_told = is_told
+        raise
     if not done:
         raise HardwareError(
             "the motor did not confirm that it is disabled, cut its power",
             reason="not_confirmed",
             data={"retryable": True},
         )
+
+
+@contextlib.contextmanager
+def naming_the_danger() -> Iterator[None]:
+    """Have an error of disabling say that the motor may be enabled, and what to do about that."""
+    try:
+        yield
+    except CommError as error:
+        error.message = f"the motor is not known to be off, cut its power: {error.message}"
+        error.data.setdefault("hint", "see what is wrong: litegripctl doctor")
+        raise
 
 
 async def _release(wire: Wire) -> None:

@@ -157,7 +157,9 @@ def finish(run: Run, method: str, params: Data, tell: Callable[[Data], str]) -> 
         if run.output.live:
             run.output.line(progress(data))
 
-    motion = Motion(BlockingWire(run.connection), method, {**params, "detach": True}, show)
+    motion = Motion(
+        BlockingWire(run.connection), method, {**params, "detach": True}, show, warns=False
+    )
     try:
         data = complete(motion.run())
     except KeyboardInterrupt:
@@ -192,7 +194,8 @@ def _report_cancelled(motion: Motion, run: Run) -> None:
     hint = ""
     if motion.cancel_error is not None:
         text = f"interrupted, but the motion could NOT be cancelled: {motion.cancel_error.message}"
-        hint = run.here("it may continue; stop it with: litegripctl stop")
+        if not run.connection.is_silent:
+            hint = run.here("it may continue; stop it with: litegripctl stop")
     elif motion.cancelled is None:
         text = f"interrupted: no motion was running, {jaws_now(run)}"
     elif motion.cancelled["state"] in ENDING:

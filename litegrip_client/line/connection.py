@@ -30,6 +30,7 @@ from litegrip_client.line.exchange import (
     Exchange,
     Progress,
     Router,
+    Watch,
     answer_in,
     no_answer,
     request_line,
@@ -271,6 +272,8 @@ class Multiplexer:
             answer = answer_in(lines[0], call.identity)
             if answer is not None:
                 call.answered = True
+                router = self._router
+                router.is_silent = router.is_danger_told = False
                 stream.keep(rest)
             return answer
         except StreamEndedError:
@@ -284,17 +287,27 @@ class Multiplexer:
                 if self._followers:
                     self._wake_followers()
 
-    def wait(self, inbox: deque[Any], timeout_s: float, what: str, since_s: float) -> None:
+    def wait(
+        self,
+        inbox: deque[Any],
+        timeout_s: float,
+        what: str,
+        since_s: float,
+        watch: Watch | None = None,
+    ) -> None:
         """Return when `inbox` holds something; raises `ConnectError` when that cannot come.
 
-        That is, by `timeout_s` after `since_s`.
+        That is, by `timeout_s` after `since_s`, or when `watch` says so.
         """
         me = threading.get_ident()
         try:
             while not inbox:
                 self._router.check()
                 if (remaining_s := since_s + timeout_s - time.monotonic()) <= 0.0:
+                    self._router.is_silent = True
                     raise no_answer(f"the daemon did not answer {what}", timeout_s)
+                if watch is not None:
+                    watch.look()
                 if self._may_lead(me):
                     self._read(min(remaining_s, SLICE_S))
                     self._wake_followers()
@@ -404,18 +417,25 @@ class Connection(Exchange):
         limit_s = self.timeout_s if timeout_s is None else timeout_s
         line = request_line(call.identity, call.method, call.params)
         since_s = time.monotonic()
+        watch = Watch(self, call) if limit_s > DEFAULT_TIMEOUT_S else None
         try:
             calls[call.identity] = call
             answer = multiplexer.ask(call, line, self.timeout_s, limit_s)
             if answer is not None:
                 return self._result(answer, call.method)
             while True:
-                multiplexer.wait(call.inbox, limit_s, call.method, since_s)
+                multiplexer.wait(call.inbox, limit_s, call.method, since_s, watch)
+                is_report = "method" in call.inbox[0]
                 result = self._take(call)
                 if result is not None:
                     return result
-                since_s = time.monotonic()
+                if is_report:
+                    since_s = time.monotonic()
+                if watch is not None:
+                    watch.restart()
         finally:
+            if watch is not None:
+                watch.end()
             if not call.keep:
                 calls.pop(call.identity, None)
 

@@ -163,7 +163,8 @@ class Router:
     Listeners are held weakly, so that a subscription that nobody has any more can be ended:
     `on_orphan` is called with the key of one for which something came. `refusal` is the newest
     that a request without an answer got, until somebody takes it. `ending` says why nothing
-    more can come, once that is so.
+    more can come, once that is so. `is_silent` is true from a time-out on until
+    something comes, `is_danger_told` if somebody was told meanwhile to cut the motor's power.
 
     Routing a line twice does no harm, so that a reader may be interrupted in between.
     """
@@ -173,6 +174,7 @@ class Router:
         self.listeners: dict[Key, ref[Listener]] = {}
         self.refusal: Message | None = None
         self.ending: ConnectError | None = None
+        self.is_silent = self.is_danger_told = False
         self._on_orphan = on_orphan
         self._parting_error: Any = None
 
@@ -181,6 +183,7 @@ class Router:
         try:
             for line in lines:
                 self._route(_decode(line))
+                self.is_silent = self.is_danger_told = False
         except _VIOLATIONS as error:
             return f"the daemon sent what is not the protocol: {error!r}"
         return None
@@ -253,14 +256,77 @@ def unsubscribing(notification: str, number: int) -> tuple[str, dict[str, Any]]:
     return _UNSUBSCRIBING[notification], {"subscription": number}
 
 
+_SEE = "see what is wrong: litegripctl doctor"
+
+
 def no_answer(message: str, timeout_s: float) -> ConnectError:
     """Make the error for a daemon that does not do something in time."""
-    hint = "see what is wrong: litegripctl doctor"
     return ConnectError(
         f"{message} within {timeout_s:g} s",
         reason="no_answer",
-        data={"retryable": True, "hint": hint},
+        data={"retryable": True, "hint": _SEE},
     )
+
+
+def not_answered(quiet_s: float) -> str:
+    """Return what to say of a silent daemon while the motor may be enabled."""
+    return (
+        f"the daemon has not answered for {quiet_s:.0f} s: what the jaws do is not known; to be"
+        " sure, cut the motor's power"
+    )
+
+
+_QUIET_S, _ANSWERED_WITHIN_S = 1.9, 2.9
+"""So that the fourth and the tenth look find it: who waits looks twice a second."""
+_GAP_S = 1.0
+"""Between looks so far apart this process did not run."""
+
+
+class Watch:
+    """Finds out, for a call that may take long, that the daemon has fallen silent.
+
+    After a while without a message for the call, the daemon is asked for its state. The answer is
+    put into the call's own inbox, which ends the silence as any message does.
+    """
+
+    def __init__(self, exchange: Exchange, call: Call) -> None:
+        self._exchange = exchange
+        self._call = call
+        self._question: Call | None = None
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin to count: a message has come."""
+        self._quiet_s = 0.0
+        self._asked_at_s: float | None = None
+        self._looked_s = time.monotonic()
+
+    def look(self) -> None:
+        """Ask if it is time for that; raise `ConnectError` if no answer came in time."""
+        now_s = time.monotonic()
+        passed_s = now_s - self._looked_s
+        if passed_s > _GAP_S:  # what has come meanwhile is not read yet
+            self.restart()
+            return
+        self._looked_s = now_s
+        self._quiet_s += passed_s
+        if self._asked_at_s is None:
+            if self._quiet_s >= _QUIET_S or self._exchange.is_silent:
+                self._asked_at_s = self._quiet_s
+                self.end()
+                self._question = self._exchange.question(self._call)
+        elif self._quiet_s - self._asked_at_s >= _ANSWERED_WITHIN_S:
+            self._exchange.note_silence(is_danger_told=True)
+            raise ConnectError(
+                not_answered(self._quiet_s),
+                reason="no_answer",
+                data={"retryable": True, "hint": _SEE},
+            )
+
+    def end(self) -> None:
+        """Drop an answer that is still to come."""
+        if self._question is not None:
+            self._exchange.forget(self._question)
 
 
 def answer_in(line: bytes, identity: int) -> Message | None:
@@ -374,6 +440,29 @@ class Exchange:
             self._router.calls[call.identity] = call
         self._post(call.line())
 
+    @property
+    def is_silent(self) -> bool:
+        """True if the daemon did not answer in time, and nothing has come since then."""
+        return self._router.is_silent
+
+    @property
+    def is_danger_told(self) -> bool:
+        """True if somebody was told since then that the motor's power is to be cut."""
+        return self._router.is_danger_told
+
+    def note_silence(self, *, is_danger_told: bool = False) -> None:
+        """Note that the daemon did not answer in time."""
+        self._router.is_silent = True
+        self._router.is_danger_told |= is_danger_told
+
+    def question(self, call: Call) -> Call:
+        """Ask the daemon something that it answers at once, to wake who waits for `call`."""
+        question = self.prepare("state.get")
+        question.inbox = call.inbox
+        self._router.calls[question.identity] = question
+        self._post(question.line())
+        return question
+
     def forget(self, call: Call) -> None:
         """Drop later messages for `call`; for callers that set its `keep`."""
         self._router.calls.pop(call.identity, None)
@@ -427,10 +516,11 @@ class Exchange:
             self.stop_generation = generation
 
     def _take(self, call: Call) -> dict[str, Any] | None:
-        """Take the first message for `call`: return its result, or None after a progress report."""
+        """Take the first message for `call`: return its result, or None after another one."""
         message = call.inbox.popleft()
         if "method" not in message:
-            return self._result(message, call.method)
+            is_own = message["id"] == call.identity  # else it is the answer to a `question`
+            return self._result(message, call.method) if is_own else None
         if call.on_progress is not None:
             call.on_progress(message["params"])
         return None

@@ -230,7 +230,10 @@ class GripperActions:
         return complete(self._core.enable(retries))
 
     def disable(self) -> bool:
-        """Disable the motor: no torque, the jaws can be moved by hand. True if confirmed."""
+        """Disable the motor: no torque, the jaws can be moved by hand. True if confirmed.
+
+        Raises `CommError` if the motor cannot be reached: it may be enabled, so cut its power.
+        """
         return complete(self._core.disable())
 
     def clear_fault(self, *, enable: bool = True) -> bool:

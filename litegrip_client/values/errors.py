@@ -90,6 +90,8 @@ class LiteGripError(Exception):
     """The daemon's methods that the message names."""
     remedy: frozenset[str] = frozenset()
     """Those that the hint names."""
+    is_told = False
+    """True if another error or warning has said already what this one does."""
 
     def __init__(
         self,

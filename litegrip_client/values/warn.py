@@ -31,7 +31,11 @@ async def leave(close: Callable[[], Awaitable[object]], error: BaseException | N
     except LiteGripError as second:
         if error is None:
             raise
-        if isinstance(second, HardwareError):  # the motor may be energised: that stands alone
+        if second.is_told:
+            return
+        if (
+            isinstance(second, HardwareError) or second.reason == "no_answer"
+        ):  # the motor may be energised: that stands alone
             why = error.message if isinstance(error, LiteGripError) else ""
             warn(second.message.removesuffix(f": {why}"))
         else:

@@ -78,6 +78,8 @@ class Heard(Daemon):
         self.requests: list[Asked] = []
         self.instead: dict[str, Any] = {}
         self.late: dict[str, float] = {}
+        self._is_frozen = False
+        self._unread: list[Callable[[], None]] = []
         self.streams: list[Line] = []
 
     def methods(self) -> list[str]:
@@ -92,6 +94,29 @@ class Heard(Daemon):
         """The state as it is sent."""
         state: dict[str, Any] = self.client().result("state.get")
         return state
+
+    def freeze(self) -> None:
+        """Neither read nor write any more, as a process that is stopped; its connections stay."""
+        self._is_frozen = True
+
+    def thaw(self) -> None:
+        """Go on, with what was sent meanwhile."""
+        self._is_frozen = False
+        unread, self._unread = self._unread, []
+        for read in unread:
+            read()
+
+    @property
+    def is_frozen(self) -> bool:
+        """True from `freeze` to `thaw`."""
+        return self._is_frozen
+
+    def read(self, reading: Callable[[], None]) -> None:
+        """Take a request, now or when it goes on."""
+        if self._is_frozen:
+            self._unread.append(reading)
+        else:
+            reading()
 
     def hang_up(self) -> None:
         """End as a daemon ends: all connections are gone."""
@@ -116,7 +141,7 @@ class Line(VirtualStream):
             self._heard.requests.append(request)
             delay_s = self._heard.late.get(request.method)
             if delay_s is None:
-                self._answer(request, one)
+                self._heard.read(partial(self._answer, request, one))
             else:
                 self._site.after(delay_s, partial(self._answer, request, one))
 
@@ -136,9 +161,13 @@ class Line(VirtualStream):
         message = {"jsonrpc": "2.0", "method": method, "params": params}
         self._session.outgoing.append(json.dumps(message).encode() + b"\n")
 
+    def _take(self) -> bool:
+        return not self._heard.is_frozen and super()._take()
+
     @property
     def has_news(self) -> bool:
-        return bool(self._session.outgoing) or self.hung_up
+        is_heard = bool(self._session.outgoing) and not self._heard.is_frozen
+        return is_heard or self.hung_up
 
     def take(self) -> bytes:
         received = b"".join(self._session.outgoing)

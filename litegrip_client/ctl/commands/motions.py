@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from argparse import _ActionsContainer
 
-from litegrip_client.core.session import ACTION_TIMEOUT_S
+from litegrip_client.core.session import ACTION_TIMEOUT_S, naming_the_danger
 from litegrip_client.ctl.figures import Data, figure, owner, plain
 from litegrip_client.ctl.parser import LateParser, count, in_unit, not_negative, positive, target
 from litegrip_client.ctl.render import (
@@ -44,7 +44,8 @@ def enable(run: Run) -> int:
 
 def disable(run: Run) -> int:
     """Disable the motor."""
-    data = run.connection.call("motor.disable", {"detach": True}, ACTION_TIMEOUT_S)
+    with naming_the_danger():
+        data = run.connection.call("motor.disable", {"detach": True}, ACTION_TIMEOUT_S)
     return run.done(
         data,
         "disabled" if data["ok"] else "NOT disabled: the motor does not confirm it",

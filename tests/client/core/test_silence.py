@@ -1,0 +1,175 @@
+"""A daemon that is frozen, or hangs, while somebody waits for it."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from litegrip_client import CANTimeoutError, ConnectError, LiteGrip
+from tests.client.rig import SILENT, Bench, Ctl, Heard, Kind, run_ctl
+
+UNKNOWN = "what the jaws do is not known; to be sure, cut the motor's power"
+NOT_OFF = "the motor is not known to be off, cut its power"
+NOT_DISABLED = "the motor could not be disabled, cut its power: the daemon does not answer"
+
+
+@pytest.fixture
+def ctl(daemon: Heard, capsys: pytest.CaptureFixture[str]) -> Ctl:
+    return run_ctl(capsys)
+
+
+def test_a_motion_does_not_wait_for_a_frozen_daemon(
+    site: Bench, daemon: Heard, enabled: LiteGrip
+) -> None:
+    began_s = site.now_s
+    site.after(0.3, daemon.freeze)
+    with pytest.raises(ConnectError, match=f"not answered for 5 s: {UNKNOWN}") as caught:
+        enabled.close(speed_mm_s=10.0)
+    assert caught.value.reason == "no_answer"
+    assert site.now_s - began_s == pytest.approx(5.8, abs=0.6)
+    assert daemon.methods()[-2:] == ["state.get", "job.cancel"]
+    daemon.thaw()
+    assert enabled.get_state().mode == "holding"
+
+
+def test_a_motion_that_a_frozen_daemon_never_read_is_cancelled_when_it_goes_on(
+    daemon: Heard, enabled: LiteGrip
+) -> None:
+    daemon.freeze()
+    with pytest.raises(ConnectError, match=UNKNOWN):
+        enabled.close(speed_mm_s=10.0)
+    daemon.thaw()
+    assert enabled.get_state().mode in ("moving", "holding")
+    assert enabled.get_state().mode == "holding"
+
+
+def test_a_daemon_that_answers_meanwhile_is_waited_for(
+    site: Bench, daemon: Heard, enabled: LiteGrip
+) -> None:
+    daemon.late["motion.open"] = 20.0
+    began_s = site.now_s
+    assert enabled.open().ok
+    assert site.now_s - began_s > 20.0
+    assert daemon.methods().count("state.get") == pytest.approx(9, abs=2)
+
+
+def test_questions_do_not_prolong_a_time_limit(
+    site: Bench, daemon: Heard, enabled: LiteGrip
+) -> None:
+    daemon.instead["motor.disable"] = SILENT
+    began_s = site.now_s
+    with pytest.raises(ConnectError, match=r"did not answer motor\.disable within 30 s"):
+        enabled.disable()
+    assert site.now_s - began_s == pytest.approx(30.0, abs=0.1)
+    daemon.instead.clear()
+
+
+def test_a_time_in_which_this_process_stood_is_no_silence(
+    site: Bench, daemon: Heard, enabled: LiteGrip, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stood_s = 0.0
+
+    def wake() -> None:
+        nonlocal stood_s
+        stood_s = 600.0
+
+    clock = SimpleNamespace(monotonic=lambda: site.now_s + stood_s)
+    enabled.goto(10.0)
+    monkeypatch.setattr("litegrip_client.line.exchange.time", clock)
+    site.after(0.3, daemon.freeze)
+    site.after(4.5, wake)
+    site.after(8.0, daemon.thaw)
+    assert enabled.open(speed_mm_s=10.0).ok
+
+
+def test_an_interrupt_names_the_danger_once_and_soon(
+    site: Bench, daemon: Heard, kind: Kind, caplog: pytest.LogCaptureFixture
+) -> None:
+    with pytest.raises(kind.interrupted), kind.gripper() as gripper:  # noqa: PT012 - the block's end
+        gripper.enable()
+        began_s = site.now_s
+        site.after(0.3, daemon.freeze)
+        kind.interrupt(1.0)
+        gripper.close(speed_mm_s=10.0)
+    assert site.now_s - began_s < 7.0
+    (told,) = caplog.messages
+    assert told == (
+        f"the interrupted {kind.awaits}gripper.close() could not be cancelled: the daemon has not"
+        f" answered for 2 s: {UNKNOWN}"
+    )
+
+
+def test_the_end_of_a_block_names_the_danger(site: Bench, daemon: Heard, kind: Kind) -> None:
+    gripper = kind.gripper()
+    gripper.connect()
+    gripper.enable()
+    daemon.freeze()
+    began_s = site.now_s
+    with pytest.raises(ConnectError, match=NOT_DISABLED):
+        gripper.disconnect()
+    assert site.now_s - began_s < 6.0
+
+
+def test_a_warning_at_the_end_of_a_block_names_the_danger(
+    daemon: Heard, kind: Kind, caplog: pytest.LogCaptureFixture
+) -> None:
+    with pytest.raises(ZeroDivisionError), kind.gripper() as gripper:  # noqa: PT012 - as above
+        gripper.enable()
+        daemon.freeze()
+        raise ZeroDivisionError
+    assert caplog.messages == [NOT_DISABLED]
+
+
+def test_what_is_told_once_is_told_again_of_another_silence(
+    daemon: Heard, kind: Kind, caplog: pytest.LogCaptureFixture
+) -> None:
+    with pytest.raises(ZeroDivisionError), kind.gripper() as gripper:  # noqa: PT012 - as above
+        gripper.enable()
+        daemon.freeze()
+        with pytest.raises(ConnectError, match=UNKNOWN):
+            gripper.close()
+        daemon.thaw()
+        gripper.get_state()
+        daemon.freeze()
+        raise ZeroDivisionError
+    assert caplog.messages == [NOT_DISABLED]
+
+
+def test_disabling_a_silent_motor_says_that_it_may_be_enabled(
+    daemon: Heard, enabled: LiteGrip, kind: Kind
+) -> None:
+    daemon.gripper.power_off()
+    kind.pause(1.0)
+    with pytest.raises(CANTimeoutError, match=NOT_OFF):
+        enabled.disable()
+    daemon.gripper.power_on()
+    kind.pause(1.0)
+
+
+# The shell
+
+
+def test_the_shell_does_not_wait_for_a_frozen_daemon(site: Bench, daemon: Heard, ctl: Ctl) -> None:
+    assert ctl("enable")[0] == 0
+    site.after(0.3, daemon.freeze)
+    code, _, told = ctl("close", "--speed", "10")
+    assert code == 3
+    assert told.startswith(f"litegripctl: the daemon has not answered for 5 s: {UNKNOWN}\n")
+
+
+def test_the_shell_tells_a_failed_cancelling_once(
+    site: Bench, daemon: Heard, ctl: Ctl, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert ctl("enable")[0] == 0
+    site.after(0.3, daemon.freeze)
+
+    def interrupt() -> None:
+        raise KeyboardInterrupt
+
+    site.after(1.0, interrupt)
+    code, _, told = ctl("close", "--speed", "10")
+    assert code == 130
+    assert told == (
+        "litegripctl: interrupted, but the motion could NOT be cancelled:"
+        f" the daemon has not answered for 2 s: {UNKNOWN}\n"
+    )
+    assert not caplog.messages
