@@ -173,7 +173,7 @@ def told(template: str, method: str | None = None, **values: object) -> tuple[st
         ("{calibration.zero with a mount}", "gripper.zero(mount=...)", "litegripctl zero --mount"),
         (
             "{trajectory.record_stop with allow_empty}",
-            "gripper.record_stop(allow_empty=...)",
+            "gripper.record_stop(allow_empty=True)",
             "by the program that records",
         ),
         (
