@@ -58,11 +58,11 @@ unexport PYTHONDONTWRITEBYTECODE
 # Tests see what users see: how a program ends whose output nobody reads depends on this one.
 unexport PYTHONUNBUFFERED
 
-# Tests in virtual time come first, then real processes, six at a time, since they wait a lot; last
+# Tests in virtual time come first, then real processes, five at a time, since they wait a lot; last
 # what has to be alone.
 PYTEST = $(BIN)/python -m pytest --durations 15
 TESTS = $(PYTEST) --numprocesses auto --dist worksteal --ignore tests/process --ignore tests/io && \
-	$(PYTEST) --numprocesses 6 --dist worksteal -m 'not alone' tests/process tests/io && \
+	$(PYTEST) --numprocesses 5 --dist worksteal -m 'not alone' tests/process tests/io && \
 	$(PYTEST) -m alone tests/process tests/io
 
 # All clients through a portal.
