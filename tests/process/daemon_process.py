@@ -312,14 +312,19 @@ def begin_again(running: DaemonProcess) -> None:
         client.result("sim.reset")
         client.result("stop.clear")
         mount = client.until(lambda state: bool(state["calibrated"]))["mount"]
-        while "error" in (answer := client.call("calibration.load", template=mount)):
-            # A stop that an earlier test has sent through a network may come as late as this.
-            assert answer["error"]["data"]["reason"] in ("sent_before_stop", "stopped"), answer
-            client.call("stop.clear")
+        unless_stopped(client, "calibration.load", template=mount)
         for kept in client.result("trajectory.list")["trajectories"]:
             client.result("trajectory.delete", name=kept["name"])
+        unless_stopped(client, "motion.move", opening_mm=START_MM, speed_mm_s=140)
         client.despite_silence("motion.move", opening_mm=START_MM, speed_mm_s=140)
         disable(client)
+
+
+def unless_stopped(client: Client, method: str, **params: object) -> None:
+    """Call a method, anew as long as stops come: an earlier test's may be late by a network."""
+    stopped = ("sent_before_stop", "stopped")
+    while client.call(method, **params).get("error", {}).get("data", {}).get("reason") in stopped:
+        client.call("stop.clear")
 
 
 STAY = ("gateway", "litegripd-web, plots")

@@ -1,6 +1,7 @@
 """What a daemon keeps over its end: the measured calibration and the kept configuration."""
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,8 @@ from litegripd.model.gripper import STROKE_MM
 from tests.process.by_portal import Met
 from tests.process.daemon_process import BY_GATEWAY, daemon
 
-CHANNEL = "sim0"
+CHANNEL = f"kept{os.getpid()}"
+CALIBRATION = f"{CHANNEL}_calibration.json"
 
 
 @pytest.fixture
@@ -36,10 +38,10 @@ def test_a_measured_calibration_and_a_kept_configuration_survive_a_restart(
         client.enabled()
         measured = client.despite_silence("calibration.zero")
         assert (measured["ok"], measured["outcome"]) == (True, "measured"), measured
-        assert measured["path"] == str(state / "sim0_calibration.json")
+        assert measured["path"] == str(state / CALIBRATION)
         kept = client.result("config.set", config={"force_n": 7.5, "speed_mm_s": 40}, keep=True)
         assert kept["kept"]
-    content = json.loads((state / "sim0_calibration.json").read_text(encoding="utf-8"))
+    content = json.loads((state / CALIBRATION).read_text(encoding="utf-8"))
     assert content == measured["content"]
     assert content["channel"] == CHANNEL
     with daemon(state, *arguments) as running, met(running), running.connect() as client:
@@ -64,7 +66,7 @@ def test_what_an_earlier_version_has_left_is_taken_as_far_as_it_goes_and_told(
     calibration = {"channel": CHANNEL, **limits, "rad_to_mm": old.rad_to_mm}
     motion = {"channel": CHANNEL, "config": {"speed_mm_s": 300.0, "force_n": 7.5}}
     for kind, content in (("calibration", calibration), ("motion", motion)):
-        (state / f"sim0_{kind}.json").write_text(json.dumps(content), encoding="utf-8")
+        (state / f"{CHANNEL}_{kind}.json").write_text(json.dumps(content), encoding="utf-8")
     config.write_text(
         config.read_text(encoding="utf-8").replace("[gripper]\n", "[gripper]\nstroke_mm = 120.0\n"),
         encoding="utf-8",
@@ -81,10 +83,10 @@ def test_what_an_earlier_version_has_left_is_taken_as_far_as_it_goes_and_told(
         assert (settings["speed_mm_s"], settings["force_n"]) == (50.0, 7.5)
         rescaled = client.result("calibration.rescale")
         assert rescaled["travel_mm"] == pytest.approx(STROKE_MM + 1.0)
-        assert client.result("calibration.save")["path"] == str(state / "sim0_calibration.json")
+        assert client.result("calibration.save")["path"] == str(state / CALIBRATION)
     for words in ("stroke_mm = 120 in", "as earlier versions did", "speed_mm_s is 300.0"):
         assert sum(words in line for line in running.log.splitlines()) == 1
-    content = json.loads((state / "sim0_calibration.json").read_text(encoding="utf-8"))
+    content = json.loads((state / CALIBRATION).read_text(encoding="utf-8"))
     assert content["rad_to_mm"] == rescaled["rad_to_mm"]
 
 
@@ -93,8 +95,8 @@ def test_an_unreadable_file_of_its_own_stops_motions_and_not_the_daemon(
 ) -> None:
     state = tmp_path / "state"
     state.mkdir()
-    (state / "sim0_calibration.json").write_text("{", encoding="utf-8")
-    (state / "sim0_motion.json").write_text('{"channel": "sim0"}', encoding="utf-8")
+    (state / CALIBRATION).write_text("{", encoding="utf-8")
+    (state / f"{CHANNEL}_motion.json").write_text(f'{{"channel": "{CHANNEL}"}}', encoding="utf-8")
     with (
         daemon(state, CHANNEL, "--config", str(config)) as running,
         met(running),
@@ -104,15 +106,15 @@ def test_an_unreadable_file_of_its_own_stops_motions_and_not_the_daemon(
         assert client.despite_silence("motor.enable")["ok"]
         error = client.call("motion.open")["error"]
         assert error["data"]["reason"] == "calibration_unreadable"
-        assert "sim0_calibration.json" in error["message"]
+        assert CALIBRATION in error["message"]
         assert not client.result("config.get")["kept"]
         loaded = client.result("calibration.load", template="reverse")
         assert (loaded["loaded"], loaded["mount"]) == (True, "reverse")
         assert client.despite_silence("motion.open")["ok"]
         saved = client.result("calibration.save")
-        assert saved["path"] == str(state / "sim0_calibration.json")
-    assert "sim0_motion.json" in running.log
-    assert calibration_is_readable(state / "sim0_calibration.json")
+        assert saved["path"] == str(state / CALIBRATION)
+    assert f"{CHANNEL}_motion.json" in running.log
+    assert calibration_is_readable(state / CALIBRATION)
 
 
 def calibration_is_readable(path: Path) -> bool:
