@@ -166,7 +166,7 @@ def watch(robot: DaemonProcess) -> Iterator[Watch]:
 
 def ready(lab: Lab, *, on_lost: str = "relax") -> Client:
     """Connect over the network as the owner of a lease, with the jaws closed."""
-    client = lab.client()
+    client = again(lab)  # a session may still end that was begun over the network of before
     client.result("lease.acquire", on_lost=on_lost)
     client.result("motor.enable")
     client.result("motion.close")
