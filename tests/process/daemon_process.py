@@ -181,10 +181,11 @@ class Client:
     def enabled(self) -> "Client":
         """Wait for the motor, enable it, and return this client.
 
-        It is enabled anew where this busy machine has let the motor fall silent meanwhile.
+        It is enabled anew only where this busy machine has let the motor fall silent meanwhile.
         """
         self.until(lambda state: bool(state["motor"] == "disabled" and state["calibrated"]))
-        self.until(lambda _state: bool(self.despite_silence("motor.enable")["ok"]))
+        while not (done := self.despite_silence("motor.enable"))["ok"]:
+            assert done["state"]["motor"] in ("silent", "fault"), done
         return self
 
 
@@ -312,19 +313,11 @@ def begin_again(running: DaemonProcess) -> None:
         client.result("sim.reset")
         client.result("stop.clear")
         mount = client.until(lambda state: bool(state["calibrated"]))["mount"]
-        unless_stopped(client, "calibration.load", template=mount)
+        client.result("calibration.load", template=mount)
         for kept in client.result("trajectory.list")["trajectories"]:
             client.result("trajectory.delete", name=kept["name"])
-        unless_stopped(client, "motion.move", opening_mm=START_MM, speed_mm_s=140)
         client.despite_silence("motion.move", opening_mm=START_MM, speed_mm_s=140)
         disable(client)
-
-
-def unless_stopped(client: Client, method: str, **params: object) -> None:
-    """Call a method, anew as long as stops come: an earlier test's may be late by a network."""
-    stopped = ("sent_before_stop", "stopped")
-    while client.call(method, **params).get("error", {}).get("data", {}).get("reason") in stopped:
-        client.call("stop.clear")
 
 
 STAY = ("gateway", "litegripd-web, plots")

@@ -103,6 +103,14 @@ def to_the_controls(tab: Tab) -> None:
     tab.evaluate("scrollBy(0, 100)")
 
 
+def at_the_controls(window: BrowserContext, operating: Page) -> Tab:
+    """Return the page of one who has control, and has scrolled there."""
+    tab = opened(window, operating)
+    take_control(tab)
+    to_the_controls(tab)
+    return tab
+
+
 def aims(tab: Tab) -> list[str]:
     """Return where all is that somebody aims at; a fault's health may take a line more."""
     return [place for place in places(tab) if not place.startswith(("facts", "plots"))]
@@ -112,9 +120,7 @@ def test_a_loss_and_a_fault_are_said_where_the_buttons_are(
     window: BrowserContext, operating: Page, client: Client
 ) -> None:
     grasp(client)
-    tab = opened(window, operating)
-    take_control(tab)
-    to_the_controls(tab)
+    tab = at_the_controls(window, operating)
     alarm = tab.locator("#alarm")
     expect(alarm).to_be_hidden()
     before = aims(tab)
@@ -138,9 +144,7 @@ def test_a_loss_and_a_fault_are_said_where_the_buttons_are(
 def test_a_motor_that_is_silent_is_said_and_what_needs_it_looks_so(
     window: BrowserContext, operating: Page, client: Client
 ) -> None:
-    tab = opened(window, operating)
-    take_control(tab)
-    to_the_controls(tab)
+    tab = at_the_controls(window, operating)
     before = aims(tab)
     alarm, notice = tab.locator("#alarm"), tab.locator("#notice")
     client.result("sim.fault", name="silent")
@@ -233,9 +237,7 @@ COVERED = """
 def test_what_went_wrong_covers_no_controls_and_moves_none(
     window: BrowserContext, operating: Page, client: Client
 ) -> None:
-    tab = opened(window, operating)
-    take_control(tab)
-    to_the_controls(tab)
+    tab = at_the_controls(window, operating)
     before = aims(tab)
     toasts = tab.locator("#toasts li")
     for count, key in enumerate("ocg", start=1):
