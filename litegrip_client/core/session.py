@@ -12,6 +12,7 @@ from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
 from weakref import WeakSet
 
 from litegrip_client.core.discovery import chosen_channel
+from litegrip_client.line.exchange import SEE_DOCTOR
 from litegrip_client.values.checks import given_numbers
 from litegrip_client.values.errors import (
     CommandError,
@@ -419,12 +420,16 @@ class Lease:
         await self._session.wire.call("lease.renew")
 
 
+UNDER_WAY = ("running", "queued")
+"""States of a job that has not ended."""
+
+
 def own_jobs(connection: Exchange, listed: Iterable[Mapping[str, Any]]) -> list[int]:
     """Return the numbers of a connection's jobs that have not ended, of those that are listed."""
     return [
         int(job["job"])
         for job in listed
-        if job["state"] in ("running", "queued") and _is_own(connection, job["owner"])
+        if job["state"] in UNDER_WAY and _is_own(connection, job["owner"])
     ]
 
 
@@ -466,7 +471,7 @@ def naming_the_danger() -> Iterator[None]:
         yield
     except CommError as error:
         error.message = f"the motor is not known to be off, cut its power: {error.message}"
-        error.data.setdefault("hint", "see what is wrong: litegripctl doctor")
+        error.data.setdefault("hint", SEE_DOCTOR)
         raise
 
 

@@ -224,8 +224,7 @@ def meant_stop(given: list[str], rows: Sequence[Row]) -> argparse.Namespace | No
     at = next((at for at, word in enumerate(words) if word.lower() == "stop"), None)
     if at is None:
         return None
-    given = words
-    before, behind = given[:at], given[at + 1 :]
+    before, behind = words[:at], words[at + 1 :]
     try:
         known, others = Parser(add_help=False).parse_known_args(behind)
         where = [f"--{name}={value}" for name, value in vars(known).items() if name != "json"]

@@ -18,6 +18,7 @@ from litegrip_client.core.discovery import (
 from litegrip_client.core.motion import Motion
 from litegrip_client.ctl.figures import Data, Here, figure, owner, plain
 from litegrip_client.ctl.run import ENDING, INTERRUPTED, Run
+from litegrip_client.line.exchange import SEE_DOCTOR
 from litegrip_client.threads.blocking import BlockingWire, complete
 from litegrip_client.values.errors import CancelledError, LiteGripError
 
@@ -94,7 +95,7 @@ _REMEDIES = {
 _OTHERWISE = {
     "not_calibrated": CHOOSE_MOUNT,
     "unreachable": "see: litegripctl doctor",
-    "connection_lost": "see what is wrong: litegripctl doctor",
+    "connection_lost": SEE_DOCTOR,
 }
 """Used if the error has no hint of its own; only that hint can offer a template."""
 

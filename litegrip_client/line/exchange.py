@@ -256,7 +256,7 @@ def unsubscribing(notification: str, number: int) -> tuple[str, dict[str, Any]]:
     return _UNSUBSCRIBING[notification], {"subscription": number}
 
 
-_SEE = "see what is wrong: litegripctl doctor"
+SEE_DOCTOR = "see what is wrong: litegripctl doctor"
 
 
 def no_answer(message: str, timeout_s: float) -> ConnectError:
@@ -264,7 +264,7 @@ def no_answer(message: str, timeout_s: float) -> ConnectError:
     return ConnectError(
         f"{message} within {timeout_s:g} s",
         reason="no_answer",
-        data={"retryable": True, "hint": _SEE},
+        data={"retryable": True, "hint": SEE_DOCTOR},
     )
 
 
@@ -320,7 +320,7 @@ class Watch:
             raise ConnectError(
                 not_answered(self._quiet_s),
                 reason="no_answer",
-                data={"retryable": True, "hint": _SEE},
+                data={"retryable": True, "hint": SEE_DOCTOR},
             )
 
     def end(self) -> None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from litegripd.model.calibration import SCALE_TOLERANCE, fits_stroke
-from litegripd.model.errors import Refusal, at_least, at_most
+from litegripd.model.errors import Refusal, at_least, at_most, unit_of
 from litegripd.model.gripper import (
     SPAN_INSET_MM,
     SUPERSEDED_STROKE_MM,
@@ -160,14 +160,14 @@ class Target:
         return 0.0, geometry.travel_mm if self.quantity == "opening_mm" else 1.0
 
 
-_UNITS = {"opening_mm": (" mm", 3), "position_rad": (" rad", 4), "openness": ("", 1)}
-"""The unit of each quantity, and with how many digits its limits are told."""
+_DIGITS = {"opening_mm": 3, "position_rad": 4, "openness": 1}
+"""With how many digits the limits of each quantity are told."""
 
 
 def target_refusal(target: Target, geometry: Geometry) -> Refusal | None:
     """Return why a target cannot be reached, or None."""
     low, high = target.limits(geometry)
-    unit, digits = _UNITS[target.quantity]
+    unit, digits = unit_of(target.quantity), _DIGITS[target.quantity]
     if low - _ROUNDING <= target.value <= high + _ROUNDING:
         return None
     return Refusal(

@@ -24,6 +24,17 @@ def at_least(limit: float, digits: int = 6) -> str:
     return _rounded(limit, digits, ROUND_CEILING)
 
 
+_UNITS = (
+    *(("_rad_s", "rad/s"), ("_mm_s", "mm/s"), ("_nm_rad", "N·m/rad"), ("_rad", "rad")),
+    *(("_mm", "mm"), ("_nm", "N·m"), ("_n", "N"), ("_s", "s"), ("_hz", "Hz"), ("_c", "°C")),
+)
+
+
+def unit_of(name: str) -> str:
+    """Return the unit that a name ends with, as it stands behind a number; "" without one."""
+    return next((f" {unit}" for end, unit in _UNITS if name.endswith(end)), "")
+
+
 def _rounded(limit: float, digits: int, how: str) -> str:
     if not isfinite(limit):
         return f"{limit:g}"

@@ -34,7 +34,7 @@ from litegripd.model.calibration import (
     read_given,
     scale_doubt,
 )
-from litegripd.model.errors import Refusal
+from litegripd.model.errors import Refusal, unit_of
 from litegripd.model.gripper import DM4310, MotorType
 from litegripd.model.motion_config import (
     MOVING_KD_NM_S_RAD,
@@ -65,13 +65,6 @@ _NAMED: dict[Kind, str] = {
     "strings": "an array of strings only",
     "object": "an object",
 }
-
-
-_UNITS = (
-    *(("_rad_s", "rad/s"), ("_mm_s", "mm/s"), ("_nm_rad", "N·m/rad"), ("_rad", "rad")),
-    *(("_mm", "mm"), ("_nm", "N·m"), ("_n", "N"), ("_s", "s"), ("_hz", "Hz"), ("_c", "°C")),
-)
-"""By the end of a parameter's name, the first that fits; options of a shell do not say it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,7 +149,7 @@ class Param:
         return isinstance(value, int if self.kind == "integer" else int | float)
 
     def _range(self) -> str:
-        unit = next((f" {unit}" for end, unit in _UNITS if self.name.endswith(end)), "")
+        unit = unit_of(self.name)
         if self.minimum is None:
             return f"at most {self.maximum:g}{unit}"
         if self.maximum is None:

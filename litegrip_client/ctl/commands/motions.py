@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from argparse import _ActionsContainer
 
-from litegrip_client.core.session import ACTION_TIMEOUT_S, naming_the_danger
+from litegrip_client.core.session import ACTION_TIMEOUT_S, UNDER_WAY, naming_the_danger
 from litegrip_client.ctl.figures import Data, figure, owner, plain
 from litegrip_client.ctl.parser import LateParser, count, in_unit, not_negative, positive, target
 from litegrip_client.ctl.render import (
@@ -396,7 +396,7 @@ def job(run: Run) -> int:
 def cancel(run: Run) -> int:
     """Cancel a job."""
     asked = {"job": run.options.job}
-    was_over = run.connection.call("job.get", asked)["state"] not in ("running", "queued")
+    was_over = run.connection.call("job.get", asked)["state"] not in UNDER_WAY
     data = run.connection.call("job.cancel", asked)
     done = not was_over and data["state"] in ENDING
     text = f"cancelled, {jaws_now(run)}" if done else f"had ended already: {data['state']}"

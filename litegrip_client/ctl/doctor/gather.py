@@ -403,8 +403,8 @@ def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
     served = sockets(paths)
     # Whoever starts a daemon by hand may have given it a configuration from anywhere.
     by_hand = daemon is None and any(not one.path.startswith(SYSTEM_DIRECTORY) for one in served)
-    is_read = is_channel_known and not is_remote
-    is_read = is_read and (not by_hand if file is None else file.content is not None)
+    is_whole = not by_hand if file is None else file.content is not None
+    is_read = is_channel_known and not is_remote and is_whole
     may_be_it = is_can(channel) and (by_hand if file is None else file.unchecked is not None)
     interface = str(bus.get("interface", "socketcan")) if is_read or may_be_it else None
     bus_channel = str(bus.get("channel", channel))
