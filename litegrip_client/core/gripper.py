@@ -8,9 +8,18 @@ from __future__ import annotations
 
 from litegrip_client.core.actions import GripperActions, state_of
 from litegrip_client.core.session import ACTION_TIMEOUT_S, DaemonSession, Lease
+from litegrip_client.core.sockets import STOP_LEVELS
 from litegrip_client.core.stop import stop, stop_params
-from litegrip_client.values.errors import BusyError, HardwareError, NotPermittedError, StoppedError
+from litegrip_client.values.errors import (
+    BusyError,
+    HardwareError,
+    NotPermittedError,
+    ParameterError,
+    StoppedError,
+    from_error_object,
+)
 from litegrip_client.values.results import GripperState
+from litegrip_client.values.tracebacks import STOPPED_ALL_THE_SAME
 from litegrip_client.values.warn import leave, warn
 
 TYPE_CHECKING = False
@@ -20,7 +29,7 @@ if TYPE_CHECKING:  # see the package: what is seldom needed takes its time to im
     from litegrip_client.core.session import Wire
     from litegrip_client.values.calibration import GripperConfig
     from litegrip_client.values.motion_config import MotionConfig
-    from litegrip_client.values.table import JobTable
+    from litegrip_client.values.printed import HealthReport, JobTable
 
 
 class Gripper(GripperActions):
@@ -184,9 +193,18 @@ class Gripper(GripperActions):
         cuts the power.
 
         Raises `CANTimeoutError` if the stop is latched, but the motor does not answer, enabled or
-        not: then nothing reaches it, so cut its power.
+        not: then nothing reaches it, so cut its power. Wrong arguments raise their error after the
+        gripper was stopped ("hold").
         """
-        return state_of(await stop(self._session, stop_params(level, why)))
+        if level in STOP_LEVELS and (why is None or isinstance(why, str)):
+            return state_of(await stop(self._session, stop_params(level, why)))
+        await stop(self._session, stop_params("hold", None))
+        levels = " or ".join(map(repr, STOP_LEVELS))
+        raise ParameterError(
+            f"level is {level!r:.60}, why is {why!r:.60}: level must be {levels}, and why a text;"
+            f" {STOPPED_ALL_THE_SAME}",
+            reason="invalid_params",
+        )
 
     async def clear_stop(self) -> GripperState:
         """Clear a stop: the motor may then be enabled and moved again. Moves nothing.
@@ -206,15 +224,17 @@ class Gripper(GripperActions):
         """
         return GripperState.from_wire(await self._session.wire.call("state.get"))
 
-    async def health(self) -> dict[str, Any]:
+    async def health(self) -> HealthReport:
         """Return the daemon's health: its verdict, the bus, the ticks, the clients.
 
-        `reasons` say why the verdict is not "ok"; `notes` what is normal and worth knowing.
+        `reasons` say why the verdict is not "ok"; `notes` what is normal and worth knowing. It is
+        a dictionary, which prints line by line.
         """
+        from litegrip_client.values.printed import HealthReport  # noqa: PLC0415 - see above
         from litegrip_client.values.terms import told_all  # noqa: PLC0415 - see above
         from litegrip_client.values.voices import in_python  # noqa: PLC0415 - see above
 
-        figures = await self._session.wire.call("health")
+        figures = HealthReport(await self._session.wire.call("health"))
         for name in ("reasons", "notes"):
             if name in figures:
                 figures[name] = told_all(figures, name, self._session.voice or in_python)
@@ -240,9 +260,14 @@ class Gripper(GripperActions):
 
         It is a list of dictionaries, which prints as a table.
         """
-        from litegrip_client.values.table import JobTable  # noqa: PLC0415 - see above
+        from litegrip_client.values.printed import JobTable  # noqa: PLC0415 - see above
 
-        return JobTable((await self._session.wire.call("job.list"))["jobs"])
+        rows = (await self._session.wire.call("job.list"))["jobs"]
+        for row in rows:
+            if row.get("error"):
+                error = from_error_object(row["error"], voice=self._session.voice)
+                row["error"] = {**row["error"], "message": error.message}
+        return JobTable(rows)
 
     async def mount(self) -> str | None:
         """Return which way the motor is mounted, "normal" or "reverse"; None until calibrated.

@@ -112,7 +112,8 @@ class Trajectories:
         given: object = trajectory
         if not isinstance(given, Trajectory):
             text = f"{trajectory!r:.60} is no Trajectory"
-            hint = {"hint": 'a saved one: Trajectory.load("pick")'}
+            kept = 'one that the daemon keeps: gripper.fetch_trajectory("pick")'
+            hint = {"hint": f'{kept}; one of your own: Trajectory.load("pick")'}
             raise ParameterError(text, reason="invalid_params", data=hint)
         run_blocking = self._session.run_blocking
         return await run_blocking(trajectory.to_bytes), await run_blocking(trajectory.grip_bytes)

@@ -66,7 +66,7 @@ CLOSING = "A motion continues when litegripctl is killed; Ctrl-C cancels it."
 
 _UNITS = {"mm": "opening_mm", "rad": "position_rad", "%": "openness"}
 NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
-_TARGET = re.compile(rf"({NUMBER}) ?(mm|rad|%)")
+_TARGET = re.compile(rf"({NUMBER}) ?(mm|rad|%)", re.IGNORECASE)
 
 
 class UsageError(Exception):
@@ -148,6 +148,22 @@ _HALTING = ("halt", "estop", "e-stop", "freeze", "abort", "emergency")
 _FEW = 12
 """Names that are listed where none comes close."""
 
+_SHIFTED = (
+    ("grasp", rf"({NUMBER})N?", "a force is an option: --force {0}"),
+    ("open|close", f"({_TARGET.pattern})", f"to an opening or a position: {PROGRAM} move {{0}}"),
+    (
+        "open|close",
+        f"({NUMBER})",
+        f"to an opening: {PROGRAM} move {{0}}mm; a speed is an option: --speed {{0}}",
+    ),
+    ("close|move", "(--force|-f).*", f"to hold an object with a force: {PROGRAM} grasp --force N"),
+    ("release", rf"({NUMBER})(?:mm)?", "a distance is an option: --by {0}"),
+    ("stop", f"({'|'.join(STOP_LEVELS)})", "a level is an option: --level {0}"),
+    ("stop", "([^-].*)", "a reason is an option: --why TEXT"),
+    ("trajectories (?:get|export)", "([^-].*)", "a file is an option: -o {0}"),
+)
+"""By command: what users put behind it that it does not take, and what they are told then."""
+
 Fill: TypeAlias = "Callable[[LateParser], None]"
 """Adds what a command takes to its parser."""
 
@@ -156,6 +172,19 @@ def _did_you_mean(given: str, names: Iterable[str]) -> str:
     """Return the question, if a name comes close to what was given, else nothing."""
     close = get_close_matches(given, list(names), 1, _CLOSE)
     return f"; did you mean {close[0]!r}?" if close else ""
+
+
+def _meant(given: str, options: argparse.Namespace) -> str:
+    """Return what a word that a command does not take was meant to be, if that is known."""
+    command, word = options.help_of.removeprefix(f"{PROGRAM} "), given.strip()
+    for commands, pattern, said in _SHIFTED:
+        found = re.fullmatch(pattern, word, re.IGNORECASE)
+        if found is not None and re.fullmatch(commands, command):
+            return "; " + said.format(found[1])
+    if re.fullmatch("-[a-z]", word):
+        long = [one for one in options.known if one.startswith(f"-{word}") and one != "--help"]
+        return f"; did you mean {long[0]!r}?" if len(long) == 1 else ""
+    return _did_you_mean(word.partition("=")[0], options.known)
 
 
 def common() -> argparse.ArgumentParser:
@@ -181,21 +210,18 @@ def parse(given: list[str], rows: Sequence[Row]) -> argparse.Namespace:
     called again, and `voice` tells the daemon's so.
     """
     parser = whole_parser(rows)
-    words = list(given)
+    words = ["--version"] if given == ["version"] else list(given)
+    if words[:1] == ["help"]:
+        words = [*words[1:], "--help"]
     if "move" in words:  # 45 mm is 45mm
         for at in range(len(words) - 1, 0, -1):
-            if words[at] in _UNITS and _TARGET.fullmatch(words[at - 1] + words[at]):
+            if words[at].lower() in _UNITS and _TARGET.fullmatch(words[at - 1] + words[at]):
                 words[at - 1 : at + 1] = [words[at - 1] + words[at]]
     # A target below zero looks like an option; behind a space it is none.
     words = [f" {one}" if one.startswith("-") and _TARGET.fullmatch(one) else one for one in words]
     options, rest = parser.parse_known_args(words)
     if rest:
-        message = f"unrecognized arguments: {' '.join(rest)}"
-        if options.command == "grasp" and re.fullmatch(f"{NUMBER}N?", rest[0]):
-            message += f"; a force is an option: --force {rest[0].rstrip('N')}"
-        if options.command in ("open", "close") and _TARGET.fullmatch(rest[0].strip()):
-            message += f"; to an opening or a position: {PROGRAM} move {rest[0].strip()}"
-        message += _did_you_mean(rest[0].partition("=")[0], options.known)
+        message = f"unrecognized arguments: {' '.join(rest)}{_meant(rest[0], options)}"
         raise UsageError(message, parser.format_usage(), options.help_of)
     chosen = getattr(options, "channel", None) or os.environ.get(CHANNEL_VARIABLE)
     options.channel_chosen = chosen is not None
@@ -306,6 +332,8 @@ def target(text: str) -> tuple[str, float]:
     """Read a target with its unit; gives the parameter of motion.move, and its value."""
     found = _TARGET.fullmatch(text.strip())
     if found is None:
+        if re.fullmatch(r"[+-]?[0-9]+,[0-9]+ ?(?:mm|rad|%)", text.strip(), re.IGNORECASE):
+            raise ArgumentTypeError(f"{text!r} has a comma: say {text.strip().replace(',', '.')}")
         if other := re.fullmatch(rf"({NUMBER}) ?(cm|m)", text.strip()):
             value_mm = float(other[1]) * {"cm": 10.0, "m": 1000.0}[other[2]]
             raise ArgumentTypeError(f"{text.strip()!r} is no target: say {value_mm:g}mm")
@@ -313,12 +341,12 @@ def target(text: str) -> tuple[str, float]:
             f"{text.strip()!r} is no target: say 45mm (opening), -0.3rad (position of the motor) "
             "or 50% (of the travel, 0% is closed)"
         )
-    value = float(found[1])
-    if found[2] != "%":
-        return _UNITS[found[2]], value
+    value, unit = float(found[1]), found[2].lower()
+    if unit != "%":
+        return _UNITS[unit], value
     if not 0.0 <= value <= 100.0:
         raise ArgumentTypeError(f"{text.strip()!r} is outside of the travel: say 0% to 100%")
-    return _UNITS[found[2]], value / 100.0
+    return _UNITS[unit], value / 100.0
 
 
 def number(text: str) -> float:

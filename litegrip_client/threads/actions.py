@@ -19,6 +19,7 @@ if TYPE_CHECKING:  # importing typing and dataclasses is slow
     from litegrip_client.core.actions import ProgressCallback
     from litegrip_client.values.calibration import CalibrationData, GripperConfig
     from litegrip_client.values.motion_config import MotionConfig
+    from litegrip_client.values.printed import HealthReport, JobTable
     from litegrip_client.values.results import (
         EnableResult,
         GraspResult,
@@ -27,7 +28,6 @@ if TYPE_CHECKING:  # importing typing and dataclasses is slow
         PlayResult,
         SetZeroResult,
     )
-    from litegrip_client.values.table import JobTable
     from litegrip_client.values.trajectory import Trajectory
 
 
@@ -983,7 +983,8 @@ class BlockingGripper(GripperActions):
         cuts the power.
 
         Raises `CANTimeoutError` if the stop is latched, but the motor does not answer, enabled or
-        not: then nothing reaches it, so cut its power.
+        not: then nothing reaches it, so cut its power. Wrong arguments raise their error after the
+        gripper was stopped ("hold").
         """
         return complete(self._core.software_stop(level, why))
 
@@ -1003,10 +1004,11 @@ class BlockingGripper(GripperActions):
         """
         return complete(self._core.get_state(wait))
 
-    def health(self) -> dict[str, Any]:
+    def health(self) -> HealthReport:
         """Return the daemon's health: its verdict, the bus, the ticks, the clients.
 
-        `reasons` say why the verdict is not "ok"; `notes` what is normal and worth knowing.
+        `reasons` say why the verdict is not "ok"; `notes` what is normal and worth knowing. It is
+        a dictionary, which prints line by line.
         """
         return complete(self._core.health())
 

@@ -2,7 +2,8 @@
 
 What lies below a method is the same for each of its errors, and tells a user nothing. Lines of the
 user's below it, of a callback, stay. A call with arguments that a method does not have is the
-user's line alone. With `python -X dev` tracebacks are whole.
+user's line alone; one that was to stop the gripper stops it first. With `python -X dev` tracebacks
+are whole.
 """
 
 from __future__ import annotations
@@ -28,6 +29,8 @@ HIDDEN = (
     f"{_STANDARD}/concurrent/",
 )
 _SPECIAL = ("__init__", "__enter__", "__exit__", "__next__", "__aenter__", "__aexit__", "__anext__")
+_STOP = "software_stop"
+STOPPED_ALL_THE_SAME = "the gripper was told to stop all the same, until clear_stop()"
 _IS_COROUTINE = 128
 """`inspect.CO_COROUTINE`."""
 
@@ -65,7 +68,9 @@ def _shortened(
             _shorten(error, hidden)
             raise
         except Exception as error:
-            _leave_out(error, method, arguments, named)
+            if _leave_out(error, method, arguments, named) and method.__name__ == _STOP:
+                method(arguments[0], *_level(arguments, named))
+                error.args = (f"{error}; {STOPPED_ALL_THE_SAME}",)
             raise
 
     async def call_and_wait(*arguments: Any, **named: Any) -> Any:
@@ -75,7 +80,9 @@ def _shortened(
             _shorten(error, hidden)
             raise
         except Exception as error:
-            _leave_out(error, method, arguments, named)
+            if _leave_out(error, method, arguments, named) and method.__name__ == _STOP:
+                await method(arguments[0], *_level(arguments, named))
+                error.args = (f"{error}; {STOPPED_ALL_THE_SAME}",)
             raise
 
     is_coroutine = method.__code__.co_flags & _IS_COROUTINE
@@ -84,17 +91,28 @@ def _shortened(
 
 def _leave_out(
     error: Exception, method: Callable[..., Any], arguments: Sequence[Any], named: dict[str, Any]
-) -> None:
+) -> bool:
     """Leave out the entry of the function that calls this, of any other error.
 
-    Where nothing lies below, the call itself has failed: then say what arguments the method has.
+    Where nothing lies below, the call itself has failed: then say what arguments the method has,
+    and return True.
     """
     below = None if error.__traceback__ is None else error.__traceback__.tb_next
-    if below is None and isinstance(error, TypeError):
+    is_misuse = below is None and isinstance(error, TypeError)
+    if is_misuse:
         from litegrip_client.values.voices import misuse  # noqa: PLC0415 - an error
 
         error.args = (misuse(method, arguments, named) or str(error),)
     error.__traceback__ = below
+    return is_misuse
+
+
+def _level(arguments: Sequence[Any], named: dict[str, Any]) -> Sequence[Any]:
+    """Return the level that a wrong call of a stop gives, as its arguments; empty if it has none.
+
+    The stop itself knows what to do with one that is none.
+    """
+    return arguments[1:2] or [named[name] for name in ("level",) if name in named]
 
 
 def _shorten(error: BaseException, hidden: tuple[str, ...]) -> None:

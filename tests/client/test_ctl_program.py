@@ -143,7 +143,7 @@ def test_a_pipe_that_closes_is_no_noise(daemon: FakeDaemon) -> None:
     assert (b"35.25 mm" in first, code, error) == (True, 141, b"")
 
 
-@pytest.mark.parametrize("line", [["--version"], ["-c", "can1", "--version", "state"]])
+@pytest.mark.parametrize("line", [["--version"], ["version"], ["-c", "can1", "--version", "state"]])
 def test_the_version_is_the_package_s_and_needs_no_daemon(
     line: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -271,6 +271,27 @@ def test_the_help_lists_every_exit_code(capsys: pytest.CaptureFixture[str]) -> N
     listed = capsys.readouterr().out.partition("exit codes:")[2].split("\n")
     codes = {int(line.split()[0]) for line in listed if line[2:3].isdigit()}
     assert codes == {0, 1, 2, 74, 130, 141} | {kind.exit_code for kind in ERROR_TABLE}
+
+
+@pytest.mark.parametrize("words", [[], ["grasp"], ["trajectories", "get"], ["stop"]], ids=str)
+def test_help_is_a_command_too(capsys: pytest.CaptureFixture[str], words: list[str]) -> None:
+    shown = []
+    for line in (["help", *words], [*words, "--help"]):
+        with pytest.raises(SystemExit) as caught:
+            main(line)
+        assert caught.value.code == 0
+        shown.append(capsys.readouterr().out)
+    assert shown[0] == shown[1]
+
+
+@pytest.mark.usefixtures("heard")
+def test_of_the_events_before_the_latest_are_shown_when_asked(litegripctl: Ctl) -> None:
+    litegripctl("enable")
+    litegripctl("open")
+    events = litegripctl("events")[1].splitlines()
+    assert len(events) > 3
+    assert litegripctl("events", "-n", "2") == (0, "".join(f"{one}\n" for one in events[-2:]), "")
+    assert litegripctl("events", "--last", "999")[1].splitlines() == events
 
 
 def listed(help_text: str) -> list[str]:

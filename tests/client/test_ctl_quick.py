@@ -246,7 +246,7 @@ def test_the_protocol_is_that_of_the_client() -> None:
 
 
 LOADED = {"litegrip_client", "ctl", "ctl.main", "ctl.quick", "ctl.streams", "ctl.figures"}
-LOADED |= {"ctl.state_view", "core", "core.sockets"}
+LOADED |= {"ctl.state_view", "core", "core.sockets", "values", "values.printed"}
 SYSTEM = {"__future__", "_json", "_socket", "importlib", "warnings", "importlib._bootstrap"}
 SYSTEM |= {"importlib._bootstrap_external", "_warnings", "encodings.ascii"}
 

@@ -56,7 +56,8 @@ def test_a_stop_that_does_not_reach_the_motor_says_so_and_fails(
         ("--level relx", "hold", "did you mean 'relax'?; "),
         ("--reason x --level=relax", "relax", "unrecognized arguments: --reason x"),
         ("--level", "hold", "expected one argument; "),
-        ("disable", "disable", "unrecognized arguments: disable"),
+        ("disable", "disable", "arguments: disable; a level is an option: --level disable; "),
+        ("hand inside", "hold", "arguments: hand inside; a reason is an option: --why TEXT; "),
     ],
 )
 def test_whatever_stands_behind_a_stop_it_stops(

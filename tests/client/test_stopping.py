@@ -128,13 +128,13 @@ def test_the_daemon_of_another_gripper_at_that_path_is_not_stopped_for_this_one(
 
 
 @pytest.mark.parametrize("level", ["slack", 5, None, ["hold"]])
-def test_what_that_socket_would_take_for_something_else_is_a_request(
+def test_a_level_that_is_none_stops_with_hold_before_that_is_said(
     daemon: FakeDaemon, stops: FakeDaemon, kind: Kind, level: Any
 ) -> None:
-    daemon.handlers["stop"] = lambda request: request.fail("invalid_params", -32602)
-    with pytest.raises(CommandError):
+    with pytest.raises(CommandError, match="level must be 'hold' or 'relax' or 'disable', and why"):
         stop(kind, daemon, level)
-    assert (daemon.methods(), stops.methods()) == (["hello", "stop"], [])
+    assert [(one.method, one.params) for one in stops.requests] == [("stop", {"level": "hold"})]
+    assert "stop" not in daemon.methods()
 
 
 @pytest.mark.parametrize(

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from argparse import ArgumentTypeError
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection
 
 from litegrip_client.core.session import ACTION_TIMEOUT_S
-from litegrip_client.ctl.figures import Data, figure, plain
+from litegrip_client.ctl.figures import Data, figure
 from litegrip_client.ctl.parser import NUMBER, LateParser
 from litegrip_client.ctl.run import Commands, Run, connected, installing
 from litegrip_client.values.errors import CommandError, LiteGripError, ParameterError
+from litegrip_client.values.printed import HealthReport, plain, tree
 from litegrip_client.values.terms import told_all
 
 _SETTING = re.compile(rf"([a-z][a-z0-9_]*)=({NUMBER}(?:e[+-]?[0-9]+)?)", re.IGNORECASE)
@@ -108,13 +109,8 @@ def _only(data: Data, names: Collection[str]) -> Data:
 def health(run: Run) -> int:
     """Show the daemon's verdict, why, and its figures; the exit code gives the verdict."""
     data = run.connection.call("health")
-    words = ("verdict", "reasons", "notes", "terms")
-    figures = {name: value for name, value in data.items() if name not in words}
-    lines = [f"verdict: {plain(data.get('verdict'))}"]
-    lines += [f"- {plain(reason)}" for reason in told_all(data, "reasons", run.voice)]
-    lines += [f"note: {plain(note)}" for note in told_all(data, "notes", run.voice)]
-    lines += ["", _tree_text(figures)] if figures else []
-    run.output.result(data, "\n".join(lines))
+    told = {name: told_all(data, name, run.voice) for name in ("reasons", "notes")}
+    run.output.result(data, str(HealthReport({**data, **told})))
     return {"ok": 0, "degraded": 1}.get(data["verdict"], 2)
 
 
@@ -156,25 +152,7 @@ def metrics(run: Run) -> int:
 def info(run: Run) -> int:
     """Show what does not change."""
     data = run.connection.call("info.get")
-    return run.done(data, _tree_text(data))
-
-
-def _tree_text(data: Data) -> str:
-    """Return nested figures, one in a line, with dotted names."""
-    rows = list(_leaves(data, ""))
-    width = max((len(name) for name, _ in rows), default=0)
-    return "\n".join(f"{name:<{width}}  {plain(value)}" for name, value in rows)
-
-
-def _leaves(value: object, name: str) -> Iterator[tuple[str, object]]:
-    if isinstance(value, Mapping) and value:
-        for key, inner in value.items():
-            yield from _leaves(inner, f"{name}.{key}" if name else str(key))
-    elif isinstance(value, list) and value:
-        for index, inner in enumerate(value):
-            yield from _leaves(inner, f"{name}[{index}]")
-    else:
-        yield name, "--" if value is None or value in ({}, []) else value
+    return run.done(data, tree(data))
 
 
 _RESTART = """\
@@ -223,7 +201,7 @@ def discover(run: Run) -> int:
     """Show which methods the daemon has."""
     data = run.connection.call("rpc.discover")
     rows = {row.get("name", ""): row.get("summary", "") for row in data.get("methods", [])}
-    return run.done(data, _tree_text(dict(sorted(rows.items()))))
+    return run.done(data, tree(dict(sorted(rows.items()))))
 
 
 COMMANDS: Commands = {

@@ -12,7 +12,7 @@ from litegrip_client.core.discovery import is_socket_given, socket_paths
 from litegrip_client.core.sockets import SOCKET_VARIABLE, STOP_LEVELS, is_reached
 from litegrip_client.core.stop import STOP_WITHIN_S, is_taken_as_meant, stop_at, stop_params
 from litegrip_client.ctl import render
-from litegrip_client.ctl.figures import Data, figure, owner, plain
+from litegrip_client.ctl.figures import Data, figure, owner
 from litegrip_client.ctl.parser import LateParser, count, in_unit, positive
 from litegrip_client.ctl.run import (
     NOT_OK,
@@ -27,7 +27,7 @@ from litegrip_client.ctl.run import (
 )
 from litegrip_client.ctl.state_view import state_line, state_text, stopped
 from litegrip_client.values.errors import CommandError, ConnectError, LiteGripError
-from litegrip_client.values.table import aligned
+from litegrip_client.values.printed import aligned, plain
 
 FAR_STOP_WITHIN_S = 2.5
 """A portal reports after 2 s that a stop is not confirmed, and says what to do then."""
@@ -134,8 +134,10 @@ def stop_within_s(options: Namespace) -> float:
 def not_stopped(error: LiteGripError, options: Namespace) -> None:
     """Have a stop's error say first that nobody knows of the stop, and what to do; as the page."""
     whom = options.channel
-    if is_socket_given(options.socket) and not options.channel_chosen:
-        whom = options.socket or os.environ[SOCKET_VARIABLE]
+    if options.socket is not None:
+        whom = options.socket
+    elif is_socket_given() and not options.channel_chosen:
+        whom = os.environ[SOCKET_VARIABLE]
     how = "did not reach" if error.reason == "no_daemon" else "not confirmed by"
     error.message = f"STOP {how} {whom}. Cut the motor's power. Why: {error.message}"
 
@@ -267,6 +269,9 @@ def events_options(parser: LateParser) -> None:
     parser.add_argument(
         "--kind", action="append", metavar="KIND", help="only these; may be given again"
     )
+    parser.add_argument(
+        "-n", "--last", type=count, metavar="N", help="of those before, the latest N (default: all)"
+    )
 
 
 def events(run: Run) -> int:
@@ -275,7 +280,8 @@ def events(run: Run) -> int:
 
     clock = render.clock_of(run.connection)
     with run.connection.subscribe_events(run.options.kind) as events:
-        for event in chain(events.recent, events if run.options.follow else ()):
+        before = events.recent[-(run.options.last or len(events.recent)) :]
+        for event in chain(before, events if run.options.follow else ()):
             text = plain(event.message)
             run.output.result(asdict(event), f"{clock(event.monotonic_s)}  {text}")
     return OK

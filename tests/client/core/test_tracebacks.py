@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import re
 import subprocess
 import sys
 import traceback
@@ -11,6 +12,7 @@ import pytest
 
 import litegrip_client
 from litegrip_client import CommandError, ConnectError, LiteGrip, LiteGripError, aio
+from litegrip_client.values.tracebacks import STOPPED_ALL_THE_SAME
 from tests.client.fake_daemon import FakeDaemon
 from tests.client.rig import Bench, Heard, Kind, Refuse, Threads
 
@@ -96,6 +98,29 @@ def test_wrong_arguments_are_answered_by_the_right_ones(gripper: LiteGrip, call:
     with pytest.raises(TypeError) as caught:
         eval(f"gripper.{call}")
     assert MISUSED[call] in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("call", "level", "wrong"),
+    [
+        ("software_stop(reason='a hand')", "hold", TypeError),
+        ("software_stop(level='relax', reason='a hand')", "relax", TypeError),
+        ("software_stop('disable', 'a hand', 3)", "disable", TypeError),
+        ("software_stop('soft', 'a hand', 3)", "hold", CommandError),
+        ("software_stop('there is a hand')", "hold", CommandError),
+        ("software_stop(why=3)", "hold", CommandError),
+        ("software_stop(level=['relax'])", "hold", CommandError),
+    ],
+)
+def test_a_stop_with_wrong_arguments_stops_before_it_says_so(
+    enabled: LiteGrip, call: str, level: str, wrong: type[Exception]
+) -> None:
+    with pytest.raises(wrong, match=re.escape(STOPPED_ALL_THE_SAME)) as caught:
+        eval(f"enabled.{call}")
+    stopped = enabled.get_state().stop
+    assert stopped is not None
+    assert stopped["level"] == level
+    assert str(caught.value).count(STOPPED_ALL_THE_SAME) == 1
 
 
 def test_an_object_with_wrong_arguments_is_not_made(kind: Kind) -> None:

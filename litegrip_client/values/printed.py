@@ -1,0 +1,90 @@
+"""How what the daemon tells is printed: foreign text, tables, trees, jobs and health."""
+
+from __future__ import annotations
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see the package: importing these is slow
+    from collections.abc import Iterator, Mapping, Sequence
+    from typing import Any
+
+
+def plain(text: object) -> str:
+    """Return a foreign text without the characters that could control a terminal."""
+    return "".join(letter if letter.isprintable() else "?" for letter in str(text))
+
+
+def tree(data: Mapping[str, Any]) -> str:
+    """Return nested figures, one in a line, with dotted names."""
+    rows = list(_leaves(data, ""))
+    width = max((len(name) for name, _ in rows), default=0)
+    return "\n".join(f"{name:<{width}}  {plain(value)}" for name, value in rows)
+
+
+def _leaves(value: object, name: str) -> Iterator[tuple[str, object]]:
+    if isinstance(value, dict) and value:
+        for key, inner in value.items():
+            yield from _leaves(inner, f"{name}.{key}" if name else str(key))
+    elif isinstance(value, list) and value:
+        for index, inner in enumerate(value):
+            yield from _leaves(inner, f"{name}[{index}]")
+    else:
+        yield name, "--" if value is None or value in ({}, []) else value
+
+
+def aligned(table: Sequence[tuple[str, ...]]) -> str:
+    """Return rows of cells as a table."""
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    lines = (
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+        for row in table
+    )
+    return "\n".join(line.rstrip() for line in lines)
+
+
+_HEAD = ("job", "kind", "state", "by", "took", "result")
+
+
+class _Shown:
+    """Shows `str()` in a notebook, too."""
+
+    __slots__ = ()
+
+    def _repr_pretty_(self, printer: Any, _cycle: bool) -> None:
+        printer.text(str(self))
+
+
+class JobTable(_Shown, list["dict[str, Any]"]):
+    """Jobs as the daemon tells them; `str()` is a table of them, a line a job."""
+
+    __slots__ = ()
+
+    def __str__(self) -> str:
+        return aligned([_HEAD, *map(_row, self)])
+
+
+class HealthReport(_Shown, dict["str", "Any"]):
+    """Health as the daemon tells it; `str()` has the verdict, why, and the figures, in lines."""
+
+    __slots__ = ()
+
+    def __str__(self) -> str:
+        figures = {name: value for name, value in self.items() if name not in _WORDS}
+        lines = [f"verdict: {plain(self.get('verdict'))}"]
+        lines += [f"- {plain(reason)}" for reason in self.get("reasons", ())]
+        lines += [f"note: {plain(note)}" for note in self.get("notes", ())]
+        lines += ["", tree(figures)] if figures else []
+        return "\n".join(lines)
+
+
+_WORDS = ("verdict", "reasons", "notes", "terms")
+"""Those of health; all others are figures."""
+
+
+def _row(job: dict[str, Any]) -> tuple[str, ...]:
+    owner, began_s, ended_s = job.get("owner") or {}, job.get("started_s"), job.get("ended_s")
+    took = "" if began_s is None or ended_s is None else f"{ended_s - began_s:.1f} s"
+    error, result = job.get("error") or {}, job.get("result") or {}
+    how = error.get("message") or str(result.get("outcome") or "").replace("_", " ")
+    by = f"{owner.get('program')} (pid {owner.get('pid')})" if owner else ""
+    cells = (job.get("job"), job.get("kind"), job.get("state"), by, took, how)
+    return tuple(map(plain, cells))
