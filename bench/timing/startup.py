@@ -1,6 +1,6 @@
 """How many instructions it takes to import the client, and to start a command of `litegripctl`.
 
-python -m bench.timing.startup
+python -m bench.timing.startup [FOLDER of the client, default: of these sources]
 
 Instructions are counted by valgrind in the user's space, so that nothing else on the machine
 matters. The interpreter starts without the site's packages (-S), as those of some load much, but
@@ -31,7 +31,8 @@ _CTL = "import sys; from litegrip_client.ctl.main import main; sys.exit(main(sys
 def instructions(folder: Path, code: str, *arguments: str) -> int:
     """Return how many instructions the code takes in an interpreter of its own."""
     command = [sys.executable, "-S", "-c", f"import site; {code}", *arguments]
-    environment = {"PYTHONPATH": str(ROOT), "PYTHONPYCACHEPREFIX": str(folder / "cache")}
+    environment = {"PYTHONPATH": sys.argv[1] if len(sys.argv) > 1 else str(ROOT)}
+    environment |= {"PYTHONPYCACHEPREFIX": str(folder / "cache")}
     environment |= {"LITEGRIPD_SOCKET": str(folder / "can0.sock"), "PYTHONHASHSEED": "0"}
     environment["PATH"] = os.environ["PATH"]
     subprocess.run(command, env=environment, check=True, stdout=subprocess.DEVNULL)  # compiles

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Generic, Literal, TypeAlias, TypeVar, get_args
 
-from litegrip_client.values.printed import plain
+from litegrip_client.values.figures import plain
 
 WITHIN_S = 60.0
 """How long a check may take: what it asks has limits of its own, which are shorter."""

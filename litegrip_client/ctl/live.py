@@ -23,12 +23,11 @@ from rich.table import Table
 from rich.text import Text
 
 from litegrip_client.ctl import render
-from litegrip_client.ctl.figures import Here, figure
 from litegrip_client.ctl.state_view import state_rows
 from litegrip_client.line.connection import Connection
 from litegrip_client.line.feeds import Event, EventFeed
 from litegrip_client.values.errors import ConnectError
-from litegrip_client.values.printed import plain
+from litegrip_client.values.figures import Here, figure, plain
 from litegrip_client.values.terms import told_all
 from litegrip_client.values.voices import in_shell_of
 

@@ -19,8 +19,8 @@ from textwrap import fill
 
 from litegrip_client.core.discovery import check_channel
 from litegrip_client.core.sockets import CHANNEL_VARIABLE, DEFAULT_CHANNEL, STOP_LEVELS
-from litegrip_client.ctl.figures import PROGRAM
 from litegrip_client.values.errors import CommandError
+from litegrip_client.values.figures import PROGRAM
 from litegrip_client.values.voices import in_shell_of
 
 TYPE_CHECKING = False

@@ -5,7 +5,6 @@ from argparse import Namespace
 
 from litegrip_client.ctl.commands import COMMANDS, find, needs_daemon
 from litegrip_client.ctl.commands.state import not_stopped, stop_first, stop_within_s
-from litegrip_client.ctl.figures import PROGRAM
 from litegrip_client.ctl.parser import UsageError, meant_stop, parse, sounds_like_stop
 from litegrip_client.ctl.render import hint_for, names_remedy
 from litegrip_client.ctl.run import (
@@ -20,6 +19,7 @@ from litegrip_client.ctl.run import (
 )
 from litegrip_client.line.exchange import DEFAULT_TIMEOUT_S
 from litegrip_client.values.errors import CommandError, LiteGripError, ProtocolError, exit_code
+from litegrip_client.values.figures import PROGRAM
 
 
 def run(given: list[str]) -> int:

@@ -19,14 +19,14 @@ from litegrip_client.core.sockets import (
     paths,
     stop_path,
 )
-from litegrip_client.ctl.figures import PROGRAM
 from litegrip_client.ctl.state_view import state_text, stopped
+from litegrip_client.values.figures import PROGRAM
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see core/sockets
     from typing import Any
 
-    from litegrip_client.ctl.figures import Here
+    from litegrip_client.values.figures import Here
 
 PROTOCOL = 1
 _STOP_WITHIN_S = 0.5

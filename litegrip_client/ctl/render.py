@@ -16,12 +16,11 @@ from litegrip_client.core.discovery import (
     running_channels,
 )
 from litegrip_client.core.motion import Motion
-from litegrip_client.ctl.figures import Data, Here, figure, owner
 from litegrip_client.ctl.run import ENDING, INTERRUPTED, Run
 from litegrip_client.line.exchange import SEE_DOCTOR
 from litegrip_client.threads.blocking import BlockingWire, complete
 from litegrip_client.values.errors import CancelledError, LiteGripError
-from litegrip_client.values.printed import plain
+from litegrip_client.values.figures import Data, Here, figure, owner, plain
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow

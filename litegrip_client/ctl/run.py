@@ -30,8 +30,8 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, TypeAlias
 
-    from litegrip_client.ctl.figures import Here
     from litegrip_client.ctl.parser import Fill
+    from litegrip_client.values.figures import Here
     from litegrip_client.values.terms import Voice
 
 

@@ -6,8 +6,7 @@ Takes the wire's objects as they are, so that an older or newer daemon is still 
 from __future__ import annotations
 
 from litegrip_client.core.sockets import NOT_REACHED, is_reached
-from litegrip_client.ctl.figures import Data, Here, figure, owner
-from litegrip_client.values.printed import plain
+from litegrip_client.values.figures import Data, Here, figure, owner, plain
 
 _DOUBTS = {
     "superseded": "WRONG: all millimetres are those of earlier versions, which took the travel for"

@@ -1,16 +1,13 @@
-"""How what the daemon tells is printed: foreign text, tables, trees, jobs and health."""
+"""How what the daemon tells is printed: tables, trees, jobs and health."""
 
 from __future__ import annotations
+
+from litegrip_client.values.figures import plain
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing these is slow
     from collections.abc import Iterator, Mapping, Sequence
     from typing import Any
-
-
-def plain(text: object) -> str:
-    """Return a foreign text without the characters that could control a terminal."""
-    return "".join(letter if letter.isprintable() else "?" for letter in str(text))
 
 
 def tree(data: Mapping[str, Any]) -> str:

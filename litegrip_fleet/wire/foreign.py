@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from litegrip_client.core.sockets import NOT_REACHED, STOP_LEVELS, is_reached
-from litegrip_client.values.printed import plain
+from litegrip_client.values.figures import plain
 
 _LONGEST_TEXT = 200
 _MOST_SILENT = 64

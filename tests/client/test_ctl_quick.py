@@ -245,8 +245,8 @@ def test_the_protocol_is_that_of_the_client() -> None:
     assert quick.PROTOCOL == PROTOCOL
 
 
-LOADED = {"litegrip_client", "ctl", "ctl.main", "ctl.quick", "ctl.streams", "ctl.figures"}
-LOADED |= {"ctl.state_view", "core", "core.sockets", "values", "values.printed"}
+LOADED = {"litegrip_client", "ctl", "ctl.main", "ctl.quick", "ctl.streams", "values.figures"}
+LOADED |= {"ctl.state_view", "core", "core.sockets", "values"}
 SYSTEM = {"__future__", "_json", "_socket", "importlib", "warnings", "importlib._bootstrap"}
 SYSTEM |= {"importlib._bootstrap_external", "_warnings", "encodings.ascii"}
 

@@ -27,6 +27,10 @@ class FakeChild:
     def receive(self) -> bytes | None:
         return self.says.popleft() if self.says else None
 
+    @property
+    def is_cut(self) -> bool:
+        return self.has_ended
+
     def send(self, packet: bytes) -> bool:
         self.orders.append(packet)
         return True

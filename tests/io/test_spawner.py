@@ -69,6 +69,27 @@ def test_a_process_that_cannot_be_watched_counts_as_not_started(spawner: Spawner
     child.close()
 
 
+def test_a_process_that_has_ended_has_left_its_end_of_the_pair(spawner: Spawner) -> None:
+    """No other process has it: what asks after each tick may ask the socket alone."""
+    others = [spawner.start(MODULE) for _ in range(2)]
+    child = spawner.start(MODULE)
+    another = spawner.start(MODULE)
+    assert child.send(b'[1, "double", {"x": 1}]')
+    double(child)
+    assert child.receive() is None
+    assert (child.is_cut, child.has_ended) == (False, False)
+    pidfd = child.pidfd
+    assert child.pid is not None
+    assert pidfd is not None
+    end(child.pid)
+    assert select.select([pidfd], [], [], DEADLINE_S)[0]
+    assert child.receive() is None
+    assert child.is_cut is True
+    assert child.has_ended is True
+    for one in (*others, child, another):
+        one.close()
+
+
 def test_a_start_does_not_wait_for_the_process(spawner: Spawner) -> None:
     """The spawner stands still, as it would in a slow start of a program."""
     end(spawner.pid, signal.SIGSTOP)

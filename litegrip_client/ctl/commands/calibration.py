@@ -14,7 +14,6 @@ from pathlib import Path
 
 from litegrip_client.core.calibrations import warnings_in
 from litegrip_client.core.session import ACTION_TIMEOUT_S
-from litegrip_client.ctl.figures import Data, figure
 from litegrip_client.ctl.files import put_file, refuse_existing
 from litegrip_client.ctl.parser import LateParser, in_unit, positive
 from litegrip_client.ctl.render import CHOOSE_MOUNT, finish, verdict
@@ -33,7 +32,7 @@ from litegrip_client.ctl.run import (
 from litegrip_client.values.checks import given_numbers
 from litegrip_client.values.errors import CancelledError, CommandError, LiteGripError
 from litegrip_client.values.fields import SPAN_INSET_MM
-from litegrip_client.values.printed import plain
+from litegrip_client.values.figures import Data, figure, plain
 from litegrip_client.values.terms import told
 from litegrip_client.values.text import json_of
 

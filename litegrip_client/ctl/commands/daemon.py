@@ -7,11 +7,11 @@ from argparse import ArgumentTypeError
 from collections.abc import Collection
 
 from litegrip_client.core.session import ACTION_TIMEOUT_S
-from litegrip_client.ctl.figures import Data, figure
 from litegrip_client.ctl.parser import NUMBER, LateParser
 from litegrip_client.ctl.run import Commands, Run, connected, installing
 from litegrip_client.values.errors import CommandError, LiteGripError, ParameterError
-from litegrip_client.values.printed import HealthReport, plain, tree
+from litegrip_client.values.figures import Data, figure, plain
+from litegrip_client.values.printed import HealthReport, tree
 from litegrip_client.values.terms import told_all
 
 _SETTING = re.compile(rf"([a-z][a-z0-9_]*)=({NUMBER}(?:e[+-]?[0-9]+)?)", re.IGNORECASE)

@@ -8,7 +8,6 @@ from __future__ import annotations
 from argparse import _ActionsContainer
 
 from litegrip_client.core.session import ACTION_TIMEOUT_S, UNDER_WAY, naming_the_danger
-from litegrip_client.ctl.figures import Data, figure, owner
 from litegrip_client.ctl.parser import LateParser, count, in_unit, not_negative, positive, target
 from litegrip_client.ctl.render import (
     clock_of,
@@ -23,7 +22,8 @@ from litegrip_client.ctl.render import (
 from litegrip_client.ctl.run import ENDING, Commands, Run
 from litegrip_client.values.checks import given_numbers
 from litegrip_client.values.errors import CommandError, HardwareError, from_error_object
-from litegrip_client.values.printed import aligned, plain
+from litegrip_client.values.figures import Data, figure, owner, plain
+from litegrip_client.values.printed import aligned
 from litegrip_client.values.trajectory_format import MOST_FORCE_N
 
 

@@ -11,12 +11,11 @@ from pathlib import Path
 from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.ctl.commands import is_name
 from litegrip_client.ctl.commands.trajectories import fetched_whole
-from litegrip_client.ctl.figures import figure
 from litegrip_client.ctl.files import put_file, refuse_existing
 from litegrip_client.ctl.parser import LateParser, in_unit, positive
 from litegrip_client.ctl.run import Commands, Run, installing
 from litegrip_client.values.errors import CommandError
-from litegrip_client.values.printed import plain
+from litegrip_client.values.figures import figure, plain
 from litegrip_client.values.trajectory import Trajectory
 from litegrip_client.values.trajectory_format import MAGIC
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from argparse import ArgumentTypeError
 
-from litegrip_client.ctl.figures import figure
 from litegrip_client.ctl.parser import LateParser, in_unit, not_negative, number, positive
 from litegrip_client.ctl.run import Commands, Run
 from litegrip_client.values.errors import CommandError
+from litegrip_client.values.figures import figure
 
 _SIM = """\
 Change the world of a simulated gripper: what is between its jaws, a hand that

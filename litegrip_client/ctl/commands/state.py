@@ -12,7 +12,6 @@ from litegrip_client.core.discovery import is_socket_given, socket_paths
 from litegrip_client.core.sockets import SOCKET_VARIABLE, STOP_LEVELS, is_reached
 from litegrip_client.core.stop import STOP_WITHIN_S, is_taken_as_meant, stop_at, stop_params
 from litegrip_client.ctl import render
-from litegrip_client.ctl.figures import Data, figure, owner
 from litegrip_client.ctl.parser import LateParser, count, in_unit, positive
 from litegrip_client.ctl.run import (
     NOT_OK,
@@ -27,7 +26,8 @@ from litegrip_client.ctl.run import (
 )
 from litegrip_client.ctl.state_view import state_line, state_text, stopped
 from litegrip_client.values.errors import CommandError, ConnectError, LiteGripError
-from litegrip_client.values.printed import aligned, plain
+from litegrip_client.values.figures import Data, figure, owner, plain
+from litegrip_client.values.printed import aligned
 
 FAR_STOP_WITHIN_S = 2.5
 """A portal reports after 2 s that a stop is not confirmed, and says what to do then."""

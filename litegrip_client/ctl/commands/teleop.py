@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import time
 
-from litegrip_client.ctl.figures import Data, figure
 from litegrip_client.ctl.parser import LateParser, count, in_unit, not_negative, positive
 from litegrip_client.ctl.run import Commands, Run
-from litegrip_client.values.printed import plain
+from litegrip_client.values.figures import Data, figure, plain
 
 _LOOK_EVERY_S = 0.2
 _OPEN_WITHIN_S = 5.0

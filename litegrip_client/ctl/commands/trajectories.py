@@ -10,14 +10,14 @@ from dataclasses import asdict
 
 from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.core.trajectories import Recording, fetch, fetch_grips, listed, named, send
-from litegrip_client.ctl.figures import Data, Here, figure
 from litegrip_client.ctl.files import put_file, refuse_existing
 from litegrip_client.ctl.parser import LateParser, count, in_unit, positive
 from litegrip_client.ctl.render import bar, date, finish, jaws_now, opening_of, verdict, why_not
 from litegrip_client.ctl.run import INTERRUPTED, Command, Commands, Run, say
 from litegrip_client.threads.blocking import BlockingWire, complete, pause
 from litegrip_client.values.errors import CancelledError, CommandError
-from litegrip_client.values.printed import aligned, plain
+from litegrip_client.values.figures import Data, Here, figure, plain
+from litegrip_client.values.printed import aligned
 from litegrip_client.values.trajectory import (
     Trajectory,
     directory,

@@ -10,11 +10,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from litegrip_client.ctl.figures import PROGRAM
 from litegrip_client.ctl.findings import Named
 from litegrip_client.socketcan.link import Link
 from litegrip_client.socketcan.managers import Setting
 from litegrip_client.values.atomic_file import Shortage
+from litegrip_client.values.figures import PROGRAM
 from litegrip_client.values.terms import Voice
 from litegrip_client.values.voices import in_shell_of
 

@@ -108,7 +108,7 @@ class PumpedBus:
         for _ in range(MAX_FRAMES_PER_TICK):
             packet = child.receive()
             if packet is None:
-                if child.has_ended:
+                if child.is_cut and child.has_ended:  # the latter asks the kernel
                     self._bury(child, frames, now_s)
                 break
             self._take(packet, frames, now_s)

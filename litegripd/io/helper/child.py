@@ -104,6 +104,7 @@ class Child:
         self._pid = pid
         self._pidfd = pidfd
         self._settle = settle
+        self._is_cut = False
 
     @property
     def pid(self) -> int | None:
@@ -140,9 +141,20 @@ class Child:
     def receive(self) -> bytes | None:
         """Return one packet, or None when there is none now or the child is gone."""
         try:
-            return self.socket.recv(MAX_PACKET_BYTES) or None
-        except (BlockingIOError, ConnectionError):
+            packet = self.socket.recv(MAX_PACKET_BYTES)
+        except BlockingIOError:
             return None
+        except ConnectionError:
+            packet = b""
+        if packet:
+            return packet
+        self._is_cut = True
+        return None
+
+    @property
+    def is_cut(self) -> bool:
+        """False while `receive` has found the other end open: then it has not ended either."""
+        return self._is_cut or self.pidfd is None
 
     @property
     def has_ended(self) -> bool:

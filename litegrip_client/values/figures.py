@@ -1,4 +1,4 @@
-"""Figures and owners, as a person reads them."""
+"""Figures and foreign texts, as a person reads them."""
 
 from __future__ import annotations
 
@@ -24,6 +24,11 @@ def figure(value: object, form: str, unit: str) -> str:
     if shown.startswith("-0") and not shown.strip("-0."):
         shown = f"{'+' if form.startswith('+') else ''}{shown[1:]}"  # no zero below zero
     return f"{shown} {unit}".rstrip()
+
+
+def plain(text: object) -> str:
+    """Return a foreign text without the characters that could control a terminal."""
+    return "".join(letter if letter.isprintable() else "?" for letter in str(text))
 
 
 def owner(data: Data) -> str:
