@@ -76,6 +76,8 @@ class Motion:
         except BaseException as error:
             if call.answered:
                 raise
+            if isinstance(error, ConnectError) and error.reason == "connection_lost":
+                error.message += f": {LEFT_ALONE}"
             if isinstance(error, ConnectError) and wire.connection.is_silent:
                 self._cancel_later(call)
             else:
@@ -136,6 +138,7 @@ class Motion:
         return None
 
 
+LEFT_ALONE = "if it is gone, the motor soon lets go by itself, and what was held falls"
 _EXPIRED = "set_point_expired"
 """A target that came too late, on a busy machine say: the next one takes its place."""
 

@@ -199,4 +199,7 @@ def stopped(data: Data, here: Here) -> str:
     until = here("until: litegripctl clear")
     if not is_reached(data):
         return plain(f"{data['level']} is latched, {until}; but {NOT_REACHED}")
-    return plain(f"stopped: {data['level']}, {until}")
+    text = plain(f"stopped: {data['level']}, {until}")
+    if data["level"] == "hold":
+        text += here("\nwhat is squeezed stays so; to let go: litegripctl stop --level relax")
+    return text

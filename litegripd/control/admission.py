@@ -62,7 +62,7 @@ ZERO_MOVED = Refusal(
 _BUSY_BY: Mapping[JobKind, str] = {"teleop": "teleop_busy"}
 _ENDED_BY: Mapping[JobKind, Sentence] = {
     "teleop": sentence("end it by {teleop.stop}"),
-    "record": sentence("end it by {trajectory.record_stop}"),
+    "record": sentence("end it ({trajectory.record_stop})"),
 }
 """How to end a job that does not end by itself. A recording outlasts its job if that is cancelled,
 and then refuses what it has refused before."""

@@ -455,7 +455,7 @@ def stop_cleared(by: Owner, repeats: int) -> Event:
     """Report who allowed motions again, and how many stops came without an event."""
     text = f"stop cleared by {by.program} (pid {by.pid})"
     if repeats:
-        text += f"; stops that raised nothing meanwhile: {repeats}"
+        text += f"; {repeats} more came while it was latched"
     return Event("stop_cleared", text, {"repeats": repeats})
 
 
