@@ -382,7 +382,8 @@ export class Panel extends EventTarget {
     if (!state.calibrated) parts.push("not calibrated");
     if (state.job) parts.push(`by ${owner(state.job.owner)}`);
     if (state.is_grasped) parts.push(state.stale ? "something was held" : "something is held");
-    else if (state.is_grasped === null) parts.push("something was held: whether it still is, is not known");
+    else if (state.is_grasped === null) parts.push(state.motor === "silent" ? "something was held: whether it still is, is not known"
+        : "the motor is too weak to tell if something is held");
     else if (isNumber(state.pressing_n)) parts.push(`the jaws press with about ${figure(state.pressing_n, 0, "N")}`);
     if (state.limited.length) parts.push(`limited by ${state.limited.join(", ").replaceAll("_", " ")}`);
     return parts.join("; ");
