@@ -150,6 +150,8 @@ def _squeezing(data: Data) -> str:
         when = f"{figure(data.get('age_s'), '.1f', 's')} ago, when the motor last answered"
         return f"was with {figure(data['force_set_n'], '.1f', 'N')} {when}; {held}"
     held = "an object is held" if data.get("is_grasped") else "no object is held"
+    if data.get("is_grasped") is None:
+        held = "the motor is too weak to tell if an object is held"
     clamp_n = data.get("clamp_n")
     felt = ""
     if isinstance(clamp_n, list | tuple) and len(clamp_n) == 2:
