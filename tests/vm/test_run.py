@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.vm import adapters, debian, socketcan, systemd
+from tests.vm import adapters, debian, knocking, socketcan, systemd
 
 RUN = Path(__file__).with_name("run")
 SOCKETCAN = "bash tests/vm/socketcan.sh"
-SYSTEMD, ADAPTERS, DEBIAN = (
-    f"bash tests/vm/installed.sh {suite}" for suite in ("systemd", "adapters", "debian")
+SYSTEMD, ADAPTERS, KNOCKING, DEBIAN = (
+    f"bash tests/vm/installed.sh {suite}" for suite in ("systemd", "adapters", "knocking", "debian")
 )
 
 
@@ -39,6 +39,7 @@ def booted(done: "subprocess.CompletedProcess[str]") -> list[str]:
         ("systemd", systemd.FIRST, [f"{SYSTEMD} 1"]),
         ("systemd", systemd.SECOND, [f"{SYSTEMD} 1", f"{SYSTEMD} 2"]),
         ("adapters", adapters.FIRST, [f"{ADAPTERS} 1"]),
+        ("knocking", knocking.SCENES, [f"{KNOCKING} 1"]),
         ("adapters", adapters.SECOND, [f"{ADAPTERS} 1", f"{ADAPTERS} 2"]),
     ],
 )
