@@ -191,7 +191,7 @@ def _router(table: "_Table") -> RouterConfig:
     gateways = table.get("gateways", _mapping, {})
     table.finish()
     if not listen:
-        raise table.error("listen", 'is empty: ["tls/0.0.0.0:7447"] listens on every address')
+        raise table.error("listen", 'is empty: ["tls/[::]:7447"] listens on every address')
     for user, role in users.items():
         check_name(user, "[router.users] user")
         if role not in ROLES:
