@@ -1,5 +1,6 @@
 """A daemon that is frozen, or hangs, while somebody waits for it."""
 
+from collections.abc import Callable
 from types import SimpleNamespace
 
 import pytest
@@ -10,6 +11,15 @@ from tests.client.rig import SILENT, Bench, Ctl, Heard, Kind, run_ctl
 UNKNOWN = "what the jaws do is not known; to be sure, cut the motor's power"
 NOT_OFF = "the motor is not known to be off, cut its power"
 NOT_DISABLED = "the motor could not be disabled, cut its power: the daemon does not answer"
+NOT_OFF_GONE = "the motor could not be disabled, cut its power"
+GONE = (
+    f"{NOT_OFF_GONE}: the daemon ended the connection: if it is gone, the motor soon lets go by"
+    " itself, and what was held falls"
+)
+ENDING = (
+    "the motor is not known to be off: the daemon is about to end, and disables it by itself; to be"
+    " sure, cut the motor's power"
+)
 
 
 @pytest.fixture
@@ -117,6 +127,34 @@ def test_a_warning_at_the_end_of_a_block_names_the_danger(
         daemon.freeze()
         raise ZeroDivisionError
     assert caplog.messages == [NOT_DISABLED]
+
+
+@pytest.mark.parametrize(
+    ("end", "told"),
+    [(Heard.hang_up, GONE), (lambda daemon: daemon.controller.shut_down(), ENDING)],
+    ids=["killed", "ended"],
+)
+def test_the_end_of_a_block_names_the_danger_when_the_daemon_is_gone(
+    daemon: Heard, kind: Kind, end: Callable[[Heard], None], told: str
+) -> None:
+    gripper = kind.gripper()
+    gripper.connect()
+    gripper.enable()
+    end(daemon)
+    with pytest.raises(ConnectError) as caught:
+        gripper.disconnect()
+    assert caught.value.message == told
+
+
+def test_a_warning_behind_a_motion_names_the_danger_when_the_daemon_is_gone(
+    site: Bench, daemon: Heard, kind: Kind, caplog: pytest.LogCaptureFixture
+) -> None:
+    with pytest.raises(ConnectError, match="the daemon ended"), kind.gripper() as gripper:  # noqa: PT012 - as above
+        gripper.enable()
+        site.after(0.3, daemon.hang_up)
+        gripper.close(speed_mm_s=10.0)
+    (told,) = caplog.messages
+    assert told.startswith(NOT_OFF_GONE)
 
 
 def test_what_is_told_once_is_told_again_of_another_silence(
