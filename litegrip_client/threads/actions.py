@@ -364,6 +364,17 @@ class GripperActions:
             )
         )
 
+    def move_to(
+        self,
+        target_rad: float,
+        kp: float | None = None,
+        kd: float | None = None,
+        tau_feedforward: float = 0.0,
+        duration: float = 1.0,
+    ) -> MoveResult:
+        """Move to a position of the motor, in rad, in `duration` seconds: as `goto_rad` does."""
+        return complete(self._core.move_to(target_rad, kp, kd, tau_feedforward, duration))
+
     def goto_openness(
         self,
         openness: float,

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
+from litegrip_client.values.terms import Called
+
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from inspect import Parameter
@@ -172,7 +174,10 @@ _OF_ALL: Mapping[str, tuple[str, str]] = {"config": ("motion_config", "config")}
 def in_python(method: str | None, parameter: str | None, asked: str | None) -> str | None:
     """Name a call of `LiteGrip` or an argument."""
     if method is None:
-        return _argument(asked, parameter)[0]
+        own = asked.arguments.get(parameter or "") if isinstance(asked, Called) else None
+        return own or _argument(asked, parameter)[0]
+    if isinstance(method, Called):
+        return f"gripper.{method.call}()"
     call = CALLS.get(method, _NONE)[0]
     if parameter is None:
         return call
@@ -211,7 +216,6 @@ def _argument(method: str | None, parameter: str | None) -> tuple[str, str] | tu
 
 MEANT: Mapping[str, str] = {
     "move": "goto(position_mm=...)",
-    "move_to": "goto(position_mm=...)",
     "set_position": "goto(position_mm=...)",
     "state": "get_state()",
     "status": "get_state()",

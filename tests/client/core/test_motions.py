@@ -18,7 +18,7 @@ from litegrip_client import (
     MoveResult,
     ParameterError,
 )
-from tests.client.rig import GUARDS, Bench, Heard, Kind, Threads
+from tests.client.rig import GUARDS, Bench, Heard, Kind
 from tests.geometry import TRAVEL_MM
 
 Move = Callable[[LiteGrip], Any]
@@ -67,6 +67,7 @@ def test_moving_to_a_target(
             "target_mm is -2 mm, the calibrated travel is 0 to 86.9 mm",
         ),
         (lambda g: g.goto_rad(9), r"position_rad is 9 rad, the calibrated travel is .* to .* rad"),
+        (lambda g: g.move_to(9), r"target_rad is 9 rad, the calibrated travel is .* to .* rad"),
         (lambda g: g.goto_openness(2), "openness is 2.0, it must be 0 to 1"),
     ],
 )
@@ -75,13 +76,6 @@ def test_a_target_out_of_reach_is_named_as_the_caller_has_it(
 ) -> None:
     with pytest.raises(ParameterError, match=f"^{told}$"):
         move(enabled)
-
-
-def test_so_is_the_target_of_the_sdks_own_call(daemon: Heard, site: Bench) -> None:
-    with Threads(site).gripper() as gripper:
-        gripper.enable()
-        with pytest.raises(ParameterError, match=r"^target_rad is 9 rad, the calibrated travel"):
-            gripper.move_to(9.0)
 
 
 @pytest.mark.parametrize("name", ["open", "close"])

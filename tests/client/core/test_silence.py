@@ -108,6 +108,32 @@ def test_an_interrupt_names_the_danger_once_and_soon(
     )
 
 
+@pytest.mark.parametrize(
+    ("move", "called"),
+    [
+        (lambda g: g.move_at_speed(45, 5), "move_at_speed"),
+        (lambda g: g.goto_rad(-0.5), "goto_rad"),
+        (lambda g: g.goto_openness(0.2), "goto_openness"),
+        (lambda g: g.calibrate(), "calibrate"),
+    ],
+)
+def test_an_interrupt_names_the_call_that_was_made(
+    site: Bench,
+    daemon: Heard,
+    kind: Kind,
+    caplog: pytest.LogCaptureFixture,
+    move: Callable[[LiteGrip], object],
+    called: str,
+) -> None:
+    with pytest.raises(kind.interrupted), kind.gripper() as gripper:  # noqa: PT012 - the block's end
+        gripper.enable()
+        site.after(0.1, daemon.freeze)
+        kind.interrupt(0.2)
+        move(gripper)
+    (told,) = caplog.messages
+    assert told.startswith(f"the interrupted {kind.awaits}gripper.{called}() could not")
+
+
 def test_the_end_of_a_block_names_the_danger(site: Bench, daemon: Heard, kind: Kind) -> None:
     gripper = kind.gripper()
     gripper.connect()
