@@ -515,6 +515,16 @@ def test_a_stop_that_does_not_reach_the_motor_is_latched_and_an_error(
     site.run_until(lambda: daemon.wire_state["motor"] == "disabled")
 
 
+def test_enabling_waits_for_a_motor_whose_power_is_just_back(
+    site: Bench, daemon: Heard, gripper: LiteGrip
+) -> None:
+    daemon.gripper.power_off()
+    site.run_until(lambda: daemon.wire_state["motor"] == "silent")
+    daemon.gripper.power_on()
+    site.run_until(lambda: daemon.wire_state["motor"] == "unknown")
+    assert gripper.enable()
+
+
 def test_a_stop_overtakes_a_motion(daemon: Heard, tasks: Asyncio) -> None:
     async def scene(gripper: aio.LiteGrip) -> None:
         moving = asyncio.create_task(gripper.close())
