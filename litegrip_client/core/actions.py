@@ -974,6 +974,12 @@ class GripperActions:
         self, method: str, params: dict[str, Any], progress: ProgressCallback | None
     ) -> dict[str, Any]:
         """Wait for a motion's result; an interrupt or an error cancels the motion."""
+        if progress is not None and not callable(progress):
+            raise ParameterError(
+                f"progress is {progress!r:.60}, it must be a function of a MoveProgress",
+                reason="invalid_params",
+                data={"parameter": "progress"},
+            )
         positions: list[float] = []
 
         def report(data: dict[str, Any]) -> None:

@@ -379,6 +379,8 @@ class Lease:
     """
 
     def __init__(self, session: DaemonSession, options: dict[str, Any]) -> None:
+        """Raise `CommandError` for a time that is no number."""
+        given_numbers(ttl_s=options["ttl_s"], wait_s=options["wait_s"])
         self._token: str | None = None
         self._session = session
         self._options = options
