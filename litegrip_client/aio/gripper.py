@@ -422,6 +422,9 @@ class Subscription(_BegunLate[Feed[_Item]], Generic[_Item]):
         self._feed = feed
         self._closed = False
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} of {self._feed!r}{', closed' if self._closed else ''}>"
+
     def __aiter__(self) -> Subscription[_Item]:
         return self
 

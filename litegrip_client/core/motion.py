@@ -170,6 +170,12 @@ class SetpointStream:
         self._sent_s = -math.inf
         self._cancels = 0
 
+    def __repr__(self) -> str:
+        bounds = (f"{name}={self._limits.get(name)}" for name in ("speed_mm_s", "torque_nm"))
+        given = [one for one in bounds if not one.endswith("=None")]
+        what = ", ".join([f"valid_s={self._valid_s}", *given])
+        return f"<SetpointStream to {self._session.channel}, {what}>"
+
     async def set_target(
         self,
         opening_mm: float | None = None,

@@ -386,6 +386,11 @@ class Lease:
         self._options = options
         self._wire: Wire | None = None
 
+    def __repr__(self) -> str:
+        purpose = self._options["purpose"]
+        named = "" if purpose is None else f" {purpose!r:.60}"
+        return f"<Lease{named} of {self._session.channel}{'' if self._token else ', not taken'}>"
+
     @property
     def token(self) -> str | None:
         """The name of the lease, until it is released."""

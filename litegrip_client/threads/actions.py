@@ -43,6 +43,9 @@ class Lease:
     def __init__(self, core: core_session.Lease) -> None:
         self._core = core
 
+    def __repr__(self) -> str:
+        return repr(self._core)
+
     @property
     def token(self) -> str | None:
         """The name of the lease, until it is released."""
@@ -126,6 +129,9 @@ class SetpointStream:
 
     def __init__(self, core: core_motion.SetpointStream) -> None:
         self._core = core
+
+    def __repr__(self) -> str:
+        return repr(self._core)
 
     def set_target(
         self,

@@ -607,6 +607,33 @@ def test_what_was_meant_by_a_wrong_name_is_said_once(
     assert printed.lower().count("did you mean") == told.count("did you mean")
 
 
+@pytest.mark.parametrize(
+    ("make", "shown"),
+    [
+        (
+            lambda g: g.stream(speed_mm_s=30),
+            "<SetpointStream to can0, valid_s=0.2, speed_mm_s=30.0>",
+        ),
+        (lambda g: g.lease("sorting"), "<Lease 'sorting' of can0, not taken>"),
+        (lambda g: g.lease(), "<Lease of can0, not taken>"),
+        (lambda g: g.states(50), "<Subscription of state samples, hz=50.0>"),
+        (lambda g: g.events(["stop"]), "<EventSubscription of events, kinds=['stop']>"),
+        (lambda g: g.latest(), "<Latest of state samples, hz=50.0>"),
+    ],
+)
+def test_what_comes_with_a_block_shows_what_it_is(
+    gripper: LiteGrip, kind: Kind, make: Callable[[LiteGrip], Any], shown: str
+) -> None:
+    made = make(gripper)
+    real = made._real if kind.awaits else made
+    assert repr(real) == shown
+    with made:
+        inside = repr(real)
+    assert inside == shown.removesuffix(", not taken>").removesuffix(">") + ">"
+    is_feed = "Lease" not in shown and "Stream" not in shown
+    assert repr(real) == (f"{shown[:-1]}, closed>" if is_feed else shown)
+
+
 def test_an_asyncio_gripper_has_the_same_hints() -> None:
     gripper = aio.LiteGrip("can0")
     with pytest.raises(AttributeError, match=r"did you mean 'open'\?\Z"):
