@@ -1,4 +1,4 @@
-"""Released versions beside the sources: the same commands with each, in turn, three times.
+"""Released versions beside the sources: the same commands with each, in turn; times three times.
 
 python -m bench.beside [SHARE of the usual rounds and times, default 1]
 
@@ -19,33 +19,42 @@ from typing import NamedTuple
 from tests.versions.released import RELEASED, unpacked
 
 ROOT = Path(__file__).parents[1]
-ROUNDS = 3
 
 
 class Figure(NamedTuple):
-    """A command, how much of it, and which rows of it are the version's own."""
+    """A command, how much of it, which rows of it are the version's own, and how often it runs.
+
+    Without an amount the command takes the folder of the packages, and else it runs with them.
+    """
 
     module: str
     amount: float | None
     rows: str
+    rounds: int = 3
 
 
 FIGURES = (
     Figure("bench.timing.reads", 20, r"get_state\(\)"),
-    Figure("bench.timing.instructions", 5, ": litegripd$"),
-    Figure("bench.timing.startup", None, "litegripctl (stop|state)$"),
+    Figure("bench.timing.instructions", 10, ": litegripd$", 1),
+    Figure("bench.timing.startup", None, "litegripctl (stop|state)$", 1),
     Figure("bench.timing.stop", 60, "^(stop|other) socket"),
     Figure("bench.timing.holding", 10, "^holding"),
-    Figure("bench.timing.pump", 8, "real-time"),
 )
 
 
-def rows(figure: Figure, share: float, sources: str) -> list[str]:
-    """Run a command with the packages of a version; return its rows, or why there are none."""
-    amounts = [] if figure.amount is None else [f"{max(figure.amount * share, 1):g}"]
+def rows(figure: Figure, share: float, sources: str, folder: str) -> list[str]:
+    """Run a command with the packages of a version; return its rows, or why there are none.
+
+    It runs in a folder that has no modules: Python looks there first.
+    """
+    if figure.amount is None:
+        words, path = [sources.partition(":")[0]], str(ROOT)
+    else:
+        words, path = [f"{figure.amount * share:g}"], sources
     done = subprocess.run(
-        [sys.executable, "-P", "-m", figure.module, *amounts],
-        env={**os.environ, "PYTHONPATH": sources},
+        [sys.executable, "-m", figure.module, *words],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": path},
         capture_output=True,
         text=True,
         check=False,
@@ -67,9 +76,9 @@ def main() -> None:
         width = max(map(len, sources))
         for figure in FIGURES:
             print(figure.module)
-            for _ in range(ROUNDS):
+            for _ in range(figure.rounds):
                 for version, path in sources.items():
-                    for row in rows(figure, share, path):
+                    for row in rows(figure, share, path, folder):
                         print(f"  {version:<{width}}  {row}", flush=True)
 
 

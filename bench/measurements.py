@@ -72,6 +72,18 @@ SECTIONS = (
         (20,),
     ),
     Section(
+        "Holding over SLCAN",
+        "What the daemon and the process that drives the adapter take of a processor.",
+        "bench.timing.holding",
+        (20,),
+    ),
+    Section(
+        "Released versions and now",
+        "The same commands with the packages of each, in turn.",
+        "bench.beside",
+        (1,),
+    ),
+    Section(
         "SLCAN on a busy machine",
         "Five loops that never wait beside the process that drives the adapter.",
         "bench.timing.pump",
@@ -100,7 +112,7 @@ def processor() -> str:
 
 def section(one: Section, share: float) -> str:
     """Run a command; return its part of the page."""
-    amounts = [f"{max(amount * share, 1):g}" for amount in one.amounts]
+    amounts = [f"{amount * share:g}" for amount in one.amounts]
     words = ["-m", one.module, *amounts]
     done = subprocess.run(
         [sys.executable, *words], cwd=ROOT, capture_output=True, text=True, check=False

@@ -7,6 +7,7 @@ A further file is a further row of `GENERATED`: its path, and the function that 
 """
 
 import argparse
+import json
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -26,6 +27,7 @@ from docs.protocol_fields import (  # noqa: E402
     state_section,
     teleop_section,
 )
+from litegrip_client.ctl.render import WHY_NOT  # noqa: E402
 from litegrip_client.values.errors import OWN_REASONS  # noqa: E402
 from litegrip_client.values.severity import (  # noqa: E402
     EXCUSE,
@@ -41,6 +43,7 @@ from litegripd.rpc.jsonrpc import MAX_LINE_BYTES  # noqa: E402
 from litegripd.rpc.method import CONFIG, Method, Param  # noqa: E402
 from litegripd.rpc.methods.reading import STATE_FIELDS  # noqa: E402
 from litegripd.rpc.openrpc import PROTOCOL_VERSION  # noqa: E402
+from litegripd.trajectories.methods import SPEEDS  # noqa: E402
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,6 +130,36 @@ def page_severity() -> str:
             "export function isWarning({ kind, data }) {",
             f"  return !data.{EXCUSE} && Boolean(WARNINGS.has(kind) || {members});",
             "}",
+            "",
+        )
+    )
+
+
+ON_PAGE = {
+    "litegripctl release": "“Let go”",
+    "litegripctl grasp": "“Grasp”",
+    "litegripctl zero": "“Zero …”",
+    "litegripctl open": "“Open”",
+    "litegripctl health": "the lamp of its health",
+    "--force": "“Force”",
+}
+"""What the shell names in `WHY_NOT`, in the words of the page."""
+
+
+def page_motions() -> str:
+    """Make what the page has of motions: the limits of a replay's speed, and why others failed."""
+    reasons = dict(WHY_NOT)
+    for command, words in ON_PAGE.items():
+        reasons = {outcome: why.replace(command, words) for outcome, why in reasons.items()}
+    return "\n".join(
+        (
+            "/* What a motion may be given, and why it ended wrongly: made by docs/generate.py. */",
+            "",
+            f"export const REPLAY_SPEEDS = {json.dumps(SPEEDS)};",
+            "",
+            "export const WHY_NOT = {",
+            *(f"  {name}: {json.dumps(why, ensure_ascii=False)}," for name, why in reasons.items()),
+            "};",
             "",
         )
     )
@@ -310,6 +343,7 @@ GENERATED = (
     Generated("litegrip_client/values/method_table.py", client_method_table),
     Generated("litegrip_client/threads/actions.py", blocking_client),
     Generated("litegrip_web/page/severity.js", page_severity),
+    Generated("litegrip_web/page/motions.js", page_motions),
     Generated("docs/errors.md", errors_page),
     Generated("docs/protocol.md", protocol_page),
     Generated("docs/configuration.md", configuration_page),

@@ -174,6 +174,8 @@ def _no_daemon(
     """Return the error with all attempts; a single one was by a given path, not by the channel."""
     of_channel = f" for channel {channel}" if len(failures) > 1 else ""
     tried = "; ".join(f"{path}: {_why(path, error)}" for path, error in failures)
+    if of_channel and not os.environ.get("XDG_RUNTIME_DIR"):
+        tried += "; XDG_RUNTIME_DIR, where else it may be, is not set"
     unit = f"'systemctl start litegripd@{channel}' or " if is_unit_installed() else ""
     hint = (
         f"start one with {unit}'litegripd {channel}', or try "

@@ -13,7 +13,7 @@ import time
 from collections.abc import Awaitable, Callable, Mapping
 
 from litegrip_client.core.session import DaemonSession, own_jobs
-from litegrip_client.line.exchange import FOREVER_S, Call, Progress, not_answered
+from litegrip_client.line.exchange import FOREVER_S, LEFT_ALONE, Call, Progress, not_answered
 from litegrip_client.values.checks import given_numbers, number
 from litegrip_client.values.errors import (
     CancelledError,
@@ -76,6 +76,8 @@ class Motion:
         except BaseException as error:
             if call.answered:
                 raise
+            if isinstance(error, ConnectError) and error.reason == "connection_lost":
+                error.message += f": {LEFT_ALONE}"
             if isinstance(error, ConnectError) and wire.connection.is_silent:
                 self._cancel_later(call)
             else:

@@ -23,8 +23,10 @@ from rich.table import Table
 from rich.text import Text
 
 from litegrip_client.ctl import render
+from litegrip_client.ctl.run import SILENT_AFTER_S, samples
 from litegrip_client.ctl.state_view import state_rows
 from litegrip_client.line.connection import Connection
+from litegrip_client.line.exchange import not_answered
 from litegrip_client.line.feeds import Event, EventFeed
 from litegrip_client.values.errors import ConnectError
 from litegrip_client.values.figures import Here, figure, plain
@@ -44,6 +46,8 @@ _RECONNECT_EVERY_S = 0.5
 class Scene:
     """What is known now; None for what is not. `trouble` says why no daemon answers.
 
+    `silent_s` is for how long none has sent anything: then what is known is old.
+
     `trace` has the latest opening (mm) and force (N) of each column of the last minute.
     `others` is how many other clients are connected, `lease` and `health` are the daemon's answers.
     """
@@ -56,6 +60,12 @@ class Scene:
         self.lease: dict[str, Any] | None = None
         self.health: dict[str, Any] | None = None
         self.trouble: str | None = None
+        self.silent_s = 0.0
+
+    @property
+    def is_old(self) -> bool:
+        """True if nobody tells what is so now."""
+        return self.trouble is not None or self.silent_s > 0.0
 
     def take(self, state: dict[str, Any]) -> None:
         """Take a new state."""
@@ -79,7 +89,9 @@ def scenes(connect: Callable[[], Connection], connection: Connection, hz: float)
             yield from _connected(scene, connected, hz)
         except ConnectError as error:
             scene.trouble = error.message
+        lost_s = time.monotonic() - scene.silent_s
         while scene.trouble is not None:
+            scene.silent_s = time.monotonic() - lost_s
             yield scene
             time.sleep(_RECONNECT_EVERY_S)
             try:
@@ -90,25 +102,35 @@ def scenes(connect: Callable[[], Connection], connection: Connection, hz: float)
 
 
 def _connected(scene: Scene, connection: Connection, hz: float) -> Iterator[Scene]:
+    feed = EventFeed(None)
     with connection:
-        feed = EventFeed(None)
+        connection.begin(feed)
+        scene.events.clear()
+        scene.events.extend(feed.recent)
         look_s = 0.0
-        with connection.subscribe(feed), connection.subscribe_state(hz) as samples:
-            scene.events.clear()
-            scene.events.extend(feed.recent)
-            for sample in samples:
-                scene.take(sample.state)
+        for state, scene.silent_s in samples(connection, hz):
+            if state is not None:
+                scene.take(state)
                 while feed.inbox:  # filled while the samples are read
                     event = feed.take()
                     if event is not None:
                         scene.events.append(event)
                 if time.monotonic() >= look_s:  # for what is not sent by itself
-                    rows = connection.call("clients.list")["clients"]
-                    scene.others = sum(not row.get("is_me") for row in rows)
-                    scene.lease = connection.call("lease.get")
-                    scene.health = connection.call("health")
+                    _look(scene, connection)
                     look_s = time.monotonic() + _LOOK_EVERY_S
-                yield scene
+            yield scene
+
+
+def _look(scene: Scene, connection: Connection) -> None:
+    """Ask who is there, and how the daemon is; one that is silent meanwhile shows by itself."""
+    try:
+        rows = connection.call("clients.list", timeout_s=SILENT_AFTER_S)["clients"]
+        scene.others = sum(not row.get("is_me") for row in rows)
+        scene.lease = connection.call("lease.get", timeout_s=SILENT_AFTER_S)
+        scene.health = connection.call("health", timeout_s=SILENT_AFTER_S)
+    except ConnectError as error:
+        if error.reason != "no_answer":
+            raise
 
 
 _BAR_WIDTH = 40
@@ -122,10 +144,15 @@ def picture(scene: Scene, name: str, here: Here) -> RenderableType:
     how, style = plain(verdict), _STYLES.get(verdict, "")
     if scene.trouble is not None:
         how, style = f"NO DAEMON, trying again: {plain(scene.trouble)}", "bold red"
+    elif scene.is_old:
+        how, style = f"SILENT: {not_answered(scene.silent_s)}", "bold red"
     head = Text.assemble((name, "bold"), "  ", (how, style))
     parts: list[RenderableType] = [head, Text()]
     if scene.state is not None:
-        parts += [_bar(scene.state), _figures(scene.state, here)]
+        if scene.is_old:
+            old = f"as it was {figure(scene.silent_s, '.0f', 's')} ago:"
+            parts += [Text(old, "bold red"), Text()]
+        parts += [_bar(scene.state), _figures(scene.state, here, is_old=scene.is_old)]
         parts += [Text(), Text("the last minute", "cyan"), _traces(scene)]
     lease = "--" if scene.lease is None else render.lease(scene.lease)
     others = "--" if scene.others is None else f"{scene.others} besides this one"
@@ -160,9 +187,9 @@ def _bar(state: dict[str, Any]) -> RenderableType:
     return grid
 
 
-def _figures(state: dict[str, Any], here: Here) -> RenderableType:
+def _figures(state: dict[str, Any], here: Here, *, is_old: bool) -> RenderableType:
     grid = Table.grid(padding=(0, 2))
-    is_old = bool(state.get("stale"))
+    is_old = is_old or bool(state.get("stale"))
     for label, text in state_rows(state, here):
         alarming = label in _ALARMING and (label != "age" or is_old)
         style = "bold red" if alarming else "dim" if is_old else ""
@@ -206,7 +233,7 @@ def _events(scene: Scene) -> list[RenderableType]:
     now_s = (scene.state or {}).get("monotonic_s")
     grid = Table.grid(padding=(0, 2))
     for event in scene.events:
-        age_s = None if now_s is None else max(0.0, now_s - event.monotonic_s)
+        age_s = None if now_s is None else max(0.0, now_s + scene.silent_s - event.monotonic_s)
         age = Text(f"{figure(age_s, '.0f', 's')} ago", "dim", justify="right")
         grid.add_row(age, Text(plain(event.message), no_wrap=True, overflow="ellipsis"))
     return [Text("events", "cyan"), grid] if scene.events else []

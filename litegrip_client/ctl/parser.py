@@ -98,7 +98,8 @@ class Parser(argparse.ArgumentParser):
         choices = [str(choice) for choice in action.choices or ()]
         if not choices or str(value) in choices:
             return
-        meant = _did_you_mean(_OTHER_NAMES.get(str(value), str(value)), choices)
+        word = str(value).lower()
+        meant = _did_you_mean(_OTHER_NAMES.get(word, word), choices)
         if not meant and len(choices) <= _FEW:
             meant = f": {', '.join(choices)}"
         raise argparse.ArgumentError(action, f"there is no {str(value)!r}{meant}")
@@ -141,10 +142,24 @@ class LateParser(Parser):
 
 _CLOSE = 0.7
 """From so much likeness on (of 1) a name is asked for: --socket is none for --force."""
-_OTHER_NAMES = {"goto": "move", "status": "state", "unlock": "clear", "reset": "clear-fault"}
+_OTHER_NAMES = {
+    "goto": "move",
+    "status": "state",
+    "log": "events",
+    "off": "disable",
+    "on": "enable",
+    "unlock": "clear",
+    "resume": "clear",
+    "reset": "clear-fault",
+    "relax": "slack",
+    "grab": "grasp",
+    "grip": "grasp",
+    "squeeze": "force",
+    "recordings": "trajectories",
+}
 """What Python and other programs call it."""
-_STOP = re.compile(r"stop\b", re.IGNORECASE)
-_HALTING = ("halt", "estop", "e-stop", "freeze", "abort", "emergency")
+_WHERE = ("-c", "--channel", "--socket")
+_HALTING = ("halt", "freeze", "abort", "emergency")
 _FEW = 12
 """Names that are listed where none comes close."""
 
@@ -243,18 +258,30 @@ def parse(given: list[str], rows: Sequence[Row]) -> argparse.Namespace:
 def meant_stop(given: list[str], rows: Sequence[Row]) -> argparse.Namespace | None:
     """Return the stop that a wrong command line means, None where it is none for sure.
 
-    What comes before the word `stop`, in capitals or not, has to be right: it may name another
-    gripper. Of the rest, a level and the gripper count.
+    It stands in the command's place, in whatever spelling: one stop too many does less harm than
+    one too few. Options before it have to be right: they may name another gripper. Of the rest, a
+    level and the gripper count.
     """
-    words = [part for word in given for part in (word.split() if _STOP.match(word) else [word])]
-    at = next((at for at, word in enumerate(words) if word.lower() == "stop"), None)
-    if at is None:
+    names = {row.name for row in rows} - {"stop"}
+    words = [part for word in given for part in (word.split() if _sounds(word) else [word])]
+    named = [at + 1 for at, word in enumerate(words) if word in _WHERE]
+    at = next(
+        (
+            at
+            for at, word in enumerate(words)
+            if at not in named and (word in names or _sounds(word))
+        ),
+        None,
+    )
+    if at is None or words[at] in names:
         return None
     before, behind = words[:at], words[at + 1 :]
+    if not any(word.startswith("-") for word in before):
+        before = []  # "please"
     try:
         known, others = Parser(add_help=False).parse_known_args(behind)
         where = [f"--{name}={value}" for name, value in vars(known).items() if name != "json"]
-        values = (one.rpartition("=")[2] for one in others)
+        values = (one.rpartition("=")[2].strip("-") for one in others)
         level = next((one for one in values if one in STOP_LEVELS), "hold")
         options = parse([*before, *where, "stop", "--level", level], rows)
     except UsageError:
@@ -265,8 +292,18 @@ def meant_stop(given: list[str], rows: Sequence[Row]) -> argparse.Namespace | No
 
 def sounds_like_stop(given: list[str]) -> bool:
     """Return True if a word of a command line that is wrong may have been meant to stop."""
-    words = [part.lower().strip("-") for word in given for part in word.split()]
-    return any(word in _HALTING or get_close_matches(word, ["stop"], 1, _CLOSE) for word in words)
+    return any(_sounds(word) for word in given)
+
+
+def _sounds(given: str) -> bool:
+    """Return True for `stop` as somebody may type it in a hurry, alone or with more behind it."""
+    found = re.match(r"\W{0,2}([a-z]+(?:[-.][a-z]+)?)\W{0,3}(?:\s|$)", given.lower())
+    if found is None:
+        return False
+    word = found[1].replace("-", "")
+    if word in _HALTING or "stop" in word:
+        return True
+    return word.startswith("s") and bool(get_close_matches(word, ["stop"], 1, _CLOSE))
 
 
 def _call(options: argparse.Namespace) -> str:

@@ -96,6 +96,7 @@ _OTHERWISE = {
     "not_calibrated": CHOOSE_MOUNT,
     "unreachable": "see: litegripctl doctor",
     "connection_lost": SEE_DOCTOR,
+    "cancelled": "what the jaws do now: litegripctl state",
 }
 """Used if the error has no hint of its own; only that hint can offer a template."""
 

@@ -9,8 +9,9 @@ from __future__ import annotations
 import json
 import shlex
 import sys
+import time
 from argparse import Namespace
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Generator, Mapping
 
 from litegrip_client.core.discovery import (
     channels_with_socket,
@@ -23,7 +24,7 @@ from litegrip_client.ctl.streams import write
 from litegrip_client.line.connection import Connection
 from litegrip_client.line.exchange import DEFAULT_TIMEOUT_S
 from litegrip_client.threads.blocking import connect
-from litegrip_client.values.errors import CommandError, LiteGripError
+from litegrip_client.values.errors import CommandError, ConnectError, LiteGripError
 from litegrip_client.values.version import is_of_debian
 
 TYPE_CHECKING = False
@@ -142,6 +143,38 @@ def connected(options: Namespace, timeout_s: float = DEFAULT_TIMEOUT_S) -> Conne
         connection.close()
         raise
     return connection
+
+
+SILENT_AFTER_S = 1.0
+"""Later than the next state was due."""
+
+
+def samples(
+    connection: Connection, hz: float
+) -> Generator[tuple[dict[str, Any] | None, float], None, None]:
+    """Yield each state and 0; None and the seconds since the last one whenever one is overdue.
+
+    Does not end by itself. Raises `ConnectError` when the connection ends, which is closed at the
+    end of the generator: nothing is waited for then.
+    """
+    from litegrip_client.line.feeds import StateFeed  # noqa: PLC0415 - takes long to import
+
+    feed = StateFeed(hz, None, lambda sample: sample.state)
+    with connection, connection.subscribe(feed):
+        try:
+            seen_s = time.monotonic()
+            while True:
+                try:
+                    connection.wait_for(feed, SILENT_AFTER_S + 1.0 / hz)
+                except ConnectError as error:
+                    if error.reason != "no_answer":
+                        raise
+                    yield None, time.monotonic() - seen_s
+                    continue
+                seen_s = time.monotonic()
+                yield feed.take(), 0.0
+        finally:
+            connection.close()  # before the subscription ends, which would ask for that
 
 
 def take_the_only(options: Namespace) -> None:

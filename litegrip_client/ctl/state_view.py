@@ -150,6 +150,8 @@ def _squeezing(data: Data) -> str:
         when = f"{figure(data.get('age_s'), '.1f', 's')} ago, when the motor last answered"
         return f"was with {figure(data['force_set_n'], '.1f', 'N')} {when}; {held}"
     held = "an object is held" if data.get("is_grasped") else "no object is held"
+    if data.get("is_grasped") is None:
+        held = "the motor is too weak to tell if an object is held"
     clamp_n = data.get("clamp_n")
     felt = ""
     if isinstance(clamp_n, list | tuple) and len(clamp_n) == 2:
@@ -199,4 +201,7 @@ def stopped(data: Data, here: Here) -> str:
     until = here("until: litegripctl clear")
     if not is_reached(data):
         return plain(f"{data['level']} is latched, {until}; but {NOT_REACHED}")
-    return plain(f"stopped: {data['level']}, {until}")
+    text = plain(f"stopped: {data['level']}, {until}")
+    if data["level"] == "hold":
+        text += here("\nwhat is squeezed stays so; to let go: litegripctl stop --level relax")
+    return text

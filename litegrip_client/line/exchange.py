@@ -540,7 +540,7 @@ class Exchange:
 
     def _error(self, error_object: Any, method: str) -> LiteGripError:
         error = from_error_object(error_object, method, self.voice, self.daemon_version)
-        if isinstance(error, StoppedError):
+        if isinstance(error, StoppedError) or error.data.get("cause") == "stopped":
             # A caller that gets this error knows the stop: its next request is meant to come after,
             # and `sent_s` alone guards it until an answer has the new number.
             self.stop_generation = generation_of(error.data)

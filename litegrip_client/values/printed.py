@@ -12,18 +12,19 @@ if TYPE_CHECKING:  # see the package: importing these is slow
 
 def tree(data: Mapping[str, Any]) -> str:
     """Return nested figures, one in a line, with dotted names."""
-    rows = list(_leaves(data, ""))
+    rows = list(leaves(data))
     width = max((len(name) for name, _ in rows), default=0)
     return "\n".join(f"{name:<{width}}  {plain(value)}" for name, value in rows)
 
 
-def _leaves(value: object, name: str) -> Iterator[tuple[str, object]]:
+def leaves(value: object, name: str = "") -> Iterator[tuple[str, object]]:
+    """Yield nested figures with dotted names; "--" for what is not there."""
     if isinstance(value, dict) and value:
         for key, inner in value.items():
-            yield from _leaves(inner, f"{name}.{key}" if name else str(key))
+            yield from leaves(inner, f"{name}.{key}" if name else str(key))
     elif isinstance(value, list) and value:
         for index, inner in enumerate(value):
-            yield from _leaves(inner, f"{name}[{index}]")
+            yield from leaves(inner, f"{name}[{index}]")
     else:
         yield name, "--" if value is None or value in ({}, []) else value
 

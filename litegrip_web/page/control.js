@@ -3,6 +3,7 @@
 import { ask } from "./ask.js";
 import { numberIn } from "./fields.js";
 import { figure, inPageWords, outcome } from "./format.js";
+import { REPLAY_SPEEDS } from "./motions.js";
 import { askZero } from "./zero.js";
 
 const TTL_S = 3;
@@ -27,6 +28,7 @@ export class Control {
   #has = false;
   #isDragging = false;
   #isHolding = false;
+  #isHoldKnown = true;
   #barred = null; // what nothing can move behind: a stop, or a motor that is silent
   #isRenewing = false;
   #mayReplace = null;
@@ -60,6 +62,8 @@ export class Control {
     on("zero", () => askZero(this.#panel));
     on("rescale", () => askZero(this.#panel));
     panel.node("force").oninput = () => this.#showForce();
+    const speed = panel.node("speed");
+    [speed.min, speed.max] = REPLAY_SPEEDS;
     on("teach", () => this.#teach());
     on("keep", () => this.#keep());
     on("discard", () => this.#discard());
@@ -67,7 +71,7 @@ export class Control {
     const slider = panel.node("slider");
     slider.oninput = () => {
       this.#isDragging = true;
-      this.#showTarget();
+      this.showTarget();
     };
     slider.onchange = () => {
       this.#isDragging = false;
@@ -97,6 +101,7 @@ export class Control {
   end() {
     this.#set(false);
     this.#showRecording(null);
+    this.showTarget();
   }
 
   /* Press the button that a key stands for, or say why that does nothing; return whether there is one. */
@@ -138,12 +143,13 @@ export class Control {
       slider.value = state.opening_mm;
     }
     this.#isHolding = state.is_grasped !== false;
+    this.#isHoldKnown = state.is_grasped !== null;
     this.#barred = null;
     if (state.stop !== null) this.#barred = "a stop is latched, “Clear the stop” first";
     if (this.#panel.isSilent) this.#barred = "the motor does not answer";
     if (this.#recording === "on" && state.job?.kind !== "record") this.#askRecording();
     this.#allow();
-    this.#showTarget();
+    this.showTarget();
     this.#panel.node("clear-fault").disabled = state.mode !== "fault";
   }
 
@@ -174,10 +180,15 @@ export class Control {
     this.#panel.node("force-note").hidden = Number(this.#panel.node("force").value) <= CONTINUOUS_N;
   }
 
-  #showTarget() {
+  /* Show where the slider goes to; or that something is held, which is so or was. */
+  showTarget() {
     const slider = this.#panel.node("slider");
-    const text = this.#isHolding && this.#has ? "something is held" : figure(Number(slider.value), 1, "mm");
+    const isOld = this.#panel.isLastKnown || !this.#isHoldKnown;
+    let text = figure(this.#panel.state === null ? null : Number(slider.value), 1, "mm");
+    const tellsHold = this.#isHolding && (this.#has || this.#panel.state === null);
+    if (tellsHold) text = isOld ? "held, last known" : "something is held";
     this.#panel.node("slider-text").textContent = text;
+    this.#panel.node("slider-text").classList.toggle("last-known", isOld && tellsHold);
     slider.setAttribute("aria-valuetext", text);
   }
 
@@ -236,7 +247,9 @@ export class Control {
     this.#panel.forgive(name);
     try {
       const result = await this.#call(method, params);
-      this.#panel.tell(outcome(name, result));
+      const text = outcome(name, result);
+      if (result.ok === false) this.#panel.complain(text, "motion");
+      else this.#panel.tell(text);
       return result;
     } catch (error) {
       const isOffered = method === "trajectory.play" && this.#offerSpeed(name, error.data);

@@ -1,5 +1,7 @@
 /* How figures, times and outcomes read. Unknown is "--", never 0. */
 
+import { WHY_NOT } from "./motions.js";
+
 export const isNumber = (value) => typeof value === "number" && Number.isFinite(value);
 
 export function figure(value, digits, unit) {
@@ -100,7 +102,7 @@ export function inPageWords(text, terms = []) {
   return words + letters.slice(at).join("");
 }
 
-/* What a motion ended with, in words: "grasp: held, 40.1 mm, 10.0 N". */
+/* What a motion ended with, in words: "grasp: held, 40.1 mm, 10.0 N"; and of one that ended wrongly why. */
 export function outcome(kind, result) {
   const parts = [];
   if (result.outcome) parts.push(result.outcome.replaceAll("_", " "));
@@ -108,5 +110,6 @@ export function outcome(kind, result) {
   if (isNumber(result.width_mm)) parts.push(figure(result.width_mm, 1, "mm"));
   if (isNumber(result.force_n)) parts.push(figure(result.force_n, 1, "N"));
   if (result.message) parts.push(inPageWords(result.message, result.terms?.message));
-  return `${kind}: ${parts.join(", ") || "done"}`;
+  const why = result.ok === false && !result.message ? WHY_NOT[result.outcome] : undefined;
+  return `${kind}: ${parts.join(", ") || "done"}${why ? `: ${why}` : ""}`;
 }

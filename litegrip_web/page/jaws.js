@@ -101,7 +101,7 @@ export class Jaws {
     if (!this.#isHandy) this.#drawItem(isGrasped ? opening : null, true);
     this.#say(opening, isStale);
     const text = opening === null ? "unknown" : figure(opening, 1, "mm");
-    const held = isGrasped ? ", something is held" : "";
+    const held = isGrasped ? `, something ${isStale ? "was" : "is"} held` : "";
     const work = this.#work === null ? "" : `, open goes to ${this.#work} mm`;
     this.svg.setAttribute("aria-label", `The jaws: opening ${text}${held}${work}`);
   }

@@ -8,6 +8,28 @@ import * as theme from "./theme.js";
 
 const $ = (id) => document.getElementById(id);
 
+/* Here is nothing to stop with: STOP and Esc say so, and what to do then. */
+function withoutStop(then) {
+  $("stop").classList.add("unreached");
+  onStop(() => {
+    $("notice").textContent = `STOP does nothing here: cut the motor's power. Then open ${then}.`;
+    $("notice").dataset.stop = "failed";
+  });
+}
+
+function onStop(act) {
+  $("stop").onclick = act;
+  addEventListener(
+    "keydown",
+    (event) => {
+      if (event.key !== "Escape") return;
+      event.preventDefault(); // a dialog stays, with what it tells
+      act();
+    },
+    true,
+  );
+}
+
 function notice(text) {
   $("notice").textContent = text;
   delete $("notice").dataset.stop;
@@ -36,14 +58,15 @@ function start() {
   // The whole address, opened where the page is shown already, loads nothing by itself.
   addEventListener("hashchange", () => location.hash && location.reload());
   if (!token) {
-    $("stop").disabled = true;
+    withoutStop("the whole address again: what started the page has printed it");
     $("grippers").append($("secretless").content.cloneNode(true));
     $("unit-address").textContent = `echo "${location.origin}/#$(cat /run/litegripd-web/token)"`;
     return;
   }
   if (!isSecureContext) {
-    notice("Browsers have no cryptography for this address: open the page at 127.0.0.1 or localhost, or with TLS.");
-    $("stop").disabled = true;
+    const then = "the page at 127.0.0.1 or localhost, or with TLS";
+    notice(`Browsers have no cryptography for this address: open ${then}.`);
+    withoutStop(then);
     return;
   }
   $("whole").hidden = false;
@@ -53,16 +76,7 @@ function start() {
   const panels = channels.map((channel) => new Panel(channel, secret, $("grippers")));
   for (const panel of panels) panel.addEventListener("alarms", () => showAlarms(panels));
   const stop = new Stop(panels, $("notice"));
-  $("stop").onclick = () => stop.press();
-  addEventListener(
-    "keydown",
-    (event) => {
-      if (event.key !== "Escape") return;
-      event.preventDefault(); // a dialog stays, with what it tells
-      stop.press();
-    },
-    true,
-  );
+  onStop(() => stop.press());
   addEventListener("keydown", (event) => press(event, panels));
   const focus = ({ target }) => {
     const article = target.closest?.(".gripper");

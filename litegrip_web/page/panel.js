@@ -30,7 +30,9 @@ export class Panel extends EventTarget {
   #isLate = false;
   #operates = false;
   #isOver = false;
+  #isGrasped = null;
   #toldS = 0;
+  #lacks = "connection";
   #facts = new Map();
   gripper = null;
   state = null;
@@ -98,8 +100,8 @@ export class Panel extends EventTarget {
   }
 
   /* Whether what is shown is no longer measured. */
-  get #isLastKnown() {
-    return Boolean(this.state?.stale) || this.#isLate;
+  get isLastKnown() {
+    return this.state === null || Boolean(this.state.stale) || this.#isLate;
   }
 
   get isSilent() {
@@ -112,7 +114,8 @@ export class Panel extends EventTarget {
       await this.wire.call("stop", { level: "hold", why: "STOP on the page" });
       return null;
     } catch (error) {
-      return error.message;
+      if (this.state !== null) return error.message;
+      return this.#lacks === "daemon" ? "no daemon answers" : "no connection"; // the head says why, at length
     }
   }
 
@@ -179,6 +182,7 @@ export class Panel extends EventTarget {
 
   #end({ message, lacks }) {
     this.state = null;
+    this.#lacks = lacks;
     this.#hush();
     this.#lease = this.#health = null;
     this.#nodes.mode.textContent = `no ${lacks}`;
@@ -190,6 +194,7 @@ export class Panel extends EventTarget {
     this.#isLate = false;
     this.article.classList.remove("late");
     this.article.classList.add("down");
+    this.#showHeld();
     this.#alarm([`NO ${lacks.toUpperCase()}`]);
     this.jaws.show({ opening: null, command: null, isGrasped: false, isStale: true });
     this.control.end();
@@ -223,12 +228,14 @@ export class Panel extends EventTarget {
     this.article.classList.toggle("late", isLate);
     this.#showMode(this.state, age);
     this.#showJaws(this.state);
+    this.control.showTarget();
     this.#showFacts();
   }
 
   async #take(event) {
     this.events.add(event, this.#offsetS);
     this.#noteLoss(event);
+    if (event.kind === "job_started") this.forgive("motion");
     if (OVERTAKES.has(event.kind) && this.#isOver && event.monotonic_s > this.#toldS) this.#hush();
     if (event.kind === "lease" || event.kind === "lease_lost") await this.#look();
     if (event.kind === "calibration") {
@@ -294,18 +301,18 @@ export class Panel extends EventTarget {
       opening: state.opening_mm,
       command: this.#openingAt(state.command_rad),
       isGrasped: state.is_grasped,
-      isStale: this.#isLastKnown,
+      isStale: this.isLastKnown,
     });
   }
 
   /* Show what the gripper does: badge, sentence and alert are made of one state, so they agree. */
   #showMode(state, age = 0) {
-    const { mode, why, stopped, clear, held } = this.#nodes;
+    const { mode, why, stopped, clear } = this.#nodes;
     const phase = state.job?.phase ? ` (${state.job.phase})` : "";
     const does = state.job ? `${state.mode}: ${state.job.kind}${phase}` : state.mode;
     const isFault = state.mode === "fault";
-    held.dataset.on = state.is_grasped === null ? "unknown" : state.is_grasped;
-    held.textContent = { true: "object detected", false: "no object", null: "object?" }[state.is_grasped];
+    this.#isGrasped = state.is_grasped;
+    this.#showHeld();
     stopped.hidden = state.stop === null;
     clear.hidden = stopped.hidden || !this.#operates;
     this.#showAlarms();
@@ -331,6 +338,16 @@ export class Panel extends EventTarget {
       ? `Stop latched ${who}, but the motor does not answer: cut its power.`
       : `Stopped ${who}. Nothing moves until it is cleared${how}.`;
     stopped.textContent = told + (reason ? ` Why: ${reason}.` : "");
+  }
+
+  /* Show whether something is held; what nothing measures any more stays as it was then, and says so. */
+  #showHeld() {
+    const { held } = this.#nodes;
+    const isOld = this.isLastKnown && this.#isGrasped !== null;
+    held.dataset.on = this.#isGrasped ?? "unknown";
+    const told = { true: "object detected", false: "no object", null: "object?" }[this.#isGrasped];
+    held.textContent = isOld ? `${told}, last known` : told;
+    held.classList.toggle("last-known", isOld);
   }
 
   /* Show all that is said in the head, however long it is; or as much as there is room for. */
@@ -364,8 +381,9 @@ export class Panel extends EventTarget {
     else if (state.stale) parts.push("the motor does not answer: what is shown is its last report");
     if (!state.calibrated) parts.push("not calibrated");
     if (state.job) parts.push(`by ${owner(state.job.owner)}`);
-    if (state.is_grasped) parts.push("something is held");
-    else if (state.is_grasped === null) parts.push("something was held: whether it still is, is not known");
+    if (state.is_grasped) parts.push(state.stale ? "something was held" : "something is held");
+    else if (state.is_grasped === null) parts.push(state.motor === "silent" ? "something was held: whether it still is, is not known"
+        : "the motor is too weak to tell if something is held");
     else if (isNumber(state.pressing_n)) parts.push(`the jaws press with about ${figure(state.pressing_n, 0, "N")}`);
     if (state.limited.length) parts.push(`limited by ${state.limited.join(", ").replaceAll("_", " ")}`);
     return parts.join("; ");
@@ -397,10 +415,12 @@ export class Panel extends EventTarget {
     const { verdict, reasons = [], notes = [], terms } = this.#health ?? {};
     const told = (texts, places) => texts.map((line, row) => inPageWords(line, places?.[row]));
     const lines = [...told(reasons, terms?.reasons), ...told(notes, terms?.notes)];
-    lamp.dataset.verdict = verdict ?? "unknown";
+    const isOld = this.#isLate && verdict !== undefined;
+    lamp.dataset.verdict = isOld ? "unknown" : verdict ?? "unknown";
     const more = reasons.length > 1 ? `, and ${reasons.length - 1} more` : "";
     const first = reasons.length ? `: ${lines[0]}${more}` : "";
-    const sentence = verdict ? `${HEALTH[verdict] ?? verdict}${first}` : "Health is not known";
+    const known = `${HEALTH[verdict] ?? verdict}${isOld ? ", last known" : ""}${first}`;
+    const sentence = verdict ? known : "Health is not known";
     if (text.textContent !== sentence) text.textContent = sentence;
     if (why.dataset.lines === lines.join("\n")) return;
     why.dataset.lines = lines.join("\n");
@@ -412,7 +432,7 @@ export class Panel extends EventTarget {
 
   /* A figure that is no longer measured says so; an unknown one is none. */
   #figure(name, value, kind = "", hint = "") {
-    const isLastKnown = this.#isLastKnown && !value.startsWith("--");
+    const isLastKnown = this.isLastKnown && !value.startsWith("--");
     const node = this.#fact(name, isLastKnown ? `${value}, last known` : value, kind, hint);
     node.classList.toggle("last-known", isLastKnown);
   }

@@ -3,12 +3,14 @@
 const CONFIRMED_WITHIN_MS = 500;
 const CUT = "Cut the motor's power.";
 const STOPPED = "Stopped. Nothing moves until it is cleared.";
+const MISSED = "STOP did not get through: nothing is stopped. The daemon answers now: press STOP again.";
 
 export class Stop {
   /* `panels` are stopped together; what came of it is shown in `place`. */
   #panels;
   #place;
-  #count = 0;
+  #open = new Set(); // the panels that have not answered the latest STOP
+  #missed = new Map(); // those that it has not reached, and why
   #toldMs = 0;
 
   constructor(panels, place) {
@@ -19,26 +21,16 @@ export class Stop {
 
   /* Stop all. */
   press() {
-    const number = ++this.#count;
-    const open = new Set(this.#panels.map(({ channel }) => channel));
-    const wrong = new Map();
-    const tell = (text, kind) => {
-      if (number !== this.#count) return;
-      this.#toldMs = performance.now();
-      this.#say(text, kind);
-    };
-    tell("STOP sent …", "sent");
-    const show = () => {
-      const failed = [...wrong].map(([channel, why]) => `${channel} (${why})`);
-      if (failed.length) tell(`STOP did not reach ${failed.join(", ")}. ${CUT}`, "failed");
-      else if (open.size === 0) tell(...this.#latched());
-      else tell(`STOP not confirmed by ${[...open].join(", ")}. ${CUT}`, "failed");
-    };
+    const open = new Set(this.#panels);
+    const missed = new Map();
+    [this.#open, this.#missed] = [open, missed];
+    const show = () => open === this.#open && this.#show();
+    this.#tell("STOP sent …", "sent");
     const timer = setTimeout(show, CONFIRMED_WITHIN_MS);
     for (const panel of this.#panels) {
       panel.stop().then((why) => {
-        open.delete(panel.channel);
-        if (why !== null) wrong.set(panel.channel, why);
+        open.delete(panel);
+        if (why !== null) missed.set(panel, why);
         if (open.size && why === null) return;
         if (!open.size) clearTimeout(timer);
         show();
@@ -46,25 +38,56 @@ export class Stop {
     }
   }
 
+  #show() {
+    const names = (panels) => panels.map(({ channel }) => channel).join(", ");
+    const reasons = [...new Set(this.#missed.values())];
+    const whose = (why) => this.#panels.filter((panel) => this.#missed.get(panel) === why);
+    const missed = reasons.map((why) => `${names(whose(why))} (${why})`);
+    if (missed.length) this.#tell(`STOP did not reach ${missed.join(", ")}. ${CUT}`, "failed");
+    else if (this.#open.size) this.#tell(`STOP not confirmed by ${names([...this.#open])}. ${CUT}`, "failed");
+    else this.#tell(...this.#latched());
+  }
+
   /* What a stop that is latched is good for, and of which kind that is: a motor that is silent does not hear of it. */
   #latched() {
     const silent = this.#panels.filter(({ isSilent }) => isSilent).map(({ channel }) => channel);
     if (!silent.length) return [STOPPED, "done"];
-    const whose = this.#panels.length > 1 ? ` of ${silent.join(", ")}` : "";
-    return [`Stop latched, but the motor${whose} does not answer: cut its power.`, "silent"];
+    let who = "the motor does";
+    if (silent.length < this.#panels.length) who = `${silent.join(", ")} does`;
+    else if (silent.length > 1) who = "the motors do";
+    return [`Stop latched, but ${who} not answer: cut ${who.endsWith("do") ? "their" : "its"} power.`, "silent"];
   }
 
-  /* Nothing is said any more that a state contradicts, which was measured after it was said. */
+  /* Whether a stop is latched, by a state that was measured after what is said; null if there is none. */
+  #isStopped({ state, wire }) {
+    const ageS = state === null ? null : wire.age(state.monotonic_s);
+    const saidS = (performance.now() - this.#toldMs) / 1000;
+    return ageS === null || ageS >= saidS ? null : state.stop !== null;
+  }
+
+  /* Nothing is said any more that a state contradicts. */
   #compare() {
     const kind = this.#place.dataset.stop;
     if (!["done", "silent", "failed"].includes(kind)) return;
-    const saidS = (performance.now() - this.#toldMs) / 1000;
-    const is = ({ state, wire }, isStopped) => {
-      const ageS = state === null ? null : wire.age(state.monotonic_s);
-      return ageS !== null && ageS < saidS && (state.stop !== null) === isStopped;
-    };
-    if (this.#panels.every((panel) => is(panel, true))) this.#say(...this.#latched());
-    else if (kind !== "failed" && this.#panels.some((panel) => is(panel, false))) this.#say("", "");
+    if (this.#panels.every((panel) => this.#isStopped(panel))) this.#say(...this.#latched());
+    else if (kind !== "failed" && this.#panels.some((panel) => this.#isStopped(panel) === false)) this.#say("", "");
+    else if (kind === "failed") this.#compareMissed();
+  }
+
+  /* Whoever was not reached and answers again is stopped, by others, or is not, which is said of each. */
+  #compareMissed() {
+    const known = [...this.#missed.keys()].filter((panel) => this.#isStopped(panel) !== null);
+    if (!known.length) return;
+    const running = known.filter((panel) => !this.#isStopped(panel));
+    for (const panel of known) this.#missed.delete(panel);
+    if (this.#missed.size || this.#open.size) this.#show();
+    else this.#say("", "");
+    for (const panel of running) panel.complain(MISSED, "stop", ({ stop }) => stop !== null);
+  }
+
+  #tell(text, kind) {
+    this.#toldMs = performance.now();
+    this.#say(text, kind);
   }
 
   #say(text, kind) {

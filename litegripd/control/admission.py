@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+from litegripd.control.authority import said_of
 from litegripd.model.calibration import SCALE_TOLERANCE, fits_stroke
 from litegripd.model.errors import Refusal, at_least, at_most, unit_of
 from litegripd.model.gripper import (
@@ -16,7 +17,7 @@ from litegripd.model.gripper import (
 from litegripd.model.motion_config import Conflict
 from litegripd.model.motor import MotorPhase, MotorView
 from litegripd.model.sentence import Sentence, method_name, parameter_name, sentence
-from litegripd.model.state import Job, JobKind, JobState
+from litegripd.model.state import Job, JobKind, JobState, Stop
 
 IMPLAUSIBLE_OUTSIDE_RAD = 1.0
 """No jaw can be further outside the calibrated travel. The motor loses its count of turns in a
@@ -62,7 +63,7 @@ ZERO_MOVED = Refusal(
 _BUSY_BY: Mapping[JobKind, str] = {"teleop": "teleop_busy"}
 _ENDED_BY: Mapping[JobKind, Sentence] = {
     "teleop": sentence("end it by {teleop.stop}"),
-    "record": sentence("end it by {trajectory.record_stop}"),
+    "record": sentence("end it ({trajectory.record_stop})"),
 }
 """How to end a job that does not end by itself. A recording outlasts its job if that is cancelled,
 and then refuses what it has refused before."""
@@ -107,16 +108,14 @@ def trajectory_or_teleop_refusal(running: Job | None) -> Refusal | None:
     return Refusal(reason, busy.message, busy.data)
 
 
-def stopped_under_way(running: Job, stopped: Refusal) -> Refusal:
-    """Return the reason for a job that a stop ended; it must not read as if it never began."""
+def stopped_under_way(running: Job, stop: Stop, stopped: Refusal) -> Refusal:
+    """Return the reason for a job that a stop ended; it must not read as if it never began.
+
+    It is told later, too, when the stop may be cleared.
+    """
     return Refusal(
         stopped.reason,
-        sentence(
-            "job {number}, {kind}, was broken off: {why}",
-            number=running.number,
-            kind=running.kind,
-            why=stopped.message,
-        ),
+        f"job {running.number}, {running.kind}, was broken off: {said_of(stop)}",
         {**stopped.data, "job": running.number, "kind": running.kind},
     )
 

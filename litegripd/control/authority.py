@@ -73,9 +73,8 @@ class StopLatch:
         return Refusal(
             "stopped",
             sentence(
-                "a stop ({level}) by {who} is latched{why}; clear it with {stop.clear} first",
-                level=stop.level,
-                who=_stopper(stop),
+                "{stop} is latched{why}; clear it with {stop.clear} first",
+                stop=of_stop(stop),
                 why=_because(stop),
             ),
             {**_stop_data(stop), "hint": method_name("stop.clear")},
@@ -106,31 +105,55 @@ class StopLatch:
         )
 
     def refusal_of_sent(
-        self, generation: int | None, sent_s: float | None, received_s: float, client: int
+        self,
+        generation: int | None,
+        sent_s: float | None,
+        received_s: float,
+        client: int,
+        *,
+        clears: bool = False,
     ) -> Refusal | None:
         """Return a refusal if a request is older than the latest stop, by any of its marks.
 
-        `received_s` is when the daemon received it. What a client sent after its own stop is newer
-        than that stop, even if both were received at once.
+        `received_s` is when the daemon received it; `clears` says that it is to clear the stop.
+        What a client sent after its own stop is newer than that stop, even if both were received
+        at once.
         """
         is_own = client == self._latest_client
+        unheard = generation is not None and generation < self.generation
         stopped_s = self._latest_of_others_s if is_own else self._latest_s
-        if generation is not None and generation < self.generation:
-            how = f"knew of {generation} stops, there have been {self.generation}"
+        if unheard:
+            how = "this client had not heard of it"
         elif sent_s is not None and sent_s < self._latest_s:
-            how = f"was sent {self._latest_s - sent_s:.3f} s before the latest stop"
+            how = f"it came {self._latest_s - sent_s:.3f} s after this was sent"
         elif received_s < stopped_s:
-            how = f"came {stopped_s - received_s:.3f} s before the latest stop"
+            how = f"it came {stopped_s - received_s:.3f} s after this had come"
         else:
             return None
         stop = self.latched or self._cleared
-        which = "" if stop is None else f" ({stop.level}) by {_stopper(stop)}"
+        which = "a stop" if stop is None else said_of(stop)
+        again = "so this is not carried out: look at the state and, when it is safe, "
+        if self.latched is None:
+            remedy = sentence("{again}send it again: the stop is cleared", again=again)
+        elif clears:
+            remedy = sentence("{again}send it again: then it clears that, too", again=again)
+        else:
+            remedy = sentence("{again}clear it ({stop.clear}), then send this again", again=again)
         return Refusal(
             "sent_before_stop",
-            f"the request {how}: a stop{which} has come since{_because(stop)}; it is not carried"
-            " out: look at the state and, when it is safe, send it again",
+            sentence("{which}; {how}, {remedy}", which=which, how=how, remedy=remedy),
             {**_stop_data(stop), "stop_generation": self.generation},
         )
+
+
+def of_stop(stop: Stop) -> str:
+    """Name a stop by its level and by who has stopped."""
+    return f"a stop ({stop.level}) by {_stopper(stop)}"
+
+
+def said_of(stop: Stop) -> str:
+    """Return what is to be said of a stop later, when it may be cleared: who, and why."""
+    return f"{of_stop(stop)}{_because(stop)}"
 
 
 def _stopper(stop: Stop) -> str:

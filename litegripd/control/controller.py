@@ -522,10 +522,10 @@ class Controller:
         if refusal is not None:
             running = self.jobs.running
             if running is not None and running.kind != "disable":
-                self.end(stopped_under_way(running, refusal))
+                self.end(stopped_under_way(running, stop, refusal))
             self._drop_queued(refusal, lambda _job: True)
             if stop is not before:
-                self.events.append(events.stopped(stop.level, refusal))
+                self.events.append(events.stopped(stop))
         self._settle_into(stop.level)
         if isinstance(self.idle, Grip):
             self.idle.freeze()  # no more torque than now, but nothing is dropped
@@ -766,7 +766,7 @@ class Controller:
         command = idle.command(now_s, feedback)
         if isinstance(idle, Grip) and idle.is_lost:
             if idle.watched:
-                self.events.append(events.object_lost(None))
+                self.events.append(events.object_lost(None, is_doubtful=idle.is_doubtful))
             caught_rad = idle.caught_rad(feedback.position_rad, self.period_s)
             self.idle = Hold(caught_rad, self.swing.bound(CATCHING_GAINS))
             return self.idle.command(now_s, feedback)
@@ -893,7 +893,8 @@ class Controller:
             self.events.append(events.weak(made))
         self.motor = self.motor._replace(is_short=made.is_short)
         if self.grip is not None:
-            self.grip.note_made(made.made_nm if made.is_judging or made.is_weak else None)
+            made_nm = made.made_nm if made.is_judging or made.is_weak else None
+            self.grip.note_made(motor.feedback.at_s, made_nm, is_short=made.is_short)
 
     def _note_phase(self, motor: MotorView) -> None:
         """Hold what is measured now when the motor becomes enabled, or answers again.

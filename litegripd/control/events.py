@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from litegripd.control.authority import Grant, Loss, LossCause, process_of
+from litegripd.control.authority import Grant, Loss, LossCause, process_of, said_of
 from litegripd.control.detectors import Pressing
 from litegripd.control.heat import HeatChange, HeatGuard
 from litegripd.control.made_torque import MadeTorque
@@ -40,7 +40,7 @@ from litegripd.model.state import (
     Owner,
     ReplayResult,
     Result,
-    StopLevel,
+    Stop,
 )
 
 KEPT_JOBS = 64
@@ -256,9 +256,10 @@ def job_ended(job: Job, outcome: Result | Refusal) -> list[Event]:
     return [object_lost(job.number), ended] if lost else [ended]
 
 
-def object_lost(job: int | None) -> Event:
-    """Report that the jaws closed further after a grip."""
-    text = "the object is lost: the jaws closed on, and hold where they are"
+def object_lost(job: int | None, *, is_doubtful: bool = False) -> Event:
+    """Report that the jaws closed further after a grip; that of a weak motor may have been none."""
+    what = "there is no object, or it is lost" if is_doubtful else "the object is lost"
+    text = f"{what}: the jaws closed on, and hold where they are"
     return Event("object_lost", text, {"job": job})
 
 
@@ -455,13 +456,13 @@ def stop_cleared(by: Owner, repeats: int) -> Event:
     """Report who allowed motions again, and how many stops came without an event."""
     text = f"stop cleared by {by.program} (pid {by.pid})"
     if repeats:
-        text += f"; stops that raised nothing meanwhile: {repeats}"
+        text += f"; {repeats} more came while it was latched"
     return Event("stop_cleared", text, {"repeats": repeats})
 
 
-def stopped(level: StopLevel, refusal: Refusal) -> Event:
-    """Report the latched stop, with the message that rejects motions."""
-    return Event("stop", refusal.message, {"level": level})
+def stopped(stop: Stop) -> Event:
+    """Report the latched stop; what is still to be done is in the state."""
+    return Event("stop", said_of(stop), {"level": stop.level})
 
 
 def lease_lost(loss: Loss) -> Event:

@@ -118,6 +118,8 @@ BELOW_WITHIN_S = 0.1
 RETURN_NM_S = 10.0
 """The torque returns this fast to an earlier value: there is no contact to come."""
 
+STANDS_S = 0.15
+"""So long jaws stand that do hold what a weak motor was not sure of."""
 CLOSES_ON_S = 0.010
 EASED_S = 0.05
 """How long jaws must stand before the object counts as having followed a lowered force."""
@@ -238,10 +240,13 @@ class Grip:
 
     A grip that is not `watched` squeezes from wherever the jaws are, and may drive them: it holds
     nothing until they have met something. After `stay`, it ends as soon as they close further.
+    One that `is_doubtful` began where a motor that makes too little torque let the jaws stand:
+    that may be an object, or nothing at all.
     """
 
     force_n: Carried[float]
     watched: Carried[bool]
+    is_doubtful: Carried[bool] = False
     _settings: Carried[GripSettings]
     _sign: Carried[int]
     _applied_nm: Carried[float]
@@ -259,6 +264,7 @@ class Grip:
     _made_nm: Carried[float | None] = None
     _ramped_at_s: Carried[float | None] = None
     _watch: Carried[GripWatch]
+    _stands: Carried[Lasting]
     _stays: Carried[bool] = False
     _decides_next: Carried[bool] = False
     _closes_on: Carried[Lasting]
@@ -286,6 +292,7 @@ class Grip:
         self._eased = Lasting(EASED_S)
         self._watch = GripWatch(settings.watch_limits(force_n, motor_type))
         self._closes_on = Lasting(CLOSES_ON_S)
+        self._stands = Lasting(STANDS_S)
         self._aim(force_n)
 
     @property
@@ -331,9 +338,16 @@ class Grip:
         """Take the torque that was sent in place of the last command's."""
         self._sent_nm = abs(torque_nm) if abs(torque_nm) < 0.99 * self._applied_nm else None
 
-    def note_made(self, made_nm: float | None) -> None:
-        """Take the torque that the motor reports, None while the jaws move: it may be less."""
+    def note_made(self, at_s: float, made_nm: float | None, *, is_short: bool | None) -> None:
+        """Take the torque that the motor reports, None while the jaws move: it may be less.
+
+        Jaws that stand against all of the set force, which the motor makes, do hold something.
+        """
         self._made_nm = made_nm
+        wanted_nm = self.geometry.torque_nm(self.force_n)
+        is_strong = made_nm is not None and is_short is False
+        if self._stands.step(is_strong and self._effective_nm >= 0.999 * wanted_nm, at_s):
+            self.is_doubtful = False
 
     @property
     def clamp_n(self) -> tuple[float, float]:
@@ -390,6 +404,7 @@ class Grip:
         if settings.friction_nm is None:
             settings = replace(settings, friction_nm=self._settings.friction_nm)
         grip = Grip(settings, force_n, self._applied_nm, self._motor_type, watched=True)
+        grip.is_doubtful = self.is_doubtful
         grip._watch.continue_from(self._watch)
         grip._return_nm = max(self._return_nm, self._applied_nm)
         return grip

@@ -54,8 +54,9 @@ class GripperState:
     motor got, and `limited` names the limits that make the difference; it has "speed", too, while a
     stream's speed holds a set-point back. `force_set_n` is the set
     force of a hold by force, None without one and when the motor is off; `is_grasped` is true if
-    such a hold has something between the jaws, and None if it had when the motor fell silent,
-    which may have let go. While it is true, `clamp_n` is the interval of the force on the
+    such a hold has something between the jaws, and None where that is not known: it had when the
+    motor fell silent, which may have let go, or the motor has been too weak to tell. While it is
+    true, `clamp_n` is the interval of the force on the
     object: friction hides the exact value, and the motor's constant may be off by a tenth. Its
     lower end is 0 while the jaws follow an object that gave way, and lower with a motor that makes
     less than is commanded. What pushes the jaws besides the motor is not in it. `loss_detection` is
@@ -172,7 +173,9 @@ def snapshot(controller: Controller, now_s: float, period_s: float) -> GripperSt
         requested_torque_nm=None if requested is None else requested.torque_nm,
         limited=controller.output.limited,
         force_set_n=None if grip is None or not keeps_force else grip.force_n,
-        is_grasped=None if may_hold else held is not None,
+        is_grasped=(
+            None if may_hold or (held is not None and held.is_doubtful) else held is not None
+        ),
         clamp_n=None if held is None else held.clamp_n,
         loss_detection=(
             None

@@ -92,7 +92,11 @@ class Requests:
         if refusal is None and method.stop_voids:
             generation, sent_s = params.get("stop_generation"), params.get("sent_s")
             refusal = self._controller.stop_latch.refusal_of_sent(
-                generation, sent_s, received_s, session.identity
+                generation,
+                sent_s,
+                received_s,
+                session.identity,
+                clears=method.name == "stop.clear",
             )
         if refusal is not None:
             return refusal

@@ -261,6 +261,8 @@ class Trajectories:
 def _unusable(capture: Capture, *, allow_empty: bool, allow_partial: bool) -> Refusal | None:
     """Return why a recording cannot be used, or None."""
     data: dict[str, Any] = {"samples": capture.samples, "error": capture.error}
+    if capture.job is not None and capture.job.error is not None:
+        data["cause"] = capture.job.error.reason
     if capture.error is not None and not allow_partial:
         text = sentence(
             "the recording was broken off after {samples} samples: {error}",

@@ -66,3 +66,9 @@ def event(request: Request | None, seq: int, kind: str = "job_ended") -> dict[st
     if request is not None:
         request.notify("event", {"subscription": 5, **one})
     return one
+
+
+def stopped(level: str, call: str = "litegripctl") -> str:
+    """Return what litegripctl prints of a stop."""
+    kept = f"what is squeezed stays so; to let go: {call} stop --level relax\n"
+    return f"stopped: {level}, until: {call} clear\n{kept if level == 'hold' else ''}"

@@ -8,7 +8,7 @@ import pytest
 from tests.client.ctl_terminal import Terminal
 from tests.client.fake_daemon import STATE, ZERO, FakeDaemon
 
-MOVES = "the jaws will move to both stops; continue? [y/N] "
+MOVES = "the jaws will move to both stops; is nothing between them? [y/N] "
 WIDTH = "how far do the jaws open, by a caliper, in mm? [85] "
 MEASURED = {**ZERO, "state": STATE}
 

@@ -175,7 +175,6 @@ USAGE = {
         "watch --hz -1",
         "watch --count 0",
         "watch --count ²",
-        "cancel",
         "cancel x",
         "grasp --force 0",
         "grasp --hold -1",

@@ -21,7 +21,7 @@ from litegripd.model.state import GraspOutcome, MoveOutcome, ReplayOutcome
 from tests.client.ctl_commands import ACTIONS
 from tests.client.ctl_terminal import COMMAND, ROOT, start
 from tests.client.fake_daemon import DEADLINE_S, HELLO, STATE, FakeDaemon
-from tests.client.helpers import Ctl
+from tests.client.helpers import Ctl, stopped
 from tests.client.live_daemon import live
 from tests.client.rig import Heard
 
@@ -204,7 +204,7 @@ def test_a_stop_without_a_channel_stops_the_only_gripper_and_asks_which_of_sever
     sim7.handlers["stop"] = lambda _request: {"level": "hold", "generation": 4}
     code, out, err = litegripctl("stop")
     assert (code, err) == (0, "sim7, the only daemon that you can reach:\n")
-    assert out == "stopped: hold, until: litegripctl clear\n"
+    assert out == stopped("hold")
     assert "stop" in sim7.methods()
     with FakeDaemon(Path(sim7.path).with_name("sim8.sock")):
         code, _, err = litegripctl("stop")

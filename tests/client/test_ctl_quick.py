@@ -17,6 +17,7 @@ from litegrip_client.ctl import program, quick
 from litegrip_client.ctl.main import main
 from litegrip_client.line.exchange import PROTOCOL
 from tests.client.fake_daemon import HELLO, STATE, FakeDaemon
+from tests.client.helpers import stopped
 
 OWNER = {"program": "sorter.py", "pid": 77}
 STOP = {"level": "hold", "by": OWNER, "why": "a hand: litegripctl state"}
@@ -120,7 +121,7 @@ def test_a_plain_stop_is_the_same_in_both_ways(
     level = line[line.index("--level") + 1] if "--level" in line else "hold"
     assert requests == [("stop", {"level": level})]
     call = "litegripctl -c can0" if "can0" in line else "litegripctl"
-    assert shown == f"stopped: {level}, until: {call} clear\n"
+    assert shown == stopped(level, call)
 
 
 def test_a_stronger_stop_from_before_is_told_in_both_ways(

@@ -1,5 +1,6 @@
 """How litegripctl stops: by the socket for stops, else as any other request."""
 
+import contextlib
 import json
 import socket
 from collections.abc import Iterator
@@ -12,7 +13,7 @@ from litegrip_client import ConnectError, ProtocolError
 from litegrip_client.core.sockets import stop_path
 from litegrip_client.core.stop import stop_at
 from tests.client.fake_daemon import STATE, FakeDaemon, Request
-from tests.client.helpers import Ctl
+from tests.client.helpers import Ctl, stopped
 
 
 @pytest.fixture
@@ -56,6 +57,8 @@ def test_a_stop_that_does_not_reach_the_motor_says_so_and_fails(
         ("--level relx", "hold", "did you mean 'relax'?; "),
         ("--reason x --level=relax", "relax", "unrecognized arguments: --reason x"),
         ("--level", "hold", "expected one argument; "),
+        ("--relax", "relax", "unrecognized arguments: --relax"),
+        ("--disable now", "disable", "unrecognized arguments: --disable now"),
         ("disable", "disable", "arguments: disable; a level is an option: --level disable; "),
         ("hand inside", "hold", "arguments: hand inside; a reason is an option: --why TEXT; "),
     ],
@@ -65,7 +68,7 @@ def test_whatever_stands_behind_a_stop_it_stops(
 ) -> None:
     stops.handlers["stop"] = lambda request: {"level": request.params["level"], "generation": 4}
     code, out, err = ctl("stop", *behind.split())
-    assert (code, out) == (2, f"stopped: {level}, until: litegripctl clear\n")
+    assert (code, out) == (2, stopped(level))
     assert wrong in err
     assert f"can0 was told to stop ({level}) all the same" in err
     assert [one.params for one in stops.requests] == [{"level": level}]
@@ -89,23 +92,39 @@ def test_what_may_mean_another_gripper_or_no_stop_at_all_says_that_nothing_was_s
     assert "; nothing was stopped: say litegripctl stop\n" in err
 
 
-@pytest.mark.parametrize("given", [("STOP",), ("Stop",), ("stop now",), ("STOP", "now")], ids=str)
-def test_a_stop_in_capitals_or_in_one_word_with_more_stops(
-    stops: FakeDaemon, ctl: Ctl, given: tuple[str, ...]
+HURRIED = [
+    "STOP",
+    "Stop",
+    "stop now",
+    "STOP now",
+    "stopp",
+    "sotp",
+    "stpo",
+    "stop!",
+    "stop,",
+    "--stop",
+]
+HURRIED += ["-stop", "estop", "e-stop", "emergency-stop", "halt", "freeze", "ABORT", "please stop"]
+
+
+@pytest.mark.parametrize("line", HURRIED)
+@pytest.mark.parametrize("is_one_word", [True, False])
+def test_what_somebody_types_in_a_hurry_stops(
+    stops: FakeDaemon, ctl: Ctl, line: str, *, is_one_word: bool
 ) -> None:
+    if is_one_word and line == "please stop":
+        pytest.skip("it is no command of a word")
     stops.handlers["stop"] = lambda _request: {"level": "hold", "generation": 4}
-    code, out, err = ctl(*given)
-    assert (code, out) == (2, "stopped: hold, until: litegripctl clear\n")
+    code, out, err = ctl(*([line] if is_one_word else line.split()))
+    assert (code, out) == (2, stopped("hold"))
     assert "can0 was told to stop (hold) all the same" in err
 
 
-@pytest.mark.parametrize("word", ["stopp", "sotp", "halt", "--stop", "ESTOP"])
-def test_what_sounds_like_a_stop_says_that_nothing_was_stopped(
-    stops: FakeDaemon, ctl: Ctl, word: str
-) -> None:
-    code, out, err = ctl(word)
-    assert (code, out, stops.requests) == (2, "", [])
-    assert "; nothing was stopped: say litegripctl stop\n" in err
+@pytest.mark.parametrize("line", ["top", "setup", "step-by", "kill", "help stop"])
+def test_other_words_do_not_stop(stops: FakeDaemon, ctl: Ctl, line: str) -> None:
+    with contextlib.suppress(SystemExit):  # of help
+        ctl(*line.split())
+    assert stops.requests == []
 
 
 def test_a_wrong_stop_names_the_gripper_that_it_stopped(

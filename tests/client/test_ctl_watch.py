@@ -16,11 +16,13 @@ from litegrip_client.ctl import state_view
 from litegrip_client.ctl.commands import COMMANDS
 from litegrip_client.ctl.live import Interruptions, Scene, picture
 from litegrip_client.ctl.parser import for_gripper
+from litegrip_client.ctl.run import samples
 from litegrip_client.ctl.state_view import state_line
+from litegrip_client.line.connection import Connection
 from litegrip_client.line.feeds import Event
 from litegrip_client.values.results import STATE_FIELDS
 from tests.client.ctl_terminal import Terminal
-from tests.client.fake_daemon import HELLO, STATE, FakeDaemon
+from tests.client.fake_daemon import HELLO, STATE, FakeDaemon, Request
 from tests.client.helpers import Ctl
 from tests.client.live_daemon import HEALTH, OWNER, live, streaming
 from tests.client.rig import Heard
@@ -97,6 +99,51 @@ def test_the_view_of_a_daemon_that_has_gone_says_so_first() -> None:
     assert "can0  --" in shown(scene)
     scene.trouble = "x"
     assert "NO DAEMON" in shown(scene)
+
+
+def test_the_view_of_a_daemon_that_hangs_says_how_old_all_is() -> None:
+    scene = whole_scene()
+    scene.silent_s = 3.2
+    text = shown(scene)
+    assert text.startswith("can0  SILENT: the daemon has not answered for 3 s: what the jaws do is")
+    assert "as it was 3 s ago:" in text
+    assert "15 s ago  a stop" in text  # 12 s before the last state
+
+
+def test_a_daemon_that_hangs_is_told_each_second_until_it_goes_on(
+    daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("litegrip_client.ctl.run.SILENT_AFTER_S", 0.05)
+    requests: list[Request] = []
+
+    def subscribe(request: Request) -> None:
+        requests.append(request)
+        request.reply({"subscription": 1, "state": STATE})
+
+    daemon.handlers["state.subscribe"] = subscribe
+    connection = Connection(daemon.path)
+    shown = samples(connection, 100.0)
+    assert next(shown) == (STATE, 0.0)
+    silent_s = [next(shown) for _ in range(3)]
+    assert [state for state, _ in silent_s] == [None] * 3
+    assert 0.05 < silent_s[0][1] < silent_s[1][1] < silent_s[2][1]
+    sample = {"subscription": 1, "seq": 0, "dropped": 0, "monotonic_s": 1.0, "state": STATE}
+    requests[0].notify("state.sample", sample)
+    assert next(shown) == (STATE, 0.0)
+    shown.close()
+    assert connection.closed
+    assert daemon.methods() == ["state.subscribe"]
+
+
+def test_a_view_of_a_daemon_that_hangs_shows_it_and_ends_at_once(daemon: FakeDaemon) -> None:
+    live(daemon)
+    terminal = Terminal("--socket", daemon.path, "watch")
+    terminal.expect("besides this one")
+    terminal.expect("SILENT: the daemon has not answered for")
+    terminal.expect("as it was 2 s ago:")
+    terminal.type("q")
+    assert terminal.end()[0] == 0
+    assert "state.unsubscribe" not in daemon.methods()
 
 
 def test_a_trace_forgets_what_is_older_than_a_minute() -> None:
@@ -205,7 +252,7 @@ def test_without_the_view_it_is_a_line_for_each_state(
         monkeypatch.setenv("TERM", "dumb")
     code, out, _ = on_a_terminal("watch", "--count", "4", *(["--plain"] if plain else []))
     assert (code, out.count("\n"), out.count("\x1b")) == (0, 4, 0)
-    assert heard.methods() == ["hello", "state.subscribe", "state.unsubscribe"]
+    assert heard.methods() == ["hello", "state.subscribe"]  # the connection's end ends that
 
 
 @pytest.mark.usefixtures("heard")

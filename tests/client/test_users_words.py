@@ -148,10 +148,16 @@ def test_the_doctor_and_the_health_tell_a_reason_as_it_is(heard: Heard, litegrip
 
 def test_by_a_subscription_to_events(heard: Heard) -> None:
     Scene(WORST, heard)
-    with connect("can0") as connection, connection.subscribe_events() as feed:
-        (told,) = [event.message for event in feed.recent if event.kind == "stop"]
-    assert WORST in told
-    assert told.endswith("clear it with gripper.clear_stop() first")
+    message = sentence("{why}: {stop.clear}", why=WORST)
+    one = with_terms({"seq": 1, "monotonic_s": 1.0, "kind": "pressing", "message": message})
+    with connect("can0") as connection:
+        with connection.subscribe_events() as feed:
+            (told,) = [event.message for event in feed.recent if event.kind == "stop"]
+        assert told.endswith(f": {WORST}")
+        heard.instead["events.subscribe"] = {"subscription": 9, "state": {}, "events": [one]}
+        heard.instead["events.unsubscribe"] = {"subscription": 9}
+        with connection.subscribe_events() as feed:
+            assert feed.recent[-1].message == f"{WORST}: gripper.clear_stop()"
 
 
 def test_an_older_daemon_marks_nothing_and_its_sentence_stays(heard: Heard) -> None:

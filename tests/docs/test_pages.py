@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from docs.generate import GENERATED
+from docs.generate import GENERATED, page_motions
 from litegrip_client.ctl.commands import COMMANDS
 from litegrip_client.ctl.parser import parse
 from litegripd.model.errors import ERROR_TABLE
@@ -106,6 +106,10 @@ def test_code_that_is_shown_is_that_of_its_file() -> None:
     }
     for name, file, body in shown:
         assert text_of(file) == body, f"{file} in {name}"
+
+
+def test_the_page_names_no_command_where_it_says_why_a_motion_failed() -> None:
+    assert re.search(r"litegripctl|--\w", page_motions()) is None
 
 
 MOST_WORDS = 1500

@@ -100,6 +100,48 @@ def test_a_grasp_by_a_weak_motor_is_no_success(
 
 
 @any_rig
+@pytest.mark.parametrize("made_share", [0.05, 0.15, 0.3, 0.6])
+def test_it_never_claims_to_hold_what_it_is_too_weak_to_feel(name: str, made_share: float) -> None:
+    scene = Scene(name)
+    scene.world.weaken(made_share)
+    assert scene.grasp()["outcome"] == "motor_weak"
+    assert scene.world.state.is_grasped is None
+    claimed = scene.world.track(1.5, lambda: scene.world.state.is_grasped)
+    assert True not in claimed
+
+
+@any_rig
+@pytest.mark.parametrize("made_share", [0.3, 0.6])
+def test_what_it_holds_is_known_once_it_is_strong_again(name: str, made_share: float) -> None:
+    scene = Scene(name)
+    scene.world.weaken(made_share)
+    scene.grasp()
+    scene.world.run(1.0)
+    scene.world.weaken(1.0)
+    scene.world.run(1.5)
+    assert scene.world.state.is_grasped is True
+    assert scene.world.true_n > 0.5 * FORCE_N
+
+
+@any_rig
+def test_where_it_holds_nothing_that_is_told_once_it_is_strong_again(name: str) -> None:
+    """Friction stands against all that it makes, wherever the jaws are."""
+    scene = Scene(name)
+    scene.world.remove()
+    scene.client.result("events.subscribe", kinds=["object_lost"])
+    scene.world.weaken(0.02)
+    assert scene.grasp()["outcome"] == "motor_weak"
+    assert scene.world.state.is_grasped is None
+    scene.world.run(0.5)
+    scene.world.weaken(1.0)
+    claimed = scene.world.track(3.0, lambda: scene.world.state.is_grasped)
+    assert True not in claimed
+    assert claimed[-1] is False
+    (told,) = (one["message"] for one in scene.client.events() if one["kind"] == "object_lost")
+    assert told.startswith("there is no object, or it is lost: the jaws closed on")
+
+
+@any_rig
 def test_a_hold_for_some_time_that_ends_weak_is_none_either(name: str) -> None:
     scene = Scene(name)
     number = scene.client.send("motion.grasp", force_n=FORCE_N, hold_s=2.0)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.client.helpers import stopped
 from tests.process.daemon_process import DEADLINE_S, DaemonProcess, begin_again, daemon_for_all
 
 pytestmark = pytest.mark.skipif(os.getuid() != 0, reason="only root can become another user")
@@ -224,7 +225,7 @@ def test_who_stops_may_clear_though_a_script_has_the_lease_and_others_are_told_w
 ) -> None:
     with script(ALICE, HOLDER, shared.socket_path) as holder:
         assert said(holder)
-        done = f"stopped: hold, until: litegripctl --socket {shared.socket_path} clear\n"
+        done = stopped("hold", f"litegripctl --socket {shared.socket_path}")
         assert ctl(shared, BOB, "stop", "--why", "a hand") == (0, done, "")
         code, out, err = ctl(shared, CAROL, "clear")
         assert (code, out) == (6, "")

@@ -59,7 +59,7 @@ def test_the_state_and_the_latest_events_come_first_and_then_what_happens() -> N
     answer = watcher.answers[watcher.last_id]["result"]
     assert answer["state"]["stop"]["why"] == "before"
     assert answer["events"][-1]["kind"] == "stop"
-    assert set(answer["events"][-1]) == MEMBERS - {"subscription"} | {"terms"}
+    assert set(answer["events"][-1]) == MEMBERS - {"subscription"}
     actor.result("stop.clear")
     world.tick()
     (cleared,) = events(watcher)

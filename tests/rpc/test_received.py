@@ -41,7 +41,7 @@ def test_what_came_before_a_stop_neither_moves_nor_clears(
     other.result("stop")
     answer = send(client, method, received_s, **params)
     assert reason(answer) == "sent_before_stop"
-    assert "came 0.0" in answer["error"]["message"]
+    assert "it came 0.0" in answer["error"]["message"]
     latched = world.controller.stop_latch.latched
     assert latched is not None
     assert world.controller.jobs.running is None

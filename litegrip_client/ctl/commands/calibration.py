@@ -105,14 +105,22 @@ def _lead(run: Run) -> Data:
 
 
 def _record(run: Run) -> None:
-    for step, request in (
-        ("closed", "push the jaws closed, to the stop, then press Enter:"),
-        ("open", "pull the jaws open, to the stop, then press Enter:"),
-    ):
-        _ask(request)
-        marks = _step(run, step)
-        say(f"  {step} at {figure(marks[f'{step}_rad'], '+.4f', 'rad')}")
-    say(f"  {_travel_text(marks)}")
+    before = run.connection.call("calibration.get")
+    while True:
+        for step, request in (
+            ("closed", "push the jaws closed, to the stop, then press Enter:"),
+            ("open", "pull the jaws open, to the stop, then press Enter:"),
+        ):
+            _ask(request)
+            marks = _step(run, step)
+            say(f"  {step} at {figure(marks[f'{step}_rad'], '+.4f', 'rad')}")
+        say(f"  {_travel_text(marks)}")
+        mount = _mount(marks)
+        if not before["calibrated"] or before["mount"] == mount:
+            return
+        say(f"  the mount was {before['mount']}: were they closed first, and then open?")
+        if _ask("yes, go on (y), or record both again (n)?").startswith("y"):
+            return
 
 
 def _ask(question: str) -> str:
@@ -195,7 +203,7 @@ def zero(run: Run) -> int:
                 run.here("if that is safe: litegripctl zero --yes"),
             )
         try:
-            if not confirm("the jaws will move to both stops; continue?"):
+            if not confirm("the jaws will move to both stops; is nothing between them?"):
                 raise _NotWantedError
             if stroke_mm is None:
                 stroke_mm = _ask_stroke(run)
@@ -205,7 +213,17 @@ def zero(run: Run) -> int:
     params: dict[str, object] = {"save": not options.no_save, **given_numbers(stroke_mm=stroke_mm)}
     if options.mount is not None:
         params["mount"] = options.mount
-    return finish(run, "calibration.zero", params, lambda data: _measured_text(run, "zero", data))
+    while True:
+        try:
+            return finish(
+                run, "calibration.zero", params, lambda data: _measured_text(run, "zero", data)
+            )
+        except CommandError as error:
+            is_asked = not options.yes and options.stroke_mm is None
+            if not is_asked or error.data.get("field") != "stroke_mm":
+                raise
+            say(f"  {one_line(error.message)}")
+        params |= given_numbers(stroke_mm=_ask_stroke(run))
 
 
 def _measured_text(run: Run, name: str, data: Data) -> str:
@@ -233,12 +251,16 @@ def _travel_text(data: Data) -> str:
     """Return the two stops and what lies between, in one line."""
     closed_rad, open_rad = data["closed_rad"], data["open_rad"]
     travel_rad = abs(closed_rad - open_rad)
-    mount = "normal" if closed_rad > open_rad else "reverse"
     size = figure(travel_rad, ".4f", "rad")
     if data.get("rad_to_mm") is not None:
         size += f" or {figure(travel_rad * data['rad_to_mm'], '.2f', 'mm')}"
     ends = f"closed {figure(closed_rad, '+.4f', 'rad')}, open {figure(open_rad, '+.4f', 'rad')}"
-    return f"{ends}, travel {size}, mount {mount}"
+    return f"{ends}, travel {size}, mount {_mount(data)}"
+
+
+def _mount(data: Data) -> str:
+    """Return the mount that two stops mean."""
+    return "normal" if data["closed_rad"] > data["open_rad"] else "reverse"
 
 
 _CALIBRATION = """\

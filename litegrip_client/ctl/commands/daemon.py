@@ -176,7 +176,8 @@ def restart(run: Run) -> int:
         where = "" if remote is None else "on the gripper's machine: "
         return run.refuse(
             "a restart that disables the motor is the service manager's to do",
-            f"{where}systemctl restart litegripd@{channel}; to hold all the while: --hold",
+            f"{where}systemctl restart litegripd@{channel}; one that was started by hand: end it"
+            " and start it again; to hold all the while: --hold",
         )
     data = run.connection.call("daemon.restart", {"hold_through_restart": True}, ACTION_TIMEOUT_S)
     text = f"restarted: pid {data['pid']} has taken over, {_kept(run, data['gap_s'])}"

@@ -21,9 +21,9 @@ from litegrip_client.ctl.render import (
 )
 from litegrip_client.ctl.run import ENDING, Commands, Run
 from litegrip_client.values.checks import given_numbers
-from litegrip_client.values.errors import CommandError, HardwareError, from_error_object
+from litegrip_client.values.errors import BusyError, CommandError, HardwareError, from_error_object
 from litegrip_client.values.figures import Data, figure, owner, plain
-from litegrip_client.values.printed import aligned
+from litegrip_client.values.printed import aligned, leaves
 from litegrip_client.values.trajectory_format import MOST_FORCE_N
 
 
@@ -44,8 +44,12 @@ def enable(run: Run) -> int:
 
 def disable(run: Run) -> int:
     """Disable the motor."""
-    with naming_the_danger():
-        data = run.connection.call("motor.disable", {"detach": True}, ACTION_TIMEOUT_S)
+    try:
+        with naming_the_danger():
+            data = run.connection.call("motor.disable", {"detach": True}, ACTION_TIMEOUT_S)
+    except BusyError as error:
+        error.message += run.here("; to disable it all the same: litegripctl stop --level disable")
+        raise
     return run.done(
         data,
         "disabled" if data["ok"] else "NOT disabled: the motor does not confirm it",
@@ -334,7 +338,7 @@ def jobs(run: Run) -> int:
     table += [
         (
             str(row.get("job")),
-            plain(row.get("kind")),
+            _kind(row),
             clock(row.get("started_s")),
             _took(row),
             _outcome(row),
@@ -343,6 +347,21 @@ def jobs(run: Run) -> int:
         for row in data["jobs"]
     ]
     return run.done(data, aligned(table) if data["jobs"] else "no jobs")
+
+
+_COMMANDS = {
+    "set_force": "force",
+    "zero_gravity": "slack",
+    "calibrate_by_hand": "calibration manual",
+    "clear_fault": "clear-fault",
+}
+"""By a job's kind: the command that begins it, where that has another name."""
+
+
+def _kind(row: Data) -> str:
+    """Return a job's kind as this program calls it."""
+    kind = plain(row.get("kind"))
+    return _COMMANDS.get(kind, kind)
 
 
 def _took(row: Data) -> str:
@@ -364,8 +383,19 @@ def _outcome(row: Data) -> str:
 
 
 def job_options(parser: LateParser) -> None:
-    """Add the arguments of `job` and `cancel`."""
+    """Add the arguments of `job`."""
     parser.add_argument("job", type=count, metavar="JOB", help="the number that 'jobs' shows")
+
+
+def cancel_options(parser: LateParser) -> None:
+    """Add the arguments of `cancel`."""
+    parser.add_argument(
+        "job",
+        type=count,
+        nargs="?",
+        metavar="JOB",
+        help="the number that 'jobs' shows (default: the one that runs)",
+    )
 
 
 def job(run: Run) -> int:
@@ -373,7 +403,7 @@ def job(run: Run) -> int:
     clock = clock_of(run.connection)
     data = run.connection.call("job.get", {"job": run.options.job})
     rows = [
-        ("job", f"{data['job']}, {plain(data['kind'])}"),
+        ("job", f"{data['job']}, {_kind(data)}"),
         ("outcome", _outcome(data)),
         ("began", clock(data["started_s"])),
         ("ended", clock(data["ended_s"])),
@@ -387,15 +417,26 @@ def job(run: Run) -> int:
         rows.append(("why", why.strip()))
     rows += [
         (name, plain(f"{value:.4g}" if isinstance(value, float) else value))
-        for name, value in (data["result"] or {}).items()
-        if name not in ("job", "state", "ok", "outcome") and value is not None
+        for name, value in leaves(data["result"] or {})
+        if name.partition(".")[0] not in ("job", "state", "ok", "outcome") and value != "--"
     ]
     return run.done(data, aligned(rows))
 
 
+def _running(run: Run) -> int:
+    """Return the number of the job that runs; raises `CommandError` unless that is one."""
+    rows = run.connection.call("job.list")["jobs"]
+    running = [row["job"] for row in rows if row["state"] == "running"]
+    if len(running) != 1:
+        which = f"jobs {', '.join(map(str, running))} run: name one" if running else "no job runs"
+        raise CommandError(which, reason="unknown_job")
+    number: int = running[0]
+    return number
+
+
 def cancel(run: Run) -> int:
     """Cancel a job."""
-    asked = {"job": run.options.job}
+    asked = {"job": run.options.job or _running(run)}
     was_over = run.connection.call("job.get", asked)["state"] not in UNDER_WAY
     data = run.connection.call("job.cancel", asked)
     done = not was_over and data["state"] in ENDING
@@ -418,5 +459,5 @@ COMMANDS: Commands = {
     "hold": (hold, None),
     "jobs": (jobs, None),
     "job": (job, job_options),
-    "cancel": (cancel, job_options),
+    "cancel": (cancel, cancel_options),
 }

@@ -23,6 +23,7 @@ from litegrip_client.ctl.run import (
     connected,
     installing,
     may_ask,
+    samples,
 )
 from litegrip_client.ctl.state_view import state_line, state_text, stopped
 from litegrip_client.values.errors import CommandError, ConnectError, LiteGripError
@@ -105,10 +106,10 @@ def _take(run: Run) -> int:
     taken = connection.call("lease.take", params | ({"jaws": "relax"} if options.release else {}))
     connection.call("lease.release")
     ended, state = taken.get("ended_job"), taken["state"]
-    text = "nobody had the lease" if holder is None else f"taken from {owner(holder)}"
+    text = "nobody had it before" if holder is None else f"taken from {owner(holder)}"
     text += "" if ended is None else f", job {ended} was ended"
     data = {"taken_from": holder, "ended_job": ended, "state": state}
-    return run.done(data, plain(f"{text}; {_jaws(state)}; nobody has the lease now"))
+    return run.done(data, plain(f"{text}; {_jaws(state)}; the lease is free now"))
 
 
 def _jaws(state: Data) -> str:
@@ -248,10 +249,18 @@ def watch(run: Run) -> int:
 
 
 def _lines(run: Run) -> int:
-    """Show a line for each state, on a terminal, too."""
-    with run.connection.subscribe_state(run.options.hz) as samples:
-        for sample in islice(samples, run.options.count):
-            run.output.result(sample.state, state_line(sample.state, run.here))
+    """Show a line for each state, on a terminal, too; of a daemon that hangs say so."""
+    from litegrip_client.line.exchange import not_answered  # noqa: PLC0415 - takes long to import
+
+    count, most = 0, run.options.count
+    for state, silent_s in samples(run.connection, run.options.hz):
+        if state is None:
+            run.output.note(not_answered(silent_s))
+            continue
+        run.output.result(state, state_line(state, run.here))
+        count += 1
+        if count == most:
+            break
     return OK
 
 

@@ -108,7 +108,11 @@ def motor(facts: Facts) -> Finding | None:
         advice = "enabling clears the fault: find its cause first"
         if status == "communication_lost":
             advice += "; the line health says if the bus or the daemon itself was silent"
-        return error(f"it reports a fault: {status}, {age}", f"{facts.ctl} enable", advice)
+        is_hot = status in ("coil_hot", "driver_hot")
+        if is_hot:
+            advice = f"let it cool down, and look at what it holds; then: {facts.ctl} enable"
+        command = None if is_hot else f"{facts.ctl} enable"
+        return error(f"it reports a fault: {status}, {age}", command, advice)
     if phase in ("silent", "unknown") or state.get("stale") or age_s is None:
         can_id = daemon.hello.get("motor", {}).get("can_id", 0x08)
         advice = _NO_ANSWER % (can_id, facts.ctl)

@@ -366,6 +366,7 @@ class Grasp(PlainAction):
             # Jaws that creep by little torque are not judged where they stand.
             self._is_short = self._is_short or not self._approach.is_fed
             self._grip = self._take(now_s, feedback)
+            self._grip.is_doubtful = self._is_short
             if self._request.until == "verdict" or self._is_short:
                 return Step(command, outcome=self._result(self._held()))
         elif self._width_mm is None and self._is_felt(now_s, feedback, self._grip):

@@ -11,6 +11,8 @@ from litegrip_client import (
     LiteGrip,
     ParameterError,
     ProtocolError,
+    StoppedError,
+    TrajectoryRecordingError,
 )
 from tests.client.rig import Asked, Bench, Heard, Kind, Refuse
 from tests.trajectories import PIECE_BYTES
@@ -186,3 +188,26 @@ def test_what_is_kept_is_listed_fetched_and_deleted_by_its_name(
     daemon.instead["trajectory.list"] = Refuse("busy", -32020)
     with pytest.raises(CommandError):
         enabled.kept_trajectories()
+
+
+def test_the_stop_that_broke_a_recording_off_is_known_when_that_was_told(
+    site: Bench, daemon: Heard, enabled: LiteGrip
+) -> None:
+    other = daemon.client(pid=77, uid=1000)
+    site.after(0.3, lambda: other.result("stop", why="a hand"))
+    with pytest.raises(TrajectoryRecordingError, match=r"a stop \(hold\) by program77"):
+        enabled.record(3.0)
+    other.result("stop.clear")
+    assert enabled.goto(40.0).ok
+
+
+def test_a_stop_that_nobody_has_told_of_is_cleared_before_anything_moves(
+    daemon: Heard, enabled: LiteGrip
+) -> None:
+    daemon.client(pid=77, uid=1000).result("stop", why="a hand")
+    said = r"^a stop \(hold\) by program77 \(pid 77\): a hand; this client had not heard of it, so"
+    with pytest.raises(StoppedError, match=said) as caught:
+        enabled.goto(40.0)
+    assert "clear it (gripper.clear_stop())" in str(caught.value).replace("await ", "")
+    enabled.clear_stop()
+    assert enabled.goto(40.0).ok

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from litegrip_client import BusyError, CommandError, LiteGrip, SetpointStream, StoppedError
-from litegripd.model.sentence import method_name, with_terms
+from litegripd.model.sentence import method_name, sentence, with_terms
 from tests.client.rig import Heard, Kind, Refuse
 
 WORDS = {"stop.clear": "~/clear", "lease.take": "the button TAKE", "motor.enable": "~/enable"}
@@ -75,10 +75,13 @@ def test_results_and_health_are_told_in_it(daemon: Heard, kind: Kind) -> None:
 
 
 def test_events_are_told_in_it(daemon: Heard, kind: Kind) -> None:
-    with kind.gripper(voice=ros) as gripper:
-        daemon.client().result("stop")
-        with gripper.events(["stop"]) as events:
-            assert "clear it with ~/clear first" in events.recent[-1].message
+    message = sentence("it stands: {stop.clear}")
+    one = with_terms({"seq": 1, "monotonic_s": 1.0, "kind": "pressing", "message": message})
+    subscribed = {"subscription": 5, "state": daemon.wire_state, "events": [one]}
+    daemon.instead["events.subscribe"] = subscribed
+    daemon.instead["events.unsubscribe"] = {"subscription": 5}
+    with kind.gripper(voice=ros) as gripper, gripper.events() as events:
+        assert events.recent[-1].message == "it stands: ~/clear"
 
 
 def test_a_voice_that_cannot_speak_is_refused(kind: Kind) -> None:

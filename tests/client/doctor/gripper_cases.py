@@ -71,6 +71,11 @@ GRIPPER_CASES: Cases = {
         Case(
             with_daemon(state_motor="fault", state_status="coil_hot"),
             "ERROR it reports a fault: coil_hot, last feedback 0.004 s ago"
+            " # let it cool down, and look at what it holds; then: litegripctl -c can0 enable",
+        ),
+        Case(
+            with_daemon(state_motor="fault", state_status="overload"),
+            "ERROR it reports a fault: overload, last feedback 0.004 s ago"
             " $ litegripctl -c can0 enable"
             " # find its cause",
         ),

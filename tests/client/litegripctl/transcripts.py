@@ -137,6 +137,10 @@ class Stage:
         """Something stands between the jaws."""
         self._daemon.gripper.put_object(width_mm=float(width_mm))
 
+    def weakened(self, _rest: str) -> None:
+        """The motor makes little of its torque from now on."""
+        self._daemon.gripper.weaken(0.15)
+
     def other(self, rest: str) -> None:
         """Another client, which stays connected, calls a method."""
         method, _, params = rest.partition(" ")

@@ -24,6 +24,10 @@ from tests.process.web.on_page import (
 from tests.process.web.page_process import Page, page
 
 CUT = "Stop latched, but the motor does not answer: cut its power."
+DOES_NOTHING = (
+    "STOP does nothing here: cut the motor's power. Then open the whole address again: "
+    "what started the page has printed it."
+)
 RED = "rgb(179, 20, 30)"
 SCREENS = {"wide": (1400, 900), "phone": (390, 844), "phone, on its side": (844, 390)}
 
@@ -158,6 +162,7 @@ def test_a_motor_that_is_silent_is_said_and_what_needs_it_looks_so(
     expect(notice).to_have_text(CUT)
     expect(notice).to_have_css("background-color", RED)
     expect(notice).to_be_in_viewport(ratio=1)
+    assert tab.evaluate(COVERED_BY_NOTICE) == []
     expect(part(tab, "stopped")).to_contain_text("the motor does not answer: cut its power.")
     expect(alarm).to_have_text("MOTOR SILENT, STOPPED")
     assert aims(tab) == before
@@ -168,6 +173,88 @@ def test_a_motor_that_is_silent_is_said_and_what_needs_it_looks_so(
     expect(notice).to_have_text(CUT)
     client.result("stop.clear")
     expect(notice).to_have_text("")
+
+
+COVERED_BY_NOTICE = """
+() => {
+  const rect = (node) => node.getBoundingClientRect();
+  const notice = document.querySelector("#notice");
+  const [said, bar] = [rect(notice), rect(document.querySelector("header"))];
+  const meets = (one) =>
+    said.left < one.right && one.left < said.right
+    && said.top < one.bottom && one.top < said.bottom;
+  const wrong = [...document.querySelectorAll("header button, #alarm, #toasts li, .head, .head *")]
+    .filter((node) => node.checkVisibility() && meets(rect(node)))
+    .filter((node) => rect(node).top >= bar.bottom || node.closest("header"))
+    .map((node) => node.outerHTML);
+  if (said.bottom > bar.bottom) wrong.push("it hangs below the bar");
+  if (notice.scrollHeight > notice.clientHeight) wrong.push("it is cut off");
+  return wrong;
+}
+"""
+"""What the red line covers, or lacks."""
+
+
+@contextlib.contextmanager
+def two_grippers(
+    window: BrowserContext, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[tuple[Tab, list[DaemonProcess], list[Client]]]:
+    """Show two grippers on one page."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    sockets = tmp_path / "litegripd"
+    sockets.mkdir()
+    names = [f"left-{os.getpid()}", f"right-{os.getpid()}"]  # a channel has one daemon
+    with contextlib.ExitStack() as stack:
+        daemons, clients = [], []
+        for name in names:
+            folder = tmp_path / name
+            folder.mkdir()
+            for ending in (".sock", ".stop.sock"):
+                (sockets / f"{name}{ending}").symlink_to(folder / f"rpc{ending}")
+            path = str(folder / "rpc.sock")
+            daemons.append(DaemonProcess(folder, name, "--simulate", "--socket", path))
+            stack.callback(daemons[-1].kill)
+            clients.append(stack.enter_context(daemons[-1].connect()))
+        running = stack.enter_context(page("--operate", channels=tuple(names)))
+        tab = window.new_page()
+        tab.goto(running.told)
+        for name in names:
+            panel = tab.get_by_role("article", name=f"Gripper {name}")
+            expect(panel.locator("[data-is=mode]")).to_have_text("disabled")
+            expect(panel.locator(".jaws .tray")).to_be_visible()
+        yield tab, daemons, clients
+
+
+def test_of_two_grippers_nothing_is_covered_by_what_has_to_be_done_now(
+    window: BrowserContext, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with two_grippers(window, tmp_path, monkeypatch) as (tab, daemons, clients):
+        left, right = f"left-{os.getpid()}", f"right-{os.getpid()}"
+        notice, alarm = tab.locator("#notice"), tab.locator("#alarm")
+        bar = tab.locator("header")
+        before = bar.bounding_box()
+        clients[0].result("sim.fault", name="silent")
+        expect(alarm).to_have_text(f"{left}: MOTOR SILENT")
+        tab.keyboard.press("Escape")
+        expect(notice).to_have_text(f"Stop latched, but {left} does not answer: cut its power.")
+        expect(alarm).to_contain_text(f"{right}: STOPPED")
+        assert tab.evaluate(COVERED_BY_NOTICE) == []
+        clients[1].result("sim.fault", name="silent")
+        expect(notice).to_have_text("Stop latched, but the motors do not answer: cut their power.")
+        expect(alarm).to_contain_text(f"{right}: MOTOR SILENT")
+        assert tab.evaluate(COVERED_BY_NOTICE) == []
+        assert bar.bounding_box() == before
+        daemons[0].kill()
+        expect(alarm).to_contain_text(f"{left}: NO DAEMON")
+        tab.keyboard.press("Escape")
+        cut = f"STOP did not reach {left} (no daemon answers). Cut the motor's power."
+        expect(notice).to_have_text(cut)
+        assert tab.evaluate(COVERED_BY_NOTICE) == []
+        daemons[1].kill()
+        expect(alarm).to_contain_text(f"{right}: NO DAEMON")
+        tab.keyboard.press("Escape")
+        expect(notice).to_have_text(cut.replace(left, f"{left}, {right}"))
+        assert tab.evaluate(COVERED_BY_NOTICE) == []
 
 
 UNCOVERED = """
@@ -217,6 +304,19 @@ def test_the_figures_of_a_silent_motor_are_last_known(
     for name in figures:
         expect(fact(tab, name)).not_to_have_css("color", grey)
         expect(fact(tab, name)).not_to_contain_text("last known")
+
+
+def test_a_grasp_that_found_nothing_is_said_where_it_was_asked_for(
+    window: BrowserContext, operating: Page, client: Client
+) -> None:
+    client.despite_silence("motor.enable")
+    tab = at_the_controls(window, operating)
+    before = aims(tab)
+    button(tab, "Grasp").click()
+    toast = tab.locator("#toasts li")
+    expect(toast).to_contain_text("grasp: no object")
+    expect(toast).to_be_in_viewport(ratio=1)
+    assert aims(tab) == before
 
 
 COVERED = """
@@ -283,8 +383,17 @@ def test_a_page_loaded_again_says_how_to_go_on_and_the_whole_address_works_there
     stop = tab.locator("#stop")
     expect(stop).to_have_css("background-color", RED)
     tab.reload()
-    expect(stop).to_be_disabled()
+    expect(stop).to_be_enabled()  # who presses it is told, not left in doubt
     expect(stop).not_to_have_css("background-color", RED)
+    notice = tab.locator("#notice")
+    for how in ("click", "Escape"):
+        stop.click() if how == "click" else tab.keyboard.press(how)
+        expect(notice).to_have_text(DOES_NOTHING)
+        expect(notice).to_have_css("background-color", RED)
+        expect(notice).to_be_in_viewport(ratio=1)
+        assert tab.evaluate(COVERED_BY_NOTICE) == []
+        notice.evaluate("(node) => { node.textContent = ''; }")
+    assert client.result("state.get")["stop"] is None
     told = tab.get_by_role("main")
     expect(told).to_contain_text("STOP does nothing here")
     expect(told).to_contain_text(f'echo "{operating.url}#$(cat /run/litegripd-web/token)"')

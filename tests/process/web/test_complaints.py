@@ -1,5 +1,6 @@
 """What the page complains of: in its own words, once, and no longer than it is so."""
 
+import re
 from typing import Any
 
 import pytest
@@ -7,7 +8,7 @@ from playwright.sync_api import Page as Tab
 from playwright.sync_api import expect
 
 from tests.process.daemon_process import Client
-from tests.process.web.on_page import button, enable, part, take_control
+from tests.process.web.on_page import OBJECT_MM, button, enable, part, take_control
 
 
 def toasts(tab: Tab) -> Any:
@@ -87,7 +88,13 @@ def test_a_key_on_a_page_that_only_looks_says_why(shown: Tab) -> None:
         ("force", "99", "Grasp", "force: It may be from 0.5 to 40 N, and is 99."),
         ("force", "", "Set force", "force: It may be from 0.5 to 40 N, and is empty."),
         ("pace", "999", "Open", "speed: It may be from 0.1 to 150 mm/s, and is 999."),
-        ("speed", "9", "Replay", "replay: It may be from 0.01 to 4 times the speed, and is 9."),
+        ("speed", "9", "Replay", "replay: It may be from 0.1 to 4 times the speed, and is 9."),
+        (
+            "speed",
+            "0.05",
+            "Replay",
+            "replay: It may be from 0.1 to 4 times the speed, and is 0.05.",
+        ),
     ],
 )
 def test_a_number_that_cannot_be_is_refused_in_the_pages_words(
@@ -104,6 +111,24 @@ def test_a_number_that_cannot_be_is_refused_in_the_pages_words(
     assert client.result("job.list")["jobs"] == before
     node.fill("1")
     assert node.evaluate("(node) => node.validity.valid")
+
+
+def test_a_motion_that_ended_wrongly_says_why_until_the_next_one(
+    operated: Tab, client: Client
+) -> None:
+    """In the shell's words, with the page's names in the place of commands."""
+    enable(operated, client)
+    button(operated, "Grasp").click()
+    why = "grasp: no object, .*: the jaws came to their empty end: .*, then “Open”, and once more"
+    expect(toasts(operated)).to_have_text([re.compile(why)])
+    expect(part(operated, "events")).to_contain_text("the jaws came to their empty end")
+    button(operated, "Open").click()
+    expect(part(operated, "outcome")).to_contain_text("open: reached")
+    expect(toasts(operated)).to_have_count(0)
+    client.result("sim.object", width_mm=OBJECT_MM)
+    button(operated, "Close").click()
+    why = "close: protected.*: something was in the way, and the jaws let go of it: .* “Grasp”"
+    expect(toasts(operated)).to_have_text([re.compile(why)])
 
 
 def test_nothing_is_minus_0(operated: Tab) -> None:

@@ -89,6 +89,21 @@ def test_a_question_is_not_answered_by_what_would_move_behind_a_stop(
     expect(operated.get_by_role("dialog")).to_be_hidden()
 
 
+def test_enter_takes_the_answer_that_does_nothing(operated: Tab, client: Client) -> None:
+    teach(operated, client, "wave")
+    jobs = client.result("job.list")["jobs"]
+    button(operated, "Teach").click()
+    expect(button(operated, "No, leave it")).to_be_focused()
+    operated.keyboard.press("Enter")
+    dialog = operated.get_by_role("dialog")
+    expect(dialog).to_be_hidden()
+    zero_dialog(operated)
+    operated.keyboard.press("Enter")
+    button(operated, "Cancel").click()
+    expect(dialog).to_be_hidden()
+    assert client.result("job.list")["jobs"] == jobs
+
+
 def test_a_part_replaces_another_motion_behind_the_stop_that_broke_it_off(
     operated: Tab, client: Client
 ) -> None:

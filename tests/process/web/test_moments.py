@@ -1,10 +1,13 @@
 """The page in the moments that matter: what it says agrees with itself, and stays in its place."""
 
+import contextlib
+import os
 import re
 import signal
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -23,7 +26,7 @@ from tests.process.web.on_page import (
     take_control,
     wait_until_it_fits,
 )
-from tests.process.web.page_process import Page
+from tests.process.web.page_process import Page, page
 
 STOPPED = "Stopped. Nothing moves until it is cleared."
 
@@ -49,6 +52,47 @@ def test_nothing_says_stopped_once_the_stop_is_cleared(operated: Tab, client: Cl
         expect(part(operated, "mode")).to_have_text("disabled")
         expect(notice).to_have_text("")
         expect(outcome).not_to_contain_text("Stopped")
+
+
+COLOR = "(node, part) => getComputedStyle(node, part).color"
+
+
+def test_what_is_held_is_last_known_once_nothing_measures_it(
+    window: BrowserContext, tmp_path: Path
+) -> None:
+    """Whoever does not measure knows nothing of the object: not that it is held, nor that not."""
+    socket_path = tmp_path / "rpc.sock"
+    with contextlib.ExitStack() as stack:
+        daemon = DaemonProcess(
+            tmp_path, f"held-{os.getpid()}", "--simulate", "--socket", str(socket_path)
+        )
+        stack.callback(daemon.kill)
+        running = stack.enter_context(page("--socket", str(socket_path), "--operate"))
+        client = stack.enter_context(daemon.connect())
+        client.until(lambda state: bool(state["motor"] == "disabled" and state["calibrated"]))
+        grasp(client)
+        tab = opened(window, running)
+        take_control(tab)
+        held, slider, health = (part(tab, name) for name in ("held", "slider-text", "health-text"))
+        expect(held).to_have_text("object detected")
+        expect(slider).to_have_text("something is held")
+        expect(health).to_have_text("Healthy")
+        lamp = part(tab, "lamp")
+        well = lamp.evaluate(COLOR, "::before")
+        green = held.evaluate(COLOR, "::before")
+        with frozen(daemon.process):
+            expect(held).to_have_text("object detected, last known")
+            expect(slider).to_have_text("held, last known")
+            expect(health).to_have_text("Healthy, last known")
+            assert held.evaluate(COLOR, "::before") == held.evaluate(COLOR, None) != green
+            assert lamp.evaluate(COLOR, "::before") != well
+            daemon.kill()
+        expect(part(tab, "mode")).to_have_text("no daemon")
+        expect(held).to_have_text("object detected, last known")
+        expect(slider).to_have_text("held, last known")
+        assert held.evaluate(COLOR, "::before") == held.evaluate(COLOR, None)
+    expect(part(tab, "mode")).to_have_text("no connection")
+    expect(held).to_have_text("object detected, last known")
 
 
 SIZES = {"wide": (1400, 900), "phone": (360, 740)}

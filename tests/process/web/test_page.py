@@ -207,11 +207,41 @@ def test_the_daemon_goes_and_comes_back(
             client.until(lambda state: bool(state["motor"] == "disabled" and state["calibrated"]))
             expect(part(tab, "mode")).to_have_text("disabled")
             expect(button(tab, "Take control")).to_be_visible()
+            expect(tab.locator("#notice")).to_have_text("")
+            toasts = tab.locator("#toasts li")
+            expect(toasts).to_contain_text(["STOP did not get through: nothing is stopped. "])
             enable(tab, client)
-            client.result("stop", level="hold")  # what the page's STOP could not
+            expect(toasts).to_have_count(1)
+            tab.keyboard.press("Escape")
+            expect(toasts).to_have_count(0)
             expect(tab.locator("#notice")).to_have_text(re.compile("^Stopped"))
             client.result("stop.clear")
             expect(tab.locator("#notice")).to_have_text("")
+
+
+def test_what_a_stop_has_not_reached_says_whether_it_is_stopped_once_it_answers(
+    window: BrowserContext, tmp_path: Path
+) -> None:
+    with contextlib.ExitStack() as stack:
+        with daemon(tmp_path, "sim8", "--simulate") as first:
+            first.connect().close()
+            own = page("--socket", str(first.socket_path), "--operate")
+            running = stack.enter_context(own)
+            tab = opened(window, running)
+        expect(part(tab, "mode")).to_have_text("no daemon")
+        notice, outcome = tab.locator("#notice"), part(tab, "outcome")
+        tab.keyboard.press("Escape")
+        expect(notice).to_have_text(
+            f"STOP did not reach {CHANNEL} (no daemon answers). Cut the motor's power."
+        )
+        running.process.send_signal(signal.SIGSTOP)  # the page meets the new daemon once it stops
+        with daemon(tmp_path, "sim8", "--simulate") as second, second.connect() as client:
+            client.result("stop", level="hold")
+            running.process.send_signal(signal.SIGCONT)
+            expect(part(tab, "mode")).to_have_text("STOPPED")
+            expect(notice).to_have_text("Stopped. Nothing moves until it is cleared.")
+            expect(outcome).to_have_text("")
+            expect(tab.locator("#toasts li")).to_have_count(0)
 
 
 def test_the_object_is_dragged_and_the_jaws_are_pushed(operated: Tab, client: Client) -> None:
@@ -508,7 +538,11 @@ def test_a_name_that_browsers_do_not_take_for_secure_is_said(
         tab = window.new_page()
         tab.goto(running.told.replace("127.0.0.1", "robot.lab"))
         expect(tab.locator("#notice")).to_contain_text("open the page at 127.0.0.1 or localhost")
-        expect(tab.get_by_role("button", name="STOP Esc")).to_be_disabled()
+        button(tab, "STOP Esc").click()
+    expect(tab.locator("#notice")).to_have_text(
+        "STOP does nothing here: cut the motor's power. "
+        "Then open the page at 127.0.0.1 or localhost, or with TLS."
+    )
 
 
 @pytest.mark.parametrize("cut", [5, 1])
