@@ -94,6 +94,8 @@ def _member(made: Made, node: _Function) -> str:
         name, returns, body = "__enter__", made.name, f"complete({call})\n        return self"
     elif name == "__aexit__":
         name, body = "__exit__", f"complete({call})"
+    elif name == "__repr__":
+        body = "return repr(self._core)"
     elif name.startswith("_"):
         return ""
     elif isinstance(node, ast.AsyncFunctionDef):

@@ -260,3 +260,8 @@ def __getattr__(name: str) -> object:
     value = getattr(import_module(f"{__name__}.{_MODULE_OF[name]}"), name)
     globals()[name] = value
     return value
+
+
+def __dir__() -> list[str]:
+    """Return the public names, for who completes them: before their first use they are not here."""
+    return sorted({*__all__, "aio", *(name for name in globals() if name.startswith("__"))})

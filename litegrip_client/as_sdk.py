@@ -14,6 +14,7 @@ The distribution litegrip-compat installs the same package for all programs of a
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import os
 import runpy
 import sys
@@ -54,6 +55,16 @@ def _show(kind: type[BaseException], error: BaseException, trace: TracebackType 
     sys.__excepthook__(kind, error.with_traceback(trace), trace)
 
 
+def _is_there(module: str) -> bool:
+    """Return True if a module is found; what its packages raise when they are imported passes."""
+    try:
+        return importlib.util.find_spec(module) is not None
+    except ModuleNotFoundError as error:
+        if error.name is None or not f"{module}.".startswith(f"{error.name}."):
+            raise
+        return False
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the script or module that the command line names, with its arguments."""
     given = list(sys.argv[1:] if arguments is None else arguments)
@@ -64,7 +75,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         importlib.import_module(NAME)
         sys.argv = given[1:]
         sys.path.insert(1, str(Path.cwd()))
+        if not _is_there(given[1]):
+            sys.exit(f"there is no module {given[1]}\n{_USAGE}")
         runpy.run_module(given[1], run_name="__main__", alter_sys=True)
+        return
+    if given[:1] in (["-h"], ["--help"]):
+        sys.stdout.write(f"{_USAGE}\n\n{(__doc__ or '').strip()}\n")
         return
     if not given or given[0].startswith("-"):
         sys.exit(_USAGE)

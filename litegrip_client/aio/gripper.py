@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, Generic, NoReturn, TypeVar, overload
 from litegrip_client.core.actions import GripperActions
 from litegrip_client.core.discovery import reach
 from litegrip_client.core.expected import expectations
-from litegrip_client.core.gripper import Gripper
+from litegrip_client.core.gripper import Gripper, no_member
 from litegrip_client.core.session import DaemonSession
 from litegrip_client.line.connection import SLICE_S, peer_pid
 from litegrip_client.line.exchange import DEFAULT_TIMEOUT_S, Call, Exchange, Watch, no_answer
@@ -422,6 +422,9 @@ class Subscription(_BegunLate[Feed[_Item]], Generic[_Item]):
         self._feed = feed
         self._closed = False
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} of {self._feed!r}{', closed' if self._closed else ''}>"
+
     def __aiter__(self) -> Subscription[_Item]:
         return self
 
@@ -601,9 +604,13 @@ class LiteGrip(Gripper):
     if not TYPE_CHECKING:  # else a type checker would find every name here
 
         def __getattr__(self, name: str) -> NoReturn:
-            from litegrip_client.values.voices import no_attribute  # noqa: PLC0415 - an error
+            raise no_member(self, name)
 
-            raise no_attribute(self, name)
+        def __setattr__(self, name: str, value: object) -> None:
+            """Refuse a name that nothing here reads; a subclass may have others."""
+            if type(self) is LiteGrip and name[0] != "_" and not hasattr(LiteGrip, name):
+                raise no_member(self, name, is_assigned=True)
+            super().__setattr__(name, value)
 
         def __enter__(self) -> NoReturn:
             """Name the class that was meant."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from litegrip_client.core.motion import Motion, SetpointStream, check_no_feedforward, frame_target
 from litegrip_client.core.session import ACTION_TIMEOUT_S, DaemonSession, naming_the_danger
-from litegrip_client.values.checks import call_it, given_numbers, integer, number
+from litegrip_client.values.checks import given_numbers, integer, number
 from litegrip_client.values.errors import CommandError, LiteGripError, ParameterError
 from litegrip_client.values.motion_config import MotionConfig
 from litegrip_client.values.results import (
@@ -20,6 +20,7 @@ from litegrip_client.values.results import (
     PlayResult,
     SetZeroResult,
 )
+from litegrip_client.values.terms import Called
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: what is seldom needed takes its time to import
@@ -300,7 +301,22 @@ class GripperActions:
         check_no_feedforward("goto_rad", dq_target=dq_target, tau_feedforward=tau_feedforward)
         target = {"position_rad": number("position_rad", position_rad)}
         target |= given_numbers(kp=kp, kd=kd, at_least_s=duration)
-        return await self._move("motion.move", target, progress)
+        return await self._move(Called("motion.move", "goto_rad"), target, progress)
+
+    async def move_to(
+        self,
+        target_rad: float,
+        kp: float | None = None,
+        kd: float | None = None,
+        tau_feedforward: float = 0.0,
+        duration: float = 1.0,
+    ) -> MoveResult:
+        """Move to a position of the motor, in rad, in `duration` seconds: as `goto_rad` does."""
+        check_no_feedforward("move_to", tau_feedforward=tau_feedforward)
+        target = {"position_rad": number("target_rad", target_rad)}
+        target |= given_numbers(kp=kp, kd=kd, at_least_s=duration)
+        called = Called("motion.move", "move_to", position_rad="target_rad")
+        return await self._move(called, target, None)
 
     async def goto_openness(
         self,
@@ -314,7 +330,7 @@ class GripperActions:
         """Move to a share of the travel, 0 (closed) to 1 (open); all else as for `goto`."""
         target = {"openness": number("openness", openness)}
         target |= given_numbers(kp=kp, kd=kd, at_least_s=duration)
-        return await self._move("motion.move", target, progress)
+        return await self._move(Called("motion.move", "goto_openness"), target, progress)
 
     async def move_at_speed(
         self,
@@ -328,11 +344,8 @@ class GripperActions:
         """Move to an opening in mm at a speed; everything else as for `goto`."""
         target = {"opening_mm": number("target_mm", target_mm)}
         target |= given_numbers(speed_mm_s=speed_mm_s, kp=kp, kd=kd)
-        try:
-            return await self._move("motion.move", target, progress)
-        except ParameterError as error:
-            call_it(error, "position_mm", "target_mm")
-            raise
+        called = Called("motion.move", "move_at_speed", opening_mm="target_mm")
+        return await self._move(called, target, progress)
 
     async def set_force(self, force_n: float, duration: float = 0.3) -> bool:
         """Squeeze with `force_n`, 0.5 to 40 N, ramped; return after `duration` seconds.
@@ -863,7 +876,7 @@ class GripperActions:
         if target is not None:
             files.check_writable(target)
         params = self._tuned({"save": True, **self._stroke(stroke_mm)})
-        data = await self._probe(params, mount, progress)
+        data = await self._probe("calibration.zero", params, mount, progress)
         if target is not None:
             await self.save_calibration(target)
         return data
@@ -900,7 +913,7 @@ class GripperActions:
         params: dict[str, Any] = {"save": False, **self._stroke(stroke_mm)}
         if config:
             params["config"] = config
-        return await self._probe(params, mount, progress)
+        return await self._probe(Called("calibration.zero", "calibrate"), params, mount, progress)
 
     def manual_calibration(self) -> ManualCalibration:
         """Calibrate by hand, for `async with`: the jaws are loose until its end.
@@ -918,7 +931,11 @@ class GripperActions:
         return given_numbers(stroke_mm=stroke_mm)
 
     async def _probe(
-        self, params: dict[str, Any], mount: str | None, progress: ProgressCallback | None
+        self,
+        method: str,
+        params: dict[str, Any],
+        mount: str | None,
+        progress: ProgressCallback | None,
     ) -> CalibrationData:
         from litegrip_client.core.calibrations import ProbePrinter  # noqa: PLC0415
         from litegrip_client.values.calibration import CalibrationData  # noqa: PLC0415 - see above
@@ -926,7 +943,7 @@ class GripperActions:
         if mount is not None:
             params = {**params, "mount": mount}
         printer = ProbePrinter()
-        result = await self._run("calibration.zero", params, progress or printer.progress)
+        result = await self._run(method, params, progress or printer.progress)
         data = CalibrationData.from_result(result)
         if progress is None:
             printer.end(data, result.get("path"))
@@ -957,6 +974,12 @@ class GripperActions:
         self, method: str, params: dict[str, Any], progress: ProgressCallback | None
     ) -> dict[str, Any]:
         """Wait for a motion's result; an interrupt or an error cancels the motion."""
+        if progress is not None and not callable(progress):
+            raise ParameterError(
+                f"progress is {progress!r:.60}, it must be a function of a MoveProgress",
+                reason="invalid_params",
+                data={"parameter": "progress"},
+            )
         positions: list[float] = []
 
         def report(data: dict[str, Any]) -> None:

@@ -276,3 +276,16 @@ class Gripper(GripperActions):
         """
         await self._session.open_first()
         return (await self.get_state()).mount
+
+
+def no_member(owner: object, name: str, *, is_assigned: bool = False) -> AttributeError:
+    """Return the error for a member that no gripper has; it names the one that was meant."""
+    from litegrip_client.values.motion_config import MotionConfig  # noqa: PLC0415 - an error
+    from litegrip_client.values.voices import no_attribute  # noqa: PLC0415 - an error
+
+    read: dict[str, type] = {"get_state().": GripperState}
+    assigned: dict[str, type] = {"motion_config.": MotionConfig}
+    error = no_attribute(owner, name, assigned if is_assigned else read | assigned)
+    if is_assigned and error.obj is owner:  # nothing like it was found
+        error.args = (f"{error}: only a subclass may have attributes of its own",)
+    return error

@@ -13,7 +13,7 @@ import time
 from collections.abc import Awaitable, Callable, Mapping
 
 from litegrip_client.core.session import DaemonSession, own_jobs
-from litegrip_client.line.exchange import FOREVER_S, Call, Progress, not_answered
+from litegrip_client.line.exchange import FOREVER_S, LEFT_ALONE, Call, Progress, not_answered
 from litegrip_client.values.checks import given_numbers, number
 from litegrip_client.values.errors import (
     CancelledError,
@@ -138,7 +138,6 @@ class Motion:
         return None
 
 
-LEFT_ALONE = "if it is gone, the motor soon lets go by itself, and what was held falls"
 _EXPIRED = "set_point_expired"
 """A target that came too late, on a busy machine say: the next one takes its place."""
 
@@ -172,6 +171,12 @@ class SetpointStream:
         self._job: int | None = None
         self._sent_s = -math.inf
         self._cancels = 0
+
+    def __repr__(self) -> str:
+        bounds = (f"{name}={self._limits.get(name)}" for name in ("speed_mm_s", "torque_nm"))
+        given = [one for one in bounds if not one.endswith("=None")]
+        what = ", ".join([f"valid_s={self._valid_s}", *given])
+        return f"<SetpointStream to {self._session.channel}, {what}>"
 
     async def set_target(
         self,

@@ -12,7 +12,7 @@ from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
 from weakref import WeakSet
 
 from litegrip_client.core.discovery import chosen_channel
-from litegrip_client.line.exchange import SEE_DOCTOR
+from litegrip_client.line.exchange import LEFT_ALONE, SEE_DOCTOR
 from litegrip_client.values.checks import given_numbers
 from litegrip_client.values.errors import (
     CommandError,
@@ -71,6 +71,8 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
 ACTION_TIMEOUT_S = 30.0
 """For enabling and disabling: retries and register reads included, the daemon is done by then."""
 
+_DISABLES_ITSELF = "and disables it by itself; to be sure, cut the motor's power"
+"""What a daemon that ends does (docs/safety.md)."""
 
 _GONE_WITHIN_S = 2.0
 """So soon the daemon has noticed a connection's end, and disabled the motor if it has to."""
@@ -377,10 +379,17 @@ class Lease:
     """
 
     def __init__(self, session: DaemonSession, options: dict[str, Any]) -> None:
+        """Raise `CommandError` for a time that is no number."""
+        given_numbers(ttl_s=options["ttl_s"], wait_s=options["wait_s"])
         self._token: str | None = None
         self._session = session
         self._options = options
         self._wire: Wire | None = None
+
+    def __repr__(self) -> str:
+        purpose = self._options["purpose"]
+        named = "" if purpose is None else f" {purpose!r:.60}"
+        return f"<Lease{named} of {self._session.channel}{'' if self._token else ', not taken'}>"
 
     @property
     def token(self) -> str | None:
@@ -451,10 +460,16 @@ async def _disable(wire: Wire) -> None:
         error.message = f"the motor could not be disabled, cut its power: {error.message}"
         raise
     except ConnectError as error:
+        why = error.message
+        if error.reason == "shutting_down":
+            error.message = f"the motor is not known to be off: {why}, {_DISABLES_ITSELF}"
+            raise
         if error.reason == "no_answer":
             why = "the daemon does not answer"
-            error.message = f"the motor could not be disabled, cut its power: {why}"
             error.is_told = is_told
+        elif error.reason == "connection_lost":
+            why = f"{why}: {LEFT_ALONE}"
+        error.message = f"the motor could not be disabled, cut its power: {why}"
         raise
     if not done:
         raise HardwareError(

@@ -276,6 +276,9 @@ def not_answered(quiet_s: float) -> str:
     )
 
 
+LEFT_ALONE = "if it is gone, the motor soon lets go by itself, and what was held falls"
+"""What a connection's end means for a motor that may be enabled, see docs/motor-watchdog.md."""
+
 _QUIET_S, _ANSWERED_WITHIN_S = 1.9, 2.9
 """So that the fourth and the tenth look find it: who waits looks twice a second."""
 _GAP_S = 1.0

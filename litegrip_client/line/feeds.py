@@ -81,6 +81,11 @@ class Feed(Generic[_Item]):
         self.identity = -1
         self.inbox: deque[Any] = deque(maxlen=most_items)
 
+    def __repr__(self) -> str:
+        return ", ".join(
+            [f"{self.what}s", *(f"{name}={self.params[name]}" for name in self.params)]
+        )
+
     @property
     def key(self) -> Key:
         """The name under which its notifications come."""
@@ -316,6 +321,9 @@ class Subscription(Generic[_Item]):
         self._source = source
         self._feed = feed
         self._closed = False
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} of {self._feed!r}{', closed' if self._closed else ''}>"
 
     def __iter__(self) -> Subscription[_Item]:
         return self

@@ -103,6 +103,9 @@ class BaseLatest:
         self._exchange = connection
         self._feed = feed
 
+    def __repr__(self) -> str:
+        return f"<Latest of {self._feed!r}{', closed' if self._feed.is_over else ''}>"
+
     @property
     def state(self) -> GripperState:
         """The newest state that has come; reading it never waits, nor asks the daemon.

@@ -43,6 +43,9 @@ class Lease:
     def __init__(self, core: core_session.Lease) -> None:
         self._core = core
 
+    def __repr__(self) -> str:
+        return repr(self._core)
+
     @property
     def token(self) -> str | None:
         """The name of the lease, until it is released."""
@@ -126,6 +129,9 @@ class SetpointStream:
 
     def __init__(self, core: core_motion.SetpointStream) -> None:
         self._core = core
+
+    def __repr__(self) -> str:
+        return repr(self._core)
 
     def set_target(
         self,
@@ -363,6 +369,17 @@ class GripperActions:
                 position_rad, kp, kd, dq_target, tau_feedforward, duration, progress=progress
             )
         )
+
+    def move_to(
+        self,
+        target_rad: float,
+        kp: float | None = None,
+        kd: float | None = None,
+        tau_feedforward: float = 0.0,
+        duration: float = 1.0,
+    ) -> MoveResult:
+        """Move to a position of the motor, in rad, in `duration` seconds: as `goto_rad` does."""
+        return complete(self._core.move_to(target_rad, kp, kd, tau_feedforward, duration))
 
     def goto_openness(
         self,

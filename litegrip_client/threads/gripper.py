@@ -100,9 +100,17 @@ class LiteGrip(SdkGripper):
     if not TYPE_CHECKING:  # else a type checker would find every name here
 
         def __getattr__(self, name: str) -> NoReturn:
-            from litegrip_client.values.voices import no_attribute  # noqa: PLC0415 - an error
+            from litegrip_client.core.gripper import no_member  # noqa: PLC0415 - an error
 
-            raise no_attribute(self, name)
+            raise no_member(self, name)
+
+        def __setattr__(self, name: str, value: object) -> None:
+            """Refuse a name that nothing here reads; a subclass may have others."""
+            if type(self) is LiteGrip and name[0] != "_" and not hasattr(LiteGrip, name):
+                from litegrip_client.core.gripper import no_member  # noqa: PLC0415 - an error
+
+                raise no_member(self, name, is_assigned=True)
+            super().__setattr__(name, value)
 
         def __aenter__(self) -> NoReturn:
             """Name the class that was meant."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 from litegrip_client.threads.actions import BlockingGripper
-from litegrip_client.values.checks import call_it, number
+from litegrip_client.values.checks import number
 from litegrip_client.values.errors import CANTimeoutError, CommandError, ParameterError
 from litegrip_client.values.fields import NM_TO_N, SPAN_INSET_MM
 
@@ -135,23 +135,6 @@ class SdkGripper(BlockingGripper):
         return state
 
     # Motions
-
-    def move_to(
-        self,
-        target_rad: float,
-        kp: float | None = None,
-        kd: float | None = None,
-        tau_feedforward: float = 0.0,
-        duration: float = 1.0,
-    ) -> MoveResult:
-        """Move to a position of the motor, in rad, in `duration` seconds: as `goto_rad` does."""
-        try:
-            return self.goto_rad(
-                target_rad, kp, kd, tau_feedforward=tau_feedforward, duration=duration
-            )
-        except ParameterError as error:
-            call_it(error, "position_rad", "target_rad")
-            raise
 
     def move_at_speed_rad(
         self,

@@ -14,7 +14,6 @@ from litegrip_client.values.fields import (
     CalibrationNames,
     ConfigNames,
 )
-from litegrip_client.values.voices import no_attribute
 
 NOMINAL_CLOSED_RAD = 0.0
 NOMINAL_OPEN_RAD = -1.651026
@@ -167,10 +166,9 @@ class GripperConfig(ConfigNames):
             """Set a field, unless the object is the daemon's: then the program's own may be set."""
             if name in _OWN and not isinstance(value, UnsetFloat):
                 value = number(name, value)
+            self._check_name(name)
             own = getattr(self, "own", None)
             if own is not None:
-                if not hasattr(type(self), name):
-                    raise no_attribute(self, name)
                 if name not in _OWN:
                     raise ReadOnlyError(
                         f"config.{name} cannot be set: it is the daemon's, for all its clients",

@@ -50,12 +50,6 @@ def given_numbers(**values: Any) -> dict[str, Any]:
     return {name: number(name, value) for name, value in values.items() if value is not None}
 
 
-def call_it(error: ParameterError, said: str, called: str) -> None:
-    """Have an error name an argument as its caller does, where several calls are one method."""
-    if error.message.startswith(f"{said} is "):
-        error.message = called + error.message.removeprefix(said)
-
-
 def pick(data: Mapping[str, Any], names: tuple[str, ...], what: str) -> dict[str, Any]:
     """Return these members of what the daemon sent; raises `ProtocolError` if one is missing."""
     try:

@@ -38,7 +38,29 @@ def unix_time(monotonic_s: float) -> float:
     return _LEADS_S[0] + monotonic_s
 
 
-class StateNames:
+class Hinting:
+    """Names what was meant instead of a field that is not there."""
+
+    __slots__ = ()
+
+    if not TYPE_CHECKING:  # else a type checker would find every name here
+
+        def __getattr__(self, name):
+            """Raise the error; the fields of a `state` are looked through as well."""
+            from litegrip_client.values.voices import no_attribute  # noqa: PLC0415 - an error
+
+            raise no_attribute(self, name, self._beyond())
+
+        def _check_name(self, name):
+            """Raise the error for what cannot be assigned; a subclass may have more."""
+            if not hasattr(type(self), name) and not hasattr(self, "__dict__"):
+                self.__getattr__(name)
+
+        def _beyond(self):
+            return {}
+
+
+class StateNames(Hinting):
     """Further names of a `GripperState`'s fields."""
 
     __slots__ = ()
@@ -112,7 +134,7 @@ _WAYS = ("ramp", "press", "settle", "release", "approach")
 """Phases of the daemon's motions that the SDK calls "move"."""
 
 
-class MoveNames:
+class MoveNames(Hinting):
     """The SDK's name of a motion's phase."""
 
     __slots__ = ()
@@ -126,7 +148,7 @@ class MoveNames:
         return "move" if self.stage in _WAYS else self.stage
 
 
-class CalibrationNames:
+class CalibrationNames(Hinting):
     """Further names of a `CalibrationData`'s fields."""
 
     __slots__ = ()
@@ -163,7 +185,7 @@ class CalibrationNames:
         return self.travel_mm - SPAN_INSET_MM
 
 
-class ConfigNames:
+class ConfigNames(Hinting):
     """What follows from a `GripperConfig`'s fields, and the SDK's names of some."""
 
     __slots__ = ()

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from litegrip_client.values.checks import UnsetFloat, integer, number
 from litegrip_client.values.errors import CommandError
+from litegrip_client.values.fields import Hinting
 
 
 class _Int(int):
@@ -20,7 +21,7 @@ class _Int(int):
 
 
 @dataclass(slots=True)
-class MotionConfig:
+class MotionConfig(Hinting):
     """The tunables of the motions; they count for the calls of the object that has them.
 
     A field that was set, by the constructor or by assignment, is sent with every call, also when
@@ -83,6 +84,7 @@ class MotionConfig:
 
         def __setattr__(self, name, value):
             """Check what is set; `CommandError` says what is wrong with it."""
+            self._check_name(name)
             if name in _DEFAULTS:
                 value = _checked(name, value)
             if name not in _ONE:

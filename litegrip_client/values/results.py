@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, cast
 
 from litegrip_client.values.checks import pick
-from litegrip_client.values.fields import MoveNames, StateNames
+from litegrip_client.values.fields import Hinting, MoveNames, StateNames
 
 if TYPE_CHECKING:
     from litegrip_client.values.terms import Voice
@@ -28,10 +28,13 @@ NEWER_FIELDS = (
 """Fields that an older daemon does not send."""
 
 
-class ShortRepr:
+class ShortRepr(Hinting):
     """Shows the known fields, rounded to four digits; the fields themselves are not rounded."""
 
     __slots__ = ()
+
+    def _beyond(self) -> dict[str, type]:
+        return {"state.": GripperState} if hasattr(type(self), "state") else {}
 
     def __repr__(self) -> str:
         values = ((one.name, getattr(self, one.name)) for one in fields(cast("Any", self)))

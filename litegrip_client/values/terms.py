@@ -22,6 +22,24 @@ argument of the call that was asked.
 """
 
 
+class Called(str):
+    """A daemon's method that several calls use, as one of these: its name, and what it calls what.
+
+    Python's voice names both so, where the daemon's message names the method or a parameter.
+    """
+
+    __slots__ = ("arguments", "call")
+
+    call: str
+    arguments: Mapping[str, str]
+
+    def __new__(cls, method: str, call: str, **arguments: str) -> Called:
+        """By a parameter of the method: the argument of the call."""
+        made = super().__new__(cls, method)
+        made.call, made.arguments = call, arguments
+        return made
+
+
 def told(data: Mapping[str, Any], name: str, voice: Voice, asked: str | None = None) -> str:
     """Return the text `name` of an object that the daemon sent, in the words of a voice.
 

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
+from litegrip_client.values.terms import Called
+
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from inspect import Parameter
@@ -172,7 +174,10 @@ _OF_ALL: Mapping[str, tuple[str, str]] = {"config": ("motion_config", "config")}
 def in_python(method: str | None, parameter: str | None, asked: str | None) -> str | None:
     """Name a call of `LiteGrip` or an argument."""
     if method is None:
-        return _argument(asked, parameter)[0]
+        own = asked.arguments.get(parameter or "") if isinstance(asked, Called) else None
+        return own or _argument(asked, parameter)[0]
+    if isinstance(method, Called):
+        return f"gripper.{method.call}()"
     call = CALLS.get(method, _NONE)[0]
     if parameter is None:
         return call
@@ -211,7 +216,6 @@ def _argument(method: str | None, parameter: str | None) -> tuple[str, str] | tu
 
 MEANT: Mapping[str, str] = {
     "move": "goto(position_mm=...)",
-    "move_to": "goto(position_mm=...)",
     "set_position": "goto(position_mm=...)",
     "state": "get_state()",
     "status": "get_state()",
@@ -232,14 +236,51 @@ MEANT: Mapping[str, str] = {
 """By a name that users look for in `LiteGrip`: what does that there."""
 
 
-def no_attribute(owner: object, name: str) -> AttributeError:
-    """Return the error for a member that is not there; it names the one that was meant."""
+_UNITS = frozenset(("mm", "mm_s", "rad", "rad_s", "nm", "nm_rad", "n", "n_s", "s", "ms", "hz", "c"))
+_CLOSE = 0.7
+"""As alike as `opne` and `open`."""
+
+
+def no_attribute(
+    owner: object, name: str, beyond: Mapping[str, type] | None = None
+) -> AttributeError:
+    """Return the error for a member that is not there; it names the one that was meant.
+
+    `beyond` has the classes of what is reached through the owner, by how that is written.
+    """
     kind = type(owner)
     text = f"{kind.__name__!r} object has no attribute {name!r}"
-    meant = MEANT.get(name)
-    if meant is not None and not hasattr(kind, name):
-        text += f"; use {meant}"
-    return AttributeError(text, name=name, obj=owner)
+    if name.startswith("_") or hasattr(kind, name):  # a field that is not set yet is there
+        return AttributeError(text, name=name, obj=owner)
+    hint = _hint(kind, name, beyond or {})
+    # Without the object: Python itself would add the same name once more.
+    return AttributeError(text + hint, name=name, obj=None if hint else owner)
+
+
+def _hint(kind: type, name: str, beyond: Mapping[str, type]) -> str:
+    """Return what was meant, as an addition; empty if nothing is found."""
+    if beyond and name in MEANT and kind.__name__ == "LiteGrip":
+        return f"; use {MEANT[name]}"
+    for path, place in {"": kind, **beyond}.items():
+        like = _with_unit(name, _public(place))
+        if like is not None:
+            return f": did you mean {path + like!r}?"
+    import difflib  # noqa: PLC0415 - an error
+
+    close = difflib.get_close_matches(name.lower(), _public(kind), 1, _CLOSE)
+    return f": did you mean {close[0]!r}?" if close else ""
+
+
+def _public(kind: type) -> list[str]:
+    return [name for name in dir(kind) if not name.startswith("_")]
+
+
+def _with_unit(name: str, names: Sequence[str]) -> str | None:
+    """Return the name itself, or that with a unit behind it."""
+    if name in names:
+        return name
+    behind = (one for one in names if one.startswith(f"{name}_"))
+    return next((one for one in behind if one.removeprefix(f"{name}_") in _UNITS), None)
 
 
 def misuse(

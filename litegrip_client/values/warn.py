@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from litegrip_client.values.errors import HardwareError, LiteGripError
+from litegrip_client.values.errors import ConnectError, HardwareError, LiteGripError
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
@@ -31,11 +31,10 @@ async def leave(close: Callable[[], Awaitable[object]], error: BaseException | N
     except LiteGripError as second:
         if error is None:
             raise
-        if second.is_told:
+        if second.is_told or str(second) == str(error):
             return
-        if (
-            isinstance(second, HardwareError) or second.reason == "no_answer"
-        ):  # the motor may be energised: that stands alone
+        if isinstance(second, HardwareError | ConnectError):
+            # The motor may be energised: that stands alone.
             why = error.message if isinstance(error, LiteGripError) else ""
             warn(second.message.removesuffix(f": {why}"))
         else:

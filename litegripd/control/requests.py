@@ -94,9 +94,10 @@ class MotionRequests:
         self._controller = controller
 
     def enable(self, owner: Owner, config: MotionConfig, detached: bool) -> Job | Refusal:
-        """Begin to enable the motor."""
+        """Begin to enable the motor, once its registers are read."""
         controller = self._controller
-        refusal = controller.why_busy() or controller.motor.problem
+        motor = controller.motor
+        refusal = controller.why_busy() or (None if motor.is_being_read else motor.problem)
         if refusal is not None:
             return refusal
         request = EnableMotor(config.enable_retries, config.enable_retry_interval)

@@ -25,7 +25,8 @@ def at_least(limit: float, digits: int = 6) -> str:
 
 
 _UNITS = (
-    *(("_rad_s", "rad/s"), ("_mm_s", "mm/s"), ("_nm_rad", "N·m/rad"), ("_rad", "rad")),
+    *(("_rad_s", "rad/s"), ("_mm_s", "mm/s"), ("_n_s", "N/s"), ("_nm_rad", "N·m/rad")),
+    ("_rad", "rad"),
     *(("_mm", "mm"), ("_nm", "N·m"), ("_n", "N"), ("_s", "s"), ("_hz", "Hz"), ("_c", "°C")),
 )
 
@@ -33,6 +34,11 @@ _UNITS = (
 def unit_of(name: str) -> str:
     """Return the unit that a name ends with, as it stands behind a number; "" without one."""
     return next((f" {unit}" for end, unit in _UNITS if name.endswith(end)), "")
+
+
+def as_typed(value: object) -> str:
+    """Return a value as a person has typed it: clients send 50 as 50.0."""
+    return repr(value).removesuffix(".0") if isinstance(value, float) else repr(value)
 
 
 def _rounded(limit: float, digits: int, how: str) -> str:

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from functools import cache
 from typing import Any
 
-from litegripd.model.errors import at_least, at_most
+from litegripd.model.errors import as_typed, at_least, at_most, unit_of
 from litegripd.model.gripper import DM4310, FASTEST_MM_S, MOTOR_TYPES, Geometry, MotorType
 from litegripd.model.sentence import parameter_name, sentence
 
@@ -204,7 +204,7 @@ _INTEGERS = frozenset(field.name for field in fields(MotionConfig) if field.type
 def _check(name: str, value: float, ranges: Mapping[str, tuple[float, float]]) -> None:
     lowest, highest = ranges[name]
     if not math.isfinite(value) or not lowest <= value <= highest:
-        text = f"{name} is {value}, it must be {lowest:g} to {highest:g}"
+        text = f"{name} is {as_typed(value)}, it must be {lowest:g} to {highest:g}{unit_of(name)}"
         raise MotionConfigError(name, text)
 
 

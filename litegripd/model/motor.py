@@ -286,6 +286,15 @@ class MotorView(NamedTuple):
         """True if the position is not believed, because it jumped."""
         return self.problem is not None and self.problem.reason == "implausible_feedback"
 
+    @property
+    def is_being_read(self) -> bool:
+        """True if it answers, and only its registers are still to be read before it is used."""
+        return (
+            self.problem is not None
+            and self.problem.reason == "motor_silent"
+            and self.phase is not MotorPhase.SILENT
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class EnableMotor:

@@ -34,7 +34,7 @@ from litegripd.model.calibration import (
     read_given,
     scale_doubt,
 )
-from litegripd.model.errors import Refusal, unit_of
+from litegripd.model.errors import Refusal, as_typed, unit_of
 from litegripd.model.gripper import DM4310, MotorType
 from litegripd.model.motion_config import (
     MOVING_KD_NM_S_RAD,
@@ -196,7 +196,7 @@ def check(method: str, declared: Mapping[str, Param], given: Mapping[str, Any]) 
 def _shown(value: object) -> str:
     if isinstance(value, list | dict):
         return "an array" if isinstance(value, list) else "an object"
-    text = repr(value)
+    text = as_typed(value)
     return text if len(text) <= 60 else text[:57] + "..."
 
 

@@ -51,7 +51,7 @@ def test_a_speed_of_an_earlier_version_is_told_and_alone_left_out(
     assert (config.speed_mm_s, config.force_n, config.settle_s) == (50.0, 7.5, 0.5)
     (told,) = errors(caplog)
     assert told == (
-        f"in the kept motion configuration {path}, speed_mm_s is 300.0, it must be 0.1 to 150;"
+        f"in the kept motion configuration {path}, speed_mm_s is 300, it must be 0.1 to 150 mm/s;"
         " 50 counts"
     )
     view = world.client().result("config.get")
@@ -68,8 +68,8 @@ def test_each_field_that_may_not_be_so_is_told(
     told = errors(caplog)
     assert len(told) == 5
     for words in (
-        "speed_mm_s is 200.0, it must be 0.1 to 150; 50 counts",
-        "grasp_speed_mm_s is 180.0, it must be 0.1 to 150; 50 counts",
+        "speed_mm_s is 200, it must be 0.1 to 150 mm/s; 50 counts",
+        "grasp_speed_mm_s is 180, it must be 0.1 to 150 mm/s; 50 counts",
         "force_n is 'much', it must be a number; 20 counts",
         "there is no field 'xxx",
         "frame_interval is 0.005",

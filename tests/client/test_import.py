@@ -139,6 +139,20 @@ def test_what_is_exported_is_there() -> None:
     assert not hasattr(litegrip_client, "grasp")
 
 
+def test_all_public_names_and_no_others_are_completed(tmp_path: Path) -> None:
+    code = (
+        "import rlcompleter, litegrip_client\n"
+        "print(*(name for name in dir(litegrip_client) if name[0] != '_'))\n"
+        "complete = rlcompleter.Completer(globals()).complete\n"
+        "print(complete('litegrip_client.Connect', 0))\n"
+        "print(*(name for name in dir(litegrip_client) if name[0] != '_'))"
+    )
+    before, completed, after = run(code, tmp_path).splitlines()
+    public = {name for name in litegrip_client.__all__ if name[0] != "_"} | {"aio"}
+    assert set(before.split()) == set(after.split()) == public
+    assert completed.startswith("litegrip_client.ConnectError")
+
+
 def test_a_copy_that_is_not_installed_has_the_version_of_a_source(tmp_path: Path) -> None:
     code = (
         "import importlib.metadata as m\n"

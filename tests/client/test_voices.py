@@ -155,7 +155,7 @@ def test_the_configuration_of_a_motion_is_named_as_the_reader_has_it() -> None:
     world = World()
     error = world.enabled().call("motion.grasp", config={"force_n": 99})["error"]
     python = from_error_object(error, "motion.grasp", in_python).message
-    assert python.startswith("motion_config: force_n is 99.0, ")
+    assert python.startswith("motion_config: force_n is 99, it must be 0.5 to 40 N")
     assert from_error_object(error, "motion.grasp", in_shell).message.startswith("config: force_n")
 
 

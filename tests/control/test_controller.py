@@ -8,12 +8,13 @@ import pytest
 
 from litegripd.model.motor import MotorPhase, Status
 from litegripd.motor import codec
+from litegripd.motor.codec import PMAX, parse_answer
 from tests.control.states import (
     STATES,
     errors_of,
     in_state,
 )
-from tests.world import CAN_ID, PERIOD_S, ready
+from tests.world import CAN_ID, PERIOD_S, Client, World, ready
 
 
 def test_busy_names_the_owner() -> None:
@@ -61,6 +62,47 @@ def test_enabling_waits_for_a_disabling_that_is_under_way() -> None:
     own = [s.frame.data for s in world.sent if s.frame.can_id == CAN_ID]
     assert codec.DISABLE in own
     assert own.index(codec.DISABLE) < len(own) - 1 - own[::-1].index(codec.ENABLE)
+
+
+def back_on() -> tuple[World, Client]:
+    """Return a gripper whose motor has just got its power back: its registers are being read."""
+    world, client = ready()
+    world.gripper.power_off()
+    world.run_until(lambda: world.in_phase(MotorPhase.SILENT))
+    world.gripper.power_on()
+    world.run_until(lambda: world.in_phase(MotorPhase.UNKNOWN))
+    world.sent.clear()
+    return world, client
+
+
+def test_enabling_waits_until_the_registers_are_read() -> None:
+    world, client = back_on()
+    enabling = client.send("motor.enable")
+    world.run_until(lambda: world.controller.motor.identity is not None)
+    assert codec.ENABLE not in [sent.frame.data for sent in world.sent]
+    assert client.wait(enabling)["result"]["ok"]
+
+
+def test_enabling_does_not_wait_for_registers_for_ever() -> None:
+    world, client = back_on()
+    world.lose_from_motor = lambda frame: (
+        (answer := parse_answer(frame.data, CAN_ID)) is not None and answer.number == PMAX.number
+    )
+    began_s = world.now_s
+    assert "still being read" in client.call("motor.enable")["error"]["message"]
+    assert world.now_s - began_s == pytest.approx(3.0, abs=0.1)
+    assert codec.ENABLE not in [sent.frame.data for sent in world.sent]
+
+
+def test_enabling_that_waits_for_registers_ends_when_the_motor_falls_silent() -> None:
+    world, client = back_on()
+    enabling = client.send("motor.enable")
+    world.run(0.01)
+    world.gripper.power_off()
+    assert client.wait(enabling, 1.0)["error"]["data"]["reason"] == "motor_silent"
+    world.gripper.power_on()
+    world.run(2.0)
+    assert world.gripper.motor.status == Status.DISABLED
 
 
 def test_cancelling_what_has_ended_changes_nothing() -> None:

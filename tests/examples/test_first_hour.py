@@ -21,12 +21,22 @@ def cells() -> list[str]:
     return ["".join(cell["source"]) for cell in code]
 
 
+@pytest.mark.parametrize(
+    ("width_mm", "verdict", "held"),
+    [(40.0, "object_held 39.", "held with "), (None, "no_object", "nothing is held")],
+    ids=["object", "empty"],
+)
 def test_each_cell_runs_and_the_first_one_again(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    width_mm: float | None,
+    verdict: str,
+    held: str,
 ) -> None:
     with a_site(tmp_path) as site:
         daemon = site.add(Daemon("sim0"))
-        daemon.gripper.put_object(width_mm=40.0)
+        if width_mm is not None:
+            daemon.gripper.put_object(width_mm=width_mm)
         connect, *others = cells()
         namespace: dict[str, Any] = {}
         said = []
@@ -37,7 +47,8 @@ def test_each_cell_runs_and_the_first_one_again(
             said.append(capsys.readouterr().out.strip())
         assert not daemon.is_energised
     assert said[:2] == ["", ""]
-    assert any(text.startswith("object_held 39.") for text in said)
+    assert any(text.startswith(verdict) for text in said)
+    assert any(text.startswith(held) for text in said)
     assert any(text.startswith("job  kind") for text in said)
     assert any(" steps, " in text for text in said)
     assert "True" in said

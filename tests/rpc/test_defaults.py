@@ -10,7 +10,7 @@ def test_defaults_that_no_motion_could_use_are_refused() -> None:
     answer = client.call("config.set", config={"speed_mm_s": 500})
     refused = client.call("motion.open", config={"speed_mm_s": 500})
     assert answer["error"]["message"] == refused["error"]["message"]
-    assert "speed_mm_s is 500.0, it must be 0.1 to 150" in answer["error"]["message"]
+    assert "speed_mm_s is 500, it must be 0.1 to 150 mm/s" in answer["error"]["message"]
     assert answer["error"]["data"]["reason"] == "invalid_params"
     for bad in (
         {"speed_mm_s": FASTEST_MM_S + 0.1},

@@ -47,6 +47,29 @@ def test_a_module(tmp_path: Path) -> None:
     assert (done.stdout, done.stderr) == (f"{OURS} x\n", "")
 
 
+@pytest.mark.parametrize("module", ["nosuch", "nosuch.mod", "tool.mod"])
+def test_a_module_that_is_not_there(tmp_path: Path, module: str) -> None:
+    write(tmp_path / "tool/__init__.py", "")
+    done = run("-m", module, cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.startswith(f"there is no module {module}\nusage: ")
+
+
+def test_a_module_whose_package_lacks_another_one_fails_as_it_does(tmp_path: Path) -> None:
+    write(tmp_path / "tool/__init__.py", "import nosuch\n")
+    write(tmp_path / "tool/mod.py", "")
+    done = run("-m", "tool.mod", cwd=tmp_path)
+    assert done.stderr.endswith("ModuleNotFoundError: No module named 'nosuch'\n")
+    assert "there is no module" not in done.stderr
+
+
+@pytest.mark.parametrize("option", ["-h", "--help"])
+def test_help_is_no_error(tmp_path: Path, option: str) -> None:
+    done = run(option, cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("usage: python -m litegrip_client.as_sdk (SCRIPT | -m MODULE)")
+
+
 @pytest.mark.parametrize("method", ["spawn", "forkserver", "fork"])
 def test_children_of_multiprocessing(tmp_path: Path, method: str) -> None:
     script = write(

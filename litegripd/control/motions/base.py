@@ -128,22 +128,30 @@ _SCAN_WITHIN_S = 3.0
 
 
 class Enable(PlainAction):
-    """Enables the motor; ends when the motor confirms it, or with the reason why it does not."""
+    """Enables the motor; ends when the motor confirms it, or with the reason why it does not.
+
+    Whose power is just back, its registers are read first: nothing is asked of it before.
+    """
 
     needs_power = False
 
     def __init__(self, request: EnableMotor) -> None:
         self._request: EnableMotor | None = request
         self._began_s: float | None = None
+        self._read_s = 0.0
 
     def step(self, now_s: float, motor: MotorView) -> Step:
-        """Wait for the end of a disabling, ask once, then watch."""
+        """Wait for the registers, and for the end of a disabling; ask once, then watch."""
         if self._began_s is None:
-            self._began_s = now_s
+            self._began_s = self._read_s = now_s
+        is_early = now_s - self._began_s < _SCAN_WITHIN_S
+        if self._request is not None and motor.is_being_read and is_early:
+            self._read_s = now_s
+            return Step()
         if motor.phase is MotorPhase.ENABLED:
             return Step(outcome=EnableResult(ok=True, tries=motor.enable_tries))
         if self._request is not None and motor.phase is MotorPhase.DISABLING:
-            waits = now_s - self._began_s < _DISABLE_WITHIN_S
+            waits = now_s - self._read_s < _DISABLE_WITHIN_S
             return Step(outcome=None if waits else _STILL_DISABLING)
         if self._request is not None:
             request, self._request = self._request, None

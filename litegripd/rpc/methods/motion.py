@@ -88,7 +88,8 @@ class MotionMethods:
 
     @Method(
         "motor.enable",
-        "Energise the motor and hold the measured position.",
+        "Energise the motor and hold the measured position. While the registers of a motor whose"
+        " power is just back are read, it waits, for 3 s at most.",
         "ok, tries, message and the state.",
         EnableResult,
         (

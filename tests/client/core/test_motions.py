@@ -18,7 +18,7 @@ from litegrip_client import (
     MoveResult,
     ParameterError,
 )
-from tests.client.rig import GUARDS, Bench, Heard, Kind, Threads
+from tests.client.rig import GUARDS, Bench, Heard, Kind
 from tests.geometry import TRAVEL_MM
 
 Move = Callable[[LiteGrip], Any]
@@ -67,7 +67,8 @@ def test_moving_to_a_target(
             "target_mm is -2 mm, the calibrated travel is 0 to 86.9 mm",
         ),
         (lambda g: g.goto_rad(9), r"position_rad is 9 rad, the calibrated travel is .* to .* rad"),
-        (lambda g: g.goto_openness(2), "openness is 2.0, it must be 0 to 1"),
+        (lambda g: g.move_to(9), r"target_rad is 9 rad, the calibrated travel is .* to .* rad"),
+        (lambda g: g.goto_openness(2), "openness is 2, it must be 0 to 1"),
     ],
 )
 def test_a_target_out_of_reach_is_named_as_the_caller_has_it(
@@ -77,11 +78,36 @@ def test_a_target_out_of_reach_is_named_as_the_caller_has_it(
         move(enabled)
 
 
-def test_so_is_the_target_of_the_sdks_own_call(daemon: Heard, site: Bench) -> None:
-    with Threads(site).gripper() as gripper:
-        gripper.enable()
-        with pytest.raises(ParameterError, match=r"^target_rad is 9 rad, the calibrated travel"):
-            gripper.move_to(9.0)
+@pytest.mark.parametrize(
+    ("call", "told"),
+    [
+        (lambda g: g.open(progress=5), "progress is 5, it must be a function of a MoveProgress"),
+        (lambda g: g.lease("x", wait_s="a"), "wait_s is 'a', it must be a number"),
+        (lambda g: g.lease("x", ttl_s=math.nan), "ttl_s is nan, it must be a finite number"),
+        (lambda g: g.grasp(50), "force_n is 50, it must be 0.5 to 40 N"),
+        (lambda g: g.grasp(50.5), "force_n is 50.5, it must be 0.5 to 40 N"),
+    ],
+)
+def test_an_argument_that_cannot_be_is_refused_at_the_call_and_as_it_was_typed(
+    enabled: LiteGrip, call: Move, told: str
+) -> None:
+    with pytest.raises(ParameterError, match=f"^{told}$"):
+        call(enabled)
+
+
+@pytest.mark.parametrize(
+    ("field", "told"),
+    [
+        ("force_n", "motion_config: force_n is 500, it must be 0.5 to 40 N"),
+        ("force_rate_n_s", "motion_config: force_rate_n_s is 500, it must be 1 to 200 N/s"),
+    ],
+)
+def test_a_tunable_out_of_its_range_is_refused_with_the_unit(
+    enabled: LiteGrip, field: str, told: str
+) -> None:
+    setattr(enabled.motion_config, field, 500)
+    with pytest.raises(ParameterError, match=f"^{told}$"):
+        enabled.open()
 
 
 @pytest.mark.parametrize("name", ["open", "close"])

@@ -1,5 +1,6 @@
 """A daemon that is frozen, or hangs, while somebody waits for it."""
 
+from collections.abc import Callable
 from types import SimpleNamespace
 
 import pytest
@@ -10,6 +11,15 @@ from tests.client.rig import SILENT, Bench, Ctl, Heard, Kind, run_ctl
 UNKNOWN = "what the jaws do is not known; to be sure, cut the motor's power"
 NOT_OFF = "the motor is not known to be off, cut its power"
 NOT_DISABLED = "the motor could not be disabled, cut its power: the daemon does not answer"
+NOT_OFF_GONE = "the motor could not be disabled, cut its power"
+GONE = (
+    f"{NOT_OFF_GONE}: the daemon ended the connection: if it is gone, the motor soon lets go by"
+    " itself, and what was held falls"
+)
+ENDING = (
+    "the motor is not known to be off: the daemon is about to end, and disables it by itself; to be"
+    " sure, cut the motor's power"
+)
 
 
 @pytest.fixture
@@ -98,6 +108,32 @@ def test_an_interrupt_names_the_danger_once_and_soon(
     )
 
 
+@pytest.mark.parametrize(
+    ("move", "called"),
+    [
+        (lambda g: g.move_at_speed(45, 5), "move_at_speed"),
+        (lambda g: g.goto_rad(-0.5), "goto_rad"),
+        (lambda g: g.goto_openness(0.2), "goto_openness"),
+        (lambda g: g.calibrate(), "calibrate"),
+    ],
+)
+def test_an_interrupt_names_the_call_that_was_made(
+    site: Bench,
+    daemon: Heard,
+    kind: Kind,
+    caplog: pytest.LogCaptureFixture,
+    move: Callable[[LiteGrip], object],
+    called: str,
+) -> None:
+    with pytest.raises(kind.interrupted), kind.gripper() as gripper:  # noqa: PT012 - the block's end
+        gripper.enable()
+        site.after(0.1, daemon.freeze)
+        kind.interrupt(0.2)
+        move(gripper)
+    (told,) = caplog.messages
+    assert told.startswith(f"the interrupted {kind.awaits}gripper.{called}() could not")
+
+
 def test_the_end_of_a_block_names_the_danger(site: Bench, daemon: Heard, kind: Kind) -> None:
     gripper = kind.gripper()
     gripper.connect()
@@ -117,6 +153,33 @@ def test_a_warning_at_the_end_of_a_block_names_the_danger(
         daemon.freeze()
         raise ZeroDivisionError
     assert caplog.messages == [NOT_DISABLED]
+
+
+@pytest.mark.parametrize(
+    ("end", "told"),
+    [(Heard.hang_up, GONE), (lambda daemon: daemon.controller.shut_down(), ENDING)],
+    ids=["killed", "ended"],
+)
+def test_the_end_of_a_block_names_the_danger_when_the_daemon_is_gone(
+    daemon: Heard, kind: Kind, end: Callable[[Heard], None], told: str
+) -> None:
+    gripper = kind.gripper()
+    gripper.connect()
+    gripper.enable()
+    end(daemon)
+    with pytest.raises(ConnectError) as caught:
+        gripper.disconnect()
+    assert caught.value.message == told
+
+
+def test_a_warning_behind_a_motion_names_the_danger_when_the_daemon_is_gone(
+    site: Bench, daemon: Heard, kind: Kind, caplog: pytest.LogCaptureFixture
+) -> None:
+    with pytest.raises(ConnectError, match="motor soon lets go"), kind.gripper() as gripper:  # noqa: PT012 - as above
+        gripper.enable()
+        site.after(0.3, daemon.hang_up)
+        gripper.close(speed_mm_s=10.0)
+    assert caplog.messages == [NOT_OFF_GONE]
 
 
 def test_what_is_told_once_is_told_again_of_another_silence(
