@@ -15,7 +15,7 @@ from typing import Any
 WHEELS = Path(__file__).parents[1] / "released"
 RELEASED = tuple(sorted({file.name.split("-")[1] for file in WHEELS.glob("*.whl")}))
 
-SINCE: Mapping[str, str] = {"cancel": "0.2.0", "latest": "0.2.0"}
+SINCE: Mapping[str, str] = {"cancel": "0.2.0", "latest": "0.2.0", "move_to": "0.2.0"}
 """By a step's name, or by a command line of `tests/client/ctl_commands.py`: the version that
 brought the call, where that is later than the first. It is not tried with versions before."""
 

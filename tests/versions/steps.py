@@ -228,6 +228,7 @@ STEPS: Mapping[str, Step] = {
     "close": lambda gripper: gripper.close(),
     "goto": lambda gripper: gripper.goto(40.0),
     "goto_rad": lambda gripper: gripper.goto_rad(gripper.get_position_rad()),
+    "move_to": lambda gripper: gripper.move_to(gripper.get_position_rad()),
     "goto_openness": lambda gripper: gripper.goto_openness(0.5),
     "move_at_speed": lambda gripper: gripper.move_at_speed(60.0),
     "grasp": lambda gripper: gripper.grasp(hold_s=0.1),
