@@ -131,7 +131,7 @@ def test_a_script_that_slept_through_its_loss_leaves_the_gripper_to_its_new_user
         pid = said(process).removeprefix("asleep ")
         code, out, _ = ctl(lone, 0, "lease", "take", "my turn")
         assert code == 0
-        taken = rf"taken from \S+ \(pid {pid}\); the jaws hold on; nobody has the lease now\n"
+        taken = rf"taken from \S+ \(pid {pid}\); the jaws hold on; the lease is free now\n"
         assert re.fullmatch(taken, out), out
         with lone.connect() as client:
             assert client.result("state.get")["enabled"]  # the script would have had it disabled

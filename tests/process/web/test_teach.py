@@ -35,9 +35,7 @@ def break_off(client: Client, job: int, how: str) -> None:
         client.result("job.cancel", job=job)
 
 
-@pytest.mark.parametrize(
-    ("how", "why"), [("cancel", "cancelled by"), ("stop", "lunch; clear it with “Clear the stop”")]
-)
+@pytest.mark.parametrize(("how", "why"), [("cancel", "cancelled by"), ("stop", "a stop (hold) by")])
 def test_a_recording_that_is_broken_off_is_said_and_its_part_is_kept(
     operated: Tab, client: Client, recording: int, how: str, why: str
 ) -> None:
