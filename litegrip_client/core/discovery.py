@@ -222,11 +222,16 @@ def _no_daemon(
     )
 
 
+_CLOSE = 0.7
+"""From so much likeness on (of 1) a channel is asked for."""
+
+
 def _others(channel: str) -> str:
     """Return which channel may be meant in place of `channel`, and which have a daemon."""
     from difflib import get_close_matches  # noqa: PLC0415 - seldom needed
 
-    close = get_close_matches(channel, [c for c in channels_with_socket() if c != channel], 1)
+    others = [c for c in channels_with_socket() if c != channel]
+    close = get_close_matches(channel, others, 1, _CLOSE)
     meant = f"did you mean {close[0]}? " if close else ""
     if others := [other for other in running_channels() if other != channel]:
         return f"{meant}there is one for {', '.join(others)}: name that; or "

@@ -195,6 +195,7 @@ async def end(wire: Wire, params: Mapping[str, Any]) -> dict[str, Any]:
 class Recording:
     """One recording of `duration_s`, to be run once; the daemon keeps it under `name`.
 
+    Without a duration an interrupt ends it, which is kept; so is one that the daemon ends as full.
     `pause` waits for some seconds. `on_status` is called with `trajectory.status` on the way.
     """
 
@@ -203,7 +204,7 @@ class Recording:
         wire: Wire,
         pause: Callable[[float], Awaitable[None]],
         *,
-        duration_s: float,
+        duration_s: float | None,
         rate_hz: float = 100.0,
         zero_gravity: bool = True,
         name: str | None = None,
@@ -213,7 +214,11 @@ class Recording:
         self._wire = wire
         self._pause = pause
         self._rate_hz = number("rate_hz", rate_hz)
-        self._samples = round(number("duration_s", duration_s) * self._rate_hz)
+        self._has_end = duration_s is not None
+        if duration_s is None:
+            self._samples = MAX_SAMPLES
+        else:
+            self._samples = round(number("duration_s", duration_s) * self._rate_hz)
         if self._samples < 1:
             text = f"{duration_s!r} s at {rate_hz!r} Hz make no sample: record for longer"
             raise ParameterError(text, reason="invalid_params", data={"parameter": "duration_s"})
@@ -237,13 +242,18 @@ class Recording:
         except ParameterError as error:
             raise self._in_seconds(error) from None
         try:
-            while status["active"] and status["kind"] == "record":
-                self._on_status(status)
-                due = status["samples"] + status["missed"]
-                left_s = (self._samples - due) / self._rate_hz
-                await self._pause(min(max(left_s, _SHORTEST_PAUSE_S), _LONGEST_PAUSE_S))
-                status = await wire.call("trajectory.status")
-            self._check(status)
+            try:
+                while status["active"] and status["kind"] == "record":
+                    self._on_status(status)
+                    due = status["samples"] + status["missed"]
+                    left_s = (self._samples - due) / self._rate_hz
+                    await self._pause(min(max(left_s, _SHORTEST_PAUSE_S), _LONGEST_PAUSE_S))
+                    status = await wire.call("trajectory.status")
+            except KeyboardInterrupt:
+                if self._has_end:
+                    raise
+            if self._has_end:
+                self._check(status)
             return await end(wire, self._name)
         except GeneratorExit:  # the event loop is gone, and nothing can be awaited
             raise

@@ -148,10 +148,10 @@ _OTHER_NAMES = {
     "log": "events",
     "off": "disable",
     "on": "enable",
-    "unlock": "clear",
-    "resume": "clear",
+    **dict.fromkeys(("halt", "freeze", "abort", "emergency", "estop"), "stop"),
+    **dict.fromkeys(("unlock", "unstop", "resume"), "clear"),
     "reset": "clear-fault",
-    "relax": "slack",
+    **dict.fromkeys(("relax", "zero-gravity", "zero_gravity"), "slack"),
     "grab": "grasp",
     "grip": "grasp",
     "squeeze": "force",
@@ -301,7 +301,7 @@ def _sounds(given: str) -> bool:
     if found is None:
         return False
     word = found[1].replace("-", "")
-    if word in _HALTING or "stop" in word:
+    if word in _HALTING or ("stop" in word and not word.startswith("un")):
         return True
     return word.startswith("s") and bool(get_close_matches(word, ["stop"], 1, _CLOSE))
 

@@ -70,13 +70,13 @@ _HINTS = {
     "stopped": "when it is safe again: litegripctl clear",
     "sent_before_stop": "when it is safe again: litegripctl clear, then once more",
     "not_enabled": "first: litegripctl enable",
-    "busy": "see: litegripctl jobs",
+    "busy": "see: litegripctl jobs; to end what runs: litegripctl cancel",
     "teleop_busy": "end it: litegripctl teleop stop",
     "teleop_not_ready": "see: litegripctl state; calibrate it, then: litegripctl enable",
     "lease_held": "see: litegripctl lease; in need: litegripctl lease take REASON",
     "unknown_job": "see: litegripctl jobs",
     "unknown_trajectory": "see: litegripctl trajectories",
-    "trajectory_busy": "see: litegripctl jobs; what only watches ends with its client: clients",
+    "trajectory_busy": "see: litegripctl jobs; to end what runs: litegripctl cancel",
 }
 
 _REMEDIES = {
@@ -107,18 +107,22 @@ _OF_CLIENT = ("no_daemon", "no_answer", "older_daemon")
 
 def hint_for(error: LiteGripError, options: Namespace) -> str:
     """Return what to do about an error of the command with these `options`."""
-    if error.reason == "no_daemon" and not options.channel_chosen and options.socket is None:
+    stops = options.command == "stop"
+    is_named = options.channel_chosen or options.socket is not None
+    if error.reason == "no_daemon" and (stops or not is_named):
         running = running_channels()
         # Which of them is meant is not guessed: it may be the one that must not move. Where the
         # default's socket is there, it is known to be meant, and the error says what is wrong.
         if running and options.channel not in channels_with_socket():
-            command = "stop" if options.command == "stop" else "..."
+            command = "stop" if stops else "..."
             first = f"litegripctl -c {running[0]} {command}"
             return f"there are: {', '.join(running)}; name one: {first}"
+        if stops:
+            return ""  # how to start one is no help now
     if options.command == "clear" and error.reason == "lease_held":
         return "ask one of them to clear it"  # the message names who may
     reason, here = error.reason or "", options.here
-    if reason not in _HINTS and error.hint:
+    if error.hint and (reason not in _HINTS or error.code is None):
         return str(here(error.hint)) if reason in _OF_CLIENT else error.hint
     if own := _HINTS.get(reason) or _OTHERWISE.get(reason):
         return str(here(own))
@@ -133,7 +137,9 @@ def hint_for(error: LiteGripError, options: Namespace) -> str:
         log_of = "-t litegripd" if is_any else f"-u litegripd@{options.channel}"
         return f"see the daemon's log{where}: journalctl {log_of}"
     if error.retryable:
-        return "" if "try again" in error.message else "try again"
+        if "try again" in error.message:
+            return ""
+        return str(here(SEE_DOCTOR)) if reason == "motor_silent" else "try again"
     return f"see: {options.help_of} --help"
 
 

@@ -202,6 +202,6 @@ def stopped(data: Data, here: Here) -> str:
     if not is_reached(data):
         return plain(f"{data['level']} is latched, {until}; but {NOT_REACHED}")
     text = plain(f"stopped: {data['level']}, {until}")
-    if data["level"] == "hold":
+    if data["level"] == "hold" and data.get("motor", "enabled") == "enabled":
         text += here("\nwhat is squeezed stays so; to let go: litegripctl stop --level relax")
     return text

@@ -34,7 +34,7 @@ CALLS: Mapping[str, tuple[str, str]] = {
         "litegripctl cancel JOB",
     ),
     "lease.get": ("", "litegripctl lease"),
-    "lease.acquire": ("gripper.lease()", "see: litegripctl lease"),
+    "lease.acquire": ("gripper.lease().acquire()", "see: litegripctl lease"),
     "lease.take": ("gripper.take_lease()", "litegripctl lease take REASON"),
     "motor.enable": ("gripper.enable()", "litegripctl enable"),
     "motor.disable": ("gripper.disable()", "litegripctl disable"),
@@ -314,7 +314,10 @@ def _like(wrong: str, names: Sequence[str]) -> str | None:
     """Return the name that was meant: one with another unit, or spelt nearly so."""
     import difflib  # noqa: PLC0415 - an error
 
-    stem = wrong.partition("_")[0].lower()
+    stem, _, unit = wrong.lower().partition("_")
+    same = [name for name in names if unit and name.partition("_")[2] == unit]
+    if len(same) == 1:
+        return same[0]
     for name in names:
         if name.partition("_")[0] == stem:
             return name

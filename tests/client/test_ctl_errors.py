@@ -62,7 +62,7 @@ def test_every_error_ends_with_its_exit_code(told: Told, litegripctl: Ctl, kind:
     [
         ("stopped", -32021, "litegripctl clear"),
         ("busy", -32020, "litegripctl jobs"),
-        ("motor_silent", -32032, "try again"),
+        ("motor_silent", -32032, "litegripctl doctor"),
         ("unreachable", -32060, "litegripctl doctor"),
         ("internal_error", -32603, "journalctl -u litegripd@can0"),
     ],

@@ -257,7 +257,7 @@ def test_a_stop_that_reaches_no_daemon_says_so_and_names_those_that_run(
     with FakeDaemon(folder / "left.sock"), FakeDaemon(folder / "right.sock"):
         for line, whom, hint in (
             ("stop", "can0", "there are: left, right; name one: litegripctl -c left stop"),
-            ("-c lef stop", "lef", "did you mean left? there is one for left"),
+            ("-c lef stop", "lef", "there are: left, right; name one: litegripctl -c left stop"),
         ):
             code, _, err = litegripctl(*line.split())
             first, second = err.splitlines()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from argparse import ArgumentTypeError
 from collections.abc import Collection
+from difflib import get_close_matches
 
 from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.ctl.parser import NUMBER, LateParser
@@ -16,6 +17,7 @@ from litegrip_client.values.terms import told_all
 
 _SETTING = re.compile(rf"([a-z][a-z0-9_]*)=({NUMBER}(?:e[+-]?[0-9]+)?)", re.IGNORECASE)
 
+_FIELDS_PAGE = "docs/configuration.md says what they are"
 _CONFIG = """\
 Show or change the defaults that the daemon uses for motions. Without an action
 all are shown, with what is allowed.
@@ -88,6 +90,13 @@ def _set(run: Run) -> int:
     fields = dict(run.options.fields)
     if len(fields) < len(run.options.fields):
         return run.refuse("a field is given twice", "give each field one value")
+    known = run.connection.call("config.get")["config"]
+    for name in fields:
+        if name not in known:
+            close = get_close_matches(name, known, 1)
+            meant = f"did you mean {close[0]!r}? " if close else ""
+            hint = f"{meant}All fields: {run.here('litegripctl config')}; {_FIELDS_PAGE}"
+            return run.refuse(f"there is no field {name!r}", hint)
     data = run.connection.call(
         "config.set", {"config": fields, "keep": run.options.keep}, ACTION_TIMEOUT_S
     )

@@ -15,7 +15,11 @@ from litegrip_client.ctl.parser import LateParser, count, in_unit, positive
 from litegrip_client.ctl.render import bar, date, finish, jaws_now, opening_of, verdict, why_not
 from litegrip_client.ctl.run import INTERRUPTED, Command, Commands, Run, say
 from litegrip_client.threads.blocking import BlockingWire, complete, pause
-from litegrip_client.values.errors import CancelledError, CommandError
+from litegrip_client.values.errors import (
+    CancelledError,
+    CommandError,
+    TrajectoryNotFoundError,
+)
 from litegrip_client.values.figures import Data, Here, figure, plain
 from litegrip_client.values.printed import aligned
 from litegrip_client.values.trajectory import (
@@ -173,7 +177,11 @@ def get(run: Run) -> int:
 def put(run: Run) -> int:
     """Copy one of this side to the daemon."""
     options = run.options
-    content = read_file(options.file)
+    try:
+        content = read_file(options.file)
+    except TrajectoryNotFoundError as error:
+        error.data["hint"] = run.here("yours: litegripctl trajectories --local; a path does, too")
+        raise
     name = options.name or path_of(options.file).stem
     if not options.overwrite:
         refuse_kept(run, name)
@@ -318,8 +326,9 @@ _CTRL_C = "Ctrl-C breaks it off and keeps nothing."
 
 _RECORD = """\
 Record a motion: the jaws go slack, you push them through it, and the daemon
-keeps what it measured under NAME. The motor must be enabled. Ctrl-C breaks it
-off and keeps nothing; the jaws hold at the end in any case.
+keeps what it measured under NAME. The motor must be enabled. Without --seconds
+Ctrl-C ends it, and it is kept; with them Ctrl-C breaks it off, and nothing is
+kept. The jaws hold at the end in any case.
 """
 
 
@@ -328,7 +337,10 @@ def record_options(parser: LateParser) -> None:
     parser.description = _RECORD
     parser.add_argument("name", metavar="NAME", help="the name under which the daemon keeps it")
     parser.add_argument(
-        "--seconds", type=in_unit(positive, "s"), required=True, metavar="S", help="how long, in s"
+        "--seconds",
+        type=in_unit(positive, "s"),
+        metavar="S",
+        help="how long, in s (default: until Ctrl-C)",
     )
     parser.add_argument(
         "--rate",
@@ -349,23 +361,28 @@ def record(run: Run) -> int:
     """Record for a while; the daemon keeps it under a name. It ends with this program."""
     options = run.options
     refuse_unkeepable(run, options.name, overwrite=options.overwrite)
-    samples = max(1, round(options.seconds * options.rate))
+    seconds = options.seconds
+    samples = None if seconds is None else max(1, round(seconds * options.rate))
     is_said = options.no_zero_gravity
 
     def show(status: Data) -> None:
         nonlocal is_said
         if not is_said:  # not before: where recording is refused the jaws are not slack
             is_said = True
-            say(f"The jaws are slack for {options.seconds:g} s: push them. {_CTRL_C}")
+            if seconds is None:
+                say("The jaws are slack: push them. Ctrl-C ends it, and it is kept.")
+            else:
+                say(f"The jaws are slack for {seconds:g} s: push them. {_CTRL_C}")
         if run.output.live:
-            share = bar((status["samples"] + status["missed"]) / samples)
-            seconds = figure(status.get("duration_s"), ".1f", "s")
-            run.output.line(f"{share} {seconds}, {status['samples']} samples")
+            got = status["samples"] + status["missed"]
+            share = "" if samples is None else f"{bar(got / samples)} "
+            length = figure(status.get("duration_s"), ".1f", "s")
+            run.output.line(f"{share}{length}, {status['samples']} samples")
 
     recording = Recording(
         BlockingWire(run.connection),
         pause,
-        duration_s=options.seconds,
+        duration_s=seconds,
         rate_hz=options.rate,
         zero_gravity=not options.no_zero_gravity,
         name=options.name,
