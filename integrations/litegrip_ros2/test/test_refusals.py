@@ -64,7 +64,7 @@ def test_a_motor_that_is_disabled(gripper: Gripper) -> None:
 
 
 def test_a_position_outside_the_travel_with_the_travel(gripper: Gripper) -> None:
-    assert "opening_mm is 200, the calibrated travel is 0 to 86.99" in refused(gripper, 0.2)
+    assert "opening_mm is 200 mm, the calibrated travel is 0 to 86.9 mm" in refused(gripper, 0.2)
 
 
 def test_a_gripper_that_is_not_calibrated(start) -> None:
