@@ -16,6 +16,7 @@ const AGE_EVERY_MS = 200;
 const OVERTAKES = new Set(["job_started", "motor", "stop", "stop_cleared"]);
 const LATE_S = 1;
 const HEALTH = { ok: "Healthy", degraded: "Degraded", down: "Down" };
+const LOSSES = { object_lost: "OBJECT LOST", released_by_fault: "LET GO" };
 const UNSEEN =
   "No software sees what else pushes the jaws, a hand or a weight, nor a motor that makes other than it reports.";
 
@@ -26,7 +27,8 @@ export class Panel extends EventTarget {
   #doubt;
   #lease = null;
   #health = null;
-  #lost = null;
+  #lost = null; // the event of an object that was lost, or let go by nobody's wish
+  #readS = null;
   #isLate = false;
   #operates = false;
   #isOver = false;
@@ -89,9 +91,9 @@ export class Panel extends EventTarget {
   }
 
   /* Say what is wrong `about` something, until it has been read or a state comes for which `isOver`. */
-  complain(text, about, isOver = () => false) {
+  complain(text, about, isOver) {
     this.tell(text);
-    toast(this.channel, text, about, isOver);
+    toast(this.channel, text, about, { isOver });
   }
 
   /* Complain no more about something. */
@@ -133,6 +135,7 @@ export class Panel extends EventTarget {
       const events = await this.wire.call("events.subscribe");
       this.events.begin(events.events, this.#offsetS);
       this.#lost = null;
+      this.forgive("let go");
       for (const event of events.events) this.#noteLoss(event);
       const states = await this.wire.call("state.subscribe", { hz: HZ });
       this.#hush();
@@ -157,7 +160,7 @@ export class Panel extends EventTarget {
     if (this.state === null) return; // there is no connection, which is what is said
     const { mode, motor, status, stop } = this.state;
     const alarms = [];
-    if (this.#lost !== null) alarms.push("OBJECT LOST");
+    if (this.#lost !== null) alarms.push(LOSSES[this.#lost.kind]);
     if (mode === "fault") alarms.push(`FAULT: ${status.replaceAll("_", " ")}`);
     if (this.isSilent) alarms.push(motor === "silent" ? "MOTOR SILENT" : "NO MOTOR");
     if (this.#isLate) alarms.push("LATE");
@@ -189,7 +192,7 @@ export class Panel extends EventTarget {
     this.#nodes.mode.dataset.mode = "offline";
     this.#nodes.why.textContent = message;
     this.#nodes.stopped.hidden = this.#nodes.clear.hidden = this.#nodes.doubted.hidden = true;
-    this.#showLoss(false);
+    this.#showLoss();
     this.#doubt = undefined;
     this.#isLate = false;
     this.article.classList.remove("late");
@@ -263,22 +266,40 @@ export class Panel extends EventTarget {
     return (rad - closed) * Math.sign(open - closed) * this.mmPerRad;
   }
 
-  /* A lost object is said until the next motion. */
+  /* A lost object is said until the next motion; one that was let go, until that has been read, too. */
   #noteLoss(event) {
-    const text = this.#nodes["lost-text"];
-    if (event.kind === "object_lost") this.#lost = event;
-    else if (event.kind === "job_started") this.#lost = null;
-    this.#showLoss(this.#lost !== null);
+    const { kind, monotonic_s: atS } = event;
+    if (kind in LOSSES && atS !== this.#readS) this.#lost = event;
+    else if (kind === "job_started") this.#lost = null;
+    else return;
+    this.forgive("let go");
+    if (this.#lost?.kind === "released_by_fault") {
+      toast(this.channel, `LET GO: ${this.#lossText()}`, "let go", {
+        atS: atS + this.#offsetS,
+        onRead: () => {
+          this.#readS = atS;
+          this.#lost = null;
+          this.#showLoss();
+          this.#showAlarms();
+        },
+      });
+    }
+    this.#showLoss();
     this.#showAlarms();
-    if (this.#lost === null) return;
-    const message = inPageWords(this.#lost.message, this.#lost.terms?.message);
-    text.textContent = `At ${time(this.#lost.monotonic_s + this.#offsetS)}: ${message}.`;
   }
 
-  #showLoss(isLost) {
-    this.#nodes.lost.hidden = !isLost;
+  #lossText() {
+    return inPageWords(this.#lost.message, this.#lost.terms?.message);
+  }
+
+  #showLoss() {
+    const { lost, "lost-text": text } = this.#nodes;
+    const isLost = this.#lost !== null && this.state !== null;
+    const [name, told] = isLost ? [LOSSES[this.#lost.kind], this.#lossText()] : ["", ""];
+    lost.hidden = !isLost;
     this.article.classList.toggle("has-lost", isLost);
-    if (!isLost) this.#nodes["lost-text"].textContent = "";
+    if (lost.textContent !== name) lost.textContent = name; // an alert is read out whenever it is written
+    text.textContent = isLost ? `At ${time(this.#lost.monotonic_s + this.#offsetS)}: ${told}.` : "";
   }
 
   #show(state) {
@@ -313,6 +334,7 @@ export class Panel extends EventTarget {
     const isFault = state.mode === "fault";
     this.#isGrasped = state.is_grasped;
     this.#showHeld();
+    this.#showLoss();
     stopped.hidden = state.stop === null;
     clear.hidden = stopped.hidden || !this.#operates;
     this.#showAlarms();

@@ -1,0 +1,63 @@
+"""What was held and is no more, or with too little: the page says so, and claims no hold."""
+
+import re
+from typing import Any
+
+import pytest
+from playwright.sync_api import BrowserContext, expect
+from playwright.sync_api import Page as Tab
+
+from tests.process.daemon_process import Client
+from tests.process.web.on_page import button, grasp, opened, part
+from tests.process.web.page_process import Page
+
+
+def alarm(tab: Tab) -> Any:
+    return tab.locator("#alarm")
+
+
+def toasts(tab: Tab) -> Any:
+    return tab.locator("#toasts li")
+
+
+def power_fails_for_a_moment(client: Client) -> None:
+    client.result("sim.fault", name="silent")
+    client.until(lambda state: bool(state["motor"] == "silent"))
+    client.result("sim.fault", name="none")
+
+
+@pytest.mark.parametrize(
+    ("let_go", "also"),
+    [
+        (lambda client: client.result("sim.fault", name="overload"), ", FAULT: overload"),
+        (power_fails_for_a_moment, ""),
+    ],
+    ids=["overload", "power"],
+)
+def test_what_a_fault_lets_go_is_said_until_it_is_read_or_the_next_motion_begins(
+    window: BrowserContext, looking: Page, client: Client, let_go: Any, also: str
+) -> None:
+    grasp(client)
+    tab = opened(window, looking)
+    expect(alarm(tab)).to_be_hidden()
+    let_go(client)
+    told = re.compile(r"LET GO: what was held with 10 N, at \d\d\.\d mm, (has been|must be taken)")
+    second = opened(window, looking)  # which knows it from the events of before
+    for shown in (tab, second):
+        expect(alarm(shown)).to_have_text(f"LET GO{also}")
+        expect(toasts(shown)).to_have_text([told])
+        expect(part(shown, "lost")).to_have_text("LET GO")
+        expect(part(shown, "lost-text")).to_contain_text("what was held with 10 N")
+    button(second, "Read").click()
+    expect(alarm(second)).not_to_contain_text("LET GO")
+    expect(part(second, "lost")).to_be_hidden()
+    expect(toasts(second)).to_have_count(0)
+    expect(alarm(tab)).to_have_text(f"LET GO{also}")
+    client.result("sim.fault", name="none")
+    client.until(lambda state: bool(state["motor"] == "disabled"))
+    client.despite_silence("motor.enable")
+    client.despite_silence("motion.open")
+    for shown in (tab, second):
+        expect(alarm(shown)).to_be_hidden()
+        expect(toasts(shown)).to_have_count(0)
+        expect(part(shown, "lost")).to_be_hidden()
