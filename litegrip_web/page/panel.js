@@ -2,7 +2,7 @@
 
 import { Control } from "./control.js";
 import { Events } from "./events.js";
-import { figure, inPageWords, isNumber, owner, time } from "./format.js";
+import { capital, figure, inPageWords, isNumber, owner, time } from "./format.js";
 import { Jaws } from "./jaws.js";
 import { Plots } from "./plots.js";
 import { Stop } from "./stop.js";
@@ -288,8 +288,11 @@ export class Panel extends EventTarget {
     this.#showAlarms();
   }
 
+  /* What is said of a loss: of a lost object no hold, once the motor does not hold. */
   #lossText() {
-    return inPageWords(this.#lost.message, this.#lost.terms?.message);
+    const text = inPageWords(this.#lost.message, this.#lost.terms?.message);
+    const holds = this.#lost.kind !== "object_lost" || this.state?.enabled;
+    return holds ? text : text.split(": ", 1)[0];
   }
 
   #showLoss() {
@@ -346,11 +349,11 @@ export class Panel extends EventTarget {
     } else if (state.stop !== null) {
       mode.dataset.mode = isFault ? "fault" : "stopped";
       mode.textContent = isFault ? "fault, STOPPED" : "STOPPED";
-      why.textContent = [isFault ? "" : `It is ${does}`, this.#reason(state)].filter(Boolean).join("; ");
+      why.textContent = capital([isFault ? "" : `it is ${does}`, this.#reason(state)].filter(Boolean).join("; "));
     } else {
       mode.dataset.mode = state.mode;
       mode.textContent = does;
-      why.textContent = this.#reason(state);
+      why.textContent = this.#lost === null ? this.#reason(state) : capital(this.#reason(state));
     }
     if (state.stop === null) return this.#showWhole(false);
     const { by, why: reason, since_s: since, level } = state.stop;

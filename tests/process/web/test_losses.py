@@ -61,3 +61,20 @@ def test_what_a_fault_lets_go_is_said_until_it_is_read_or_the_next_motion_begins
         expect(alarm(shown)).to_be_hidden()
         expect(toasts(shown)).to_have_count(0)
         expect(part(shown, "lost")).to_be_hidden()
+
+
+def test_of_a_lost_object_no_hold_is_claimed_once_the_motor_is_off(
+    window: BrowserContext, looking: Page, client: Client
+) -> None:
+    grasp(client)
+    tab = opened(window, looking)
+    client.result("sim.object")
+    said = part(tab, "said")
+    expect(said).to_contain_text("the object is lost: the jaws closed on, and hold where they are.")
+    client.result("sim.fault", name="overload")
+    whole = r"^\s*At \S+: the object is lost\. The motor reports overload"
+    expect(said).to_have_text(re.compile(whole))
+    client.result("stop", level="hold")
+    expect(said).to_have_text(
+        re.compile(r"^\s*Stopped .* the object is lost\. The motor reports overload")
+    )
