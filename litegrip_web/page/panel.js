@@ -29,6 +29,7 @@ export class Panel extends EventTarget {
   #health = null;
   #lost = null; // the event of an object that was lost, or let go by nobody's wish
   #readS = null;
+  #weak = null; // the event of a motor that is weak
   #isLate = false;
   #operates = false;
   #isOver = false;
@@ -136,7 +137,11 @@ export class Panel extends EventTarget {
       this.events.begin(events.events, this.#offsetS);
       this.#lost = null;
       this.forgive("let go");
-      for (const event of events.events) this.#noteLoss(event);
+      this.#weak = null;
+      for (const event of events.events) {
+        this.#noteLoss(event);
+        this.#noteWeak(event);
+      }
       const states = await this.wire.call("state.subscribe", { hz: HZ });
       this.#hush();
       this.#show(states.state);
@@ -158,13 +163,14 @@ export class Panel extends EventTarget {
 
   #showAlarms() {
     if (this.state === null) return; // there is no connection, which is what is said
-    const { mode, motor, status, stop } = this.state;
+    const { force_set_n: force, mode, motor, status, stop } = this.state;
     const alarms = [];
     if (this.#lost !== null) alarms.push(LOSSES[this.#lost.kind]);
     if (mode === "fault") alarms.push(`FAULT: ${status.replaceAll("_", " ")}`);
     if (this.isSilent) alarms.push(motor === "silent" ? "MOTOR SILENT" : "NO MOTOR");
     if (this.#isLate) alarms.push("LATE");
     if (stop !== null) alarms.push("STOPPED");
+    if (this.#isWeak) alarms.push(`WEAK MOTOR${force === null ? "" : ": holds with less than was asked for"}`);
     this.#alarm(alarms);
   }
 
@@ -207,6 +213,7 @@ export class Panel extends EventTarget {
 
   async #look() {
     if (!this.wire.isUp || document.hidden) return;
+    const weak = this.#weak;
     try {
       [this.#health, this.#lease] = await Promise.all([
         this.wire.call("health"),
@@ -216,6 +223,8 @@ export class Panel extends EventTarget {
     } catch {
       this.#health = this.#lease = null; // shown as unknown; "down" says why
     }
+    // The daemon does not report the end of what another program's commands made unknown.
+    if (this.#health?.verdict === "ok" && this.#weak === weak) this.#weak = null;
     this.control.showLease(this.#lease);
     this.#showFacts();
   }
@@ -238,6 +247,7 @@ export class Panel extends EventTarget {
   async #take(event) {
     this.events.add(event, this.#offsetS);
     this.#noteLoss(event);
+    this.#noteWeak(event);
     if (event.kind === "job_started") this.forgive("motion");
     if (OVERTAKES.has(event.kind) && this.#isOver && event.monotonic_s > this.#toldS) this.#hush();
     if (event.kind === "lease" || event.kind === "lease_lost") await this.#look();
@@ -286,6 +296,17 @@ export class Panel extends EventTarget {
     }
     this.#showLoss();
     this.#showAlarms();
+  }
+
+  #noteWeak(event) {
+    if (event.kind !== "weak") return;
+    this.#weak = event.data.weak ? event : null;
+    this.#showHeld();
+    this.#showAlarms();
+  }
+
+  get #isWeak() {
+    return this.#weak !== null && Boolean(this.state?.enabled);
   }
 
   /* What is said of a loss: of a lost object no hold, once the motor does not hold. */
@@ -370,9 +391,10 @@ export class Panel extends EventTarget {
     const { held } = this.#nodes;
     const isOld = this.isLastKnown && this.#isGrasped !== null;
     held.dataset.on = this.#isGrasped ?? "unknown";
-    const told = { true: "object detected", false: "no object", null: "object?" }[this.#isGrasped];
+    const told = { true: "object detected", false: "nothing held", null: "object?" }[this.#isGrasped];
     held.textContent = isOld ? `${told}, last known` : told;
     held.classList.toggle("last-known", isOld);
+    this.article.classList.toggle("is-weak", this.#isWeak);
   }
 
   /* Show all that is said in the head, however long it is; or as much as there is room for. */

@@ -8,7 +8,7 @@ from playwright.sync_api import BrowserContext, expect
 from playwright.sync_api import Page as Tab
 
 from tests.process.daemon_process import Client
-from tests.process.web.on_page import button, grasp, opened, part
+from tests.process.web.on_page import OBJECT_MM, button, grasp, opened, part
 from tests.process.web.page_process import Page
 
 
@@ -78,3 +78,37 @@ def test_of_a_lost_object_no_hold_is_claimed_once_the_motor_is_off(
     expect(said).to_have_text(
         re.compile(r"^\s*Stopped .* the object is lost\. The motor reports overload")
     )
+
+
+MARK = "(node) => getComputedStyle(node, '::before').color"
+
+
+def test_a_weak_motor_is_said_while_it_lasts_and_its_hold_is_not_green(
+    window: BrowserContext, looking: Page, client: Client
+) -> None:
+    grasp(client)
+    tab = opened(window, looking)
+    held, mode = part(tab, "held"), part(tab, "mode")
+    expect(held).to_have_text("object detected")
+    expect(alarm(tab)).to_be_hidden()
+    green = held.evaluate(MARK)
+    expect(mode).to_have_css("color", green)
+    client.result("sim.fault", name="weak")
+    for shown in (tab, opened(window, looking)):
+        told = "WEAK MOTOR: holds with less than was asked for"
+        expect(alarm(shown)).to_have_text(told)
+        expect(part(shown, "mode")).not_to_have_css("color", green)
+        assert part(shown, "held").evaluate(MARK) != green
+    client.result("sim.fault", name="none")
+    expect(alarm(tab)).to_be_hidden()
+    expect(mode).to_have_css("color", green)
+    assert held.evaluate(MARK) == green
+
+
+def test_an_object_that_nobody_holds_is_not_said_to_be_none(
+    window: BrowserContext, looking: Page, client: Client
+) -> None:
+    client.result("sim.object", width_mm=OBJECT_MM)
+    tab = opened(window, looking)
+    expect(tab.locator(".jaws .item")).to_be_visible()
+    expect(part(tab, "held")).to_have_text("nothing held")
