@@ -17,8 +17,18 @@ const OVERTAKES = new Set(["job_started", "motor", "stop", "stop_cleared"]);
 const LATE_S = 1;
 const HEALTH = { ok: "Healthy", degraded: "Degraded", down: "Down" };
 const LOSSES = { object_lost: "OBJECT LOST", released_by_fault: "LET GO" };
+const JOBS = { record: "teaching: jaws slack", play: "replaying" };
 const UNSEEN =
   "No software sees what else pushes the jaws, a hand or a weight, nor a motor that makes other than it reports.";
+
+/* What the gripper does, in the words of the page's buttons where it has any. */
+function doing({ mode, job }) {
+  if (job === null) return mode;
+  const { kind, phase } = job;
+  const named = phase && phase !== kind ? ` (${phase})` : "";
+  if (mode === "moving" && Object.hasOwn(JOBS, kind)) return `${JOBS[kind]}${named}`;
+  return `${mode}: ${kind}${named}`;
+}
 
 /* Dispatches "state" when a new one has been shown, and "alarms" when other things are wrong. */
 export class Panel extends EventTarget {
@@ -353,8 +363,7 @@ export class Panel extends EventTarget {
   /* Show what the gripper does: badge, sentence and alert are made of one state, so they agree. */
   #showMode(state, age = 0) {
     const { mode, why, stopped, clear } = this.#nodes;
-    const phase = state.job?.phase ? ` (${state.job.phase})` : "";
-    const does = state.job ? `${state.mode}: ${state.job.kind}${phase}` : state.mode;
+    const does = doing(state);
     const isFault = state.mode === "fault";
     this.#isGrasped = state.is_grasped;
     this.#showHeld();
