@@ -62,6 +62,7 @@ export class Control {
     on("zero", () => askZero(this.#panel));
     on("rescale", () => askZero(this.#panel));
     panel.node("force").oninput = () => this.#showForce();
+    panel.node("name").oninput = () => this.#panel.forgive("name");
     const speed = panel.node("speed");
     [speed.min, speed.max] = REPLAY_SPEEDS;
     on("teach", () => this.#teach());
@@ -249,7 +250,10 @@ export class Control {
       const result = await this.#call(method, params);
       const text = outcome(name, result);
       if (result.ok === false) this.#panel.complain(text, "motion");
-      else this.#panel.tell(text);
+      else {
+        this.#panel.tell(text);
+        this.#panel.forgive("name");
+      }
       return result;
     } catch (error) {
       const isOffered = method === "trajectory.play" && this.#offerSpeed(name, error.data);

@@ -1,9 +1,9 @@
 /* A dialog hangs from the bar: the page below is out of reach meanwhile, STOP in the bar never is. */
 
 /* Show a dialog of `panel`'s, in which what needs something obeys the rule of the page's other buttons, and waits
-   while `isBusy`. Return what looks again whether it is. */
+   while `isBusy`; what moves says that it drops what is held. Return what looks again whether it is. */
 export function open(dialog, panel, isBusy = () => false) {
-  const barred = dialog.querySelector(".barred");
+  const [barred, drops] = [".barred", ".drops"].map((name) => dialog.querySelector(name));
   const allow = () => {
     let told = null;
     for (const node of dialog.querySelectorAll("[data-needs]")) {
@@ -11,8 +11,10 @@ export function open(dialog, panel, isBusy = () => false) {
       node.disabled = why !== null || isBusy();
       told ??= why;
     }
-    const text = told === null ? "" : `Not now: ${told}.`;
-    if (barred.textContent !== text) barred.textContent = text;
+    const moves = dialog.querySelector('[data-needs="motion"]') !== null;
+    const isHeld = moves && panel.state?.is_grasped === true;
+    say(drops, isHeld ? "Something is held: it will drop." : "");
+    say(barred, told === null ? "" : `Not now: ${told}.`);
   };
   panel.addEventListener("allowed", allow);
   dialog.onclose = () => {
@@ -23,6 +25,10 @@ export function open(dialog, panel, isBusy = () => false) {
   dialog.show(); // not showModal(), which puts all else out of reach, STOP too
   guard();
   return allow;
+}
+
+function say(node, text) {
+  if (node.textContent !== text) node.textContent = text;
 }
 
 function guard() {

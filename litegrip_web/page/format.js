@@ -18,6 +18,11 @@ export function owner(program) {
   return program ? `${program.program} (pid ${program.pid})` : "nobody";
 }
 
+/* A text that begins a sentence. */
+export function capital(text) {
+  return text.charAt(0).toUpperCase() + text.slice(1);
+}
+
 /* What the daemon's messages name, in the words of this page: its buttons and fields, and for what it has
    none of the command that does it (see litegrip_client/values/voices.py). */
 const WORDS = {

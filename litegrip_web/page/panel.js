@@ -2,7 +2,7 @@
 
 import { Control } from "./control.js";
 import { Events } from "./events.js";
-import { figure, inPageWords, isNumber, owner, time } from "./format.js";
+import { capital, figure, inPageWords, isNumber, owner, time } from "./format.js";
 import { Jaws } from "./jaws.js";
 import { Plots } from "./plots.js";
 import { Stop } from "./stop.js";
@@ -16,8 +16,19 @@ const AGE_EVERY_MS = 200;
 const OVERTAKES = new Set(["job_started", "motor", "stop", "stop_cleared"]);
 const LATE_S = 1;
 const HEALTH = { ok: "Healthy", degraded: "Degraded", down: "Down" };
+const LOSSES = { object_lost: "OBJECT LOST", released_by_fault: "LET GO" };
+const JOBS = { record: "teaching: jaws slack", play: "replaying" };
 const UNSEEN =
   "No software sees what else pushes the jaws, a hand or a weight, nor a motor that makes other than it reports.";
+
+/* What the gripper does, in the words of the page's buttons where it has any. */
+function doing({ mode, job }) {
+  if (job === null) return mode;
+  const { kind, phase } = job;
+  const named = phase && phase !== kind ? ` (${phase})` : "";
+  if (mode === "moving" && Object.hasOwn(JOBS, kind)) return `${JOBS[kind]}${named}`;
+  return `${mode}: ${kind}${named}`;
+}
 
 /* Dispatches "state" when a new one has been shown, and "alarms" when other things are wrong. */
 export class Panel extends EventTarget {
@@ -26,7 +37,9 @@ export class Panel extends EventTarget {
   #doubt;
   #lease = null;
   #health = null;
-  #lost = null;
+  #lost = null; // the event of an object that was lost, or let go by nobody's wish
+  #readS = null;
+  #weak = null; // the event of a motor that is weak
   #isLate = false;
   #operates = false;
   #isOver = false;
@@ -89,9 +102,9 @@ export class Panel extends EventTarget {
   }
 
   /* Say what is wrong `about` something, until it has been read or a state comes for which `isOver`. */
-  complain(text, about, isOver = () => false) {
+  complain(text, about, isOver) {
     this.tell(text);
-    toast(this.channel, text, about, isOver);
+    toast(this.channel, text, about, { isOver });
   }
 
   /* Complain no more about something. */
@@ -133,7 +146,12 @@ export class Panel extends EventTarget {
       const events = await this.wire.call("events.subscribe");
       this.events.begin(events.events, this.#offsetS);
       this.#lost = null;
-      for (const event of events.events) this.#noteLoss(event);
+      this.forgive("let go");
+      this.#weak = null;
+      for (const event of events.events) {
+        this.#noteLoss(event);
+        this.#noteWeak(event);
+      }
       const states = await this.wire.call("state.subscribe", { hz: HZ });
       this.#hush();
       this.#show(states.state);
@@ -155,13 +173,14 @@ export class Panel extends EventTarget {
 
   #showAlarms() {
     if (this.state === null) return; // there is no connection, which is what is said
-    const { mode, motor, status, stop } = this.state;
+    const { force_set_n: force, mode, motor, status, stop } = this.state;
     const alarms = [];
-    if (this.#lost !== null) alarms.push("OBJECT LOST");
+    if (this.#lost !== null) alarms.push(LOSSES[this.#lost.kind]);
     if (mode === "fault") alarms.push(`FAULT: ${status.replaceAll("_", " ")}`);
     if (this.isSilent) alarms.push(motor === "silent" ? "MOTOR SILENT" : "NO MOTOR");
     if (this.#isLate) alarms.push("LATE");
     if (stop !== null) alarms.push("STOPPED");
+    if (this.#isWeak) alarms.push(`WEAK MOTOR${force === null ? "" : ": holds with less than was asked for"}`);
     this.#alarm(alarms);
   }
 
@@ -189,7 +208,7 @@ export class Panel extends EventTarget {
     this.#nodes.mode.dataset.mode = "offline";
     this.#nodes.why.textContent = message;
     this.#nodes.stopped.hidden = this.#nodes.clear.hidden = this.#nodes.doubted.hidden = true;
-    this.#showLoss(false);
+    this.#showLoss();
     this.#doubt = undefined;
     this.#isLate = false;
     this.article.classList.remove("late");
@@ -204,6 +223,7 @@ export class Panel extends EventTarget {
 
   async #look() {
     if (!this.wire.isUp || document.hidden) return;
+    const weak = this.#weak;
     try {
       [this.#health, this.#lease] = await Promise.all([
         this.wire.call("health"),
@@ -213,6 +233,8 @@ export class Panel extends EventTarget {
     } catch {
       this.#health = this.#lease = null; // shown as unknown; "down" says why
     }
+    // The daemon does not report the end of what another program's commands made unknown.
+    if (this.#health?.verdict === "ok" && this.#weak === weak) this.#weak = null;
     this.control.showLease(this.#lease);
     this.#showFacts();
   }
@@ -235,6 +257,7 @@ export class Panel extends EventTarget {
   async #take(event) {
     this.events.add(event, this.#offsetS);
     this.#noteLoss(event);
+    this.#noteWeak(event);
     if (event.kind === "job_started") this.forgive("motion");
     if (OVERTAKES.has(event.kind) && this.#isOver && event.monotonic_s > this.#toldS) this.#hush();
     if (event.kind === "lease" || event.kind === "lease_lost") await this.#look();
@@ -263,22 +286,54 @@ export class Panel extends EventTarget {
     return (rad - closed) * Math.sign(open - closed) * this.mmPerRad;
   }
 
-  /* A lost object is said until the next motion. */
+  /* A lost object is said until the next motion; one that was let go, until that has been read, too. */
   #noteLoss(event) {
-    const text = this.#nodes["lost-text"];
-    if (event.kind === "object_lost") this.#lost = event;
-    else if (event.kind === "job_started") this.#lost = null;
-    this.#showLoss(this.#lost !== null);
+    const { kind, monotonic_s: atS } = event;
+    if (kind in LOSSES && atS !== this.#readS) this.#lost = event;
+    else if (kind === "job_started") this.#lost = null;
+    else return;
+    this.forgive("let go");
+    if (this.#lost?.kind === "released_by_fault") {
+      toast(this.channel, `LET GO: ${this.#lossText()}`, "let go", {
+        atS: atS + this.#offsetS,
+        onRead: () => {
+          this.#readS = atS;
+          this.#lost = null;
+          this.#showLoss();
+          this.#showAlarms();
+        },
+      });
+    }
+    this.#showLoss();
     this.#showAlarms();
-    if (this.#lost === null) return;
-    const message = inPageWords(this.#lost.message, this.#lost.terms?.message);
-    text.textContent = `At ${time(this.#lost.monotonic_s + this.#offsetS)}: ${message}.`;
   }
 
-  #showLoss(isLost) {
-    this.#nodes.lost.hidden = !isLost;
+  #noteWeak(event) {
+    if (event.kind !== "weak") return;
+    this.#weak = event.data.weak ? event : null;
+    this.#showHeld();
+    this.#showAlarms();
+  }
+
+  get #isWeak() {
+    return this.#weak !== null && Boolean(this.state?.enabled);
+  }
+
+  /* What is said of a loss: of a lost object no hold, once the motor does not hold. */
+  #lossText() {
+    const text = inPageWords(this.#lost.message, this.#lost.terms?.message);
+    const holds = this.#lost.kind !== "object_lost" || this.state?.enabled;
+    return holds ? text : text.split(": ", 1)[0];
+  }
+
+  #showLoss() {
+    const { lost, "lost-text": text } = this.#nodes;
+    const isLost = this.#lost !== null && this.state !== null;
+    const [name, told] = isLost ? [LOSSES[this.#lost.kind], this.#lossText()] : ["", ""];
+    lost.hidden = !isLost;
     this.article.classList.toggle("has-lost", isLost);
-    if (!isLost) this.#nodes["lost-text"].textContent = "";
+    if (lost.textContent !== name) lost.textContent = name; // an alert is read out whenever it is written
+    text.textContent = isLost ? `At ${time(this.#lost.monotonic_s + this.#offsetS)}: ${told}.` : "";
   }
 
   #show(state) {
@@ -308,11 +363,11 @@ export class Panel extends EventTarget {
   /* Show what the gripper does: badge, sentence and alert are made of one state, so they agree. */
   #showMode(state, age = 0) {
     const { mode, why, stopped, clear } = this.#nodes;
-    const phase = state.job?.phase ? ` (${state.job.phase})` : "";
-    const does = state.job ? `${state.mode}: ${state.job.kind}${phase}` : state.mode;
+    const does = doing(state);
     const isFault = state.mode === "fault";
     this.#isGrasped = state.is_grasped;
     this.#showHeld();
+    this.#showLoss();
     stopped.hidden = state.stop === null;
     clear.hidden = stopped.hidden || !this.#operates;
     this.#showAlarms();
@@ -324,11 +379,11 @@ export class Panel extends EventTarget {
     } else if (state.stop !== null) {
       mode.dataset.mode = isFault ? "fault" : "stopped";
       mode.textContent = isFault ? "fault, STOPPED" : "STOPPED";
-      why.textContent = [isFault ? "" : `It is ${does}`, this.#reason(state)].filter(Boolean).join("; ");
+      why.textContent = capital([isFault ? "" : `it is ${does}`, this.#reason(state)].filter(Boolean).join("; "));
     } else {
       mode.dataset.mode = state.mode;
       mode.textContent = does;
-      why.textContent = this.#reason(state);
+      why.textContent = this.#lost === null ? this.#reason(state) : capital(this.#reason(state));
     }
     if (state.stop === null) return this.#showWhole(false);
     const { by, why: reason, since_s: since, level } = state.stop;
@@ -345,9 +400,10 @@ export class Panel extends EventTarget {
     const { held } = this.#nodes;
     const isOld = this.isLastKnown && this.#isGrasped !== null;
     held.dataset.on = this.#isGrasped ?? "unknown";
-    const told = { true: "object detected", false: "no object", null: "object?" }[this.#isGrasped];
+    const told = { true: "object detected", false: "nothing held", null: "object?" }[this.#isGrasped];
     held.textContent = isOld ? `${told}, last known` : told;
     held.classList.toggle("last-known", isOld);
+    this.article.classList.toggle("is-weak", this.#isWeak);
   }
 
   /* Show all that is said in the head, however long it is; or as much as there is room for. */

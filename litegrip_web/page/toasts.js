@@ -1,21 +1,25 @@
 /* What went wrong, in the bar: until somebody has read it, or it is over. The newest is seen, a click shows all. */
 
+import { time } from "./format.js";
+
 const MOST = 5;
 const list = document.getElementById("toasts");
 list.onclick = () => list.classList.toggle("whole");
 
-/* Say `text`, in the place of what was said `about` the same; a state ends it for which `isOver`. */
-export function toast(channel, text, about, isOver) {
+/* Say `text`, in the place of what was said `about` the same; a state ends it for which `isOver`. It is of `atS`, in
+   seconds of the time of day, and `onRead` is called once it has been read. */
+export function toast(channel, text, about, { isOver = () => false, atS = Date.now() / 1000, onRead = () => {} }) {
   const line = document.createElement("li");
   const words = document.createElement("span");
   const whose = document.body.classList.contains("several") ? `${channel}: ` : "";
-  words.textContent = `${new Date().toLocaleTimeString("en-GB")}  ${whose}${text}`;
+  words.textContent = `${time(atS)}  ${whose}${text}`;
   const close = document.createElement("button");
   close.type = "button";
   close.textContent = "Read";
   close.onclick = (event) => {
     event.stopPropagation();
     remove((one) => one === line);
+    onRead();
   };
   line.append(words, close);
   Object.assign(line, { channel, about, isOver });

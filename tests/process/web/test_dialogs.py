@@ -7,7 +7,7 @@ from playwright.sync_api import Locator, expect
 from playwright.sync_api import Page as Tab
 
 from tests.process.daemon_process import Client
-from tests.process.web.on_page import button, enable, part, take_control, teach
+from tests.process.web.on_page import OBJECT_MM, button, enable, part, take_control, teach
 
 SAMPLES = 30
 STOPPED = "Not now: a stop is latched, “Clear the stop” first."
@@ -142,3 +142,30 @@ def test_nothing_stops_measuring_before_it_can_be_stopped(operated: Tab, client:
         }"""
     )
     expect(operated.get_by_role("dialog")).to_be_visible()
+
+
+def hold_something(tab: Tab, client: Client) -> None:
+    button(tab, "Open").click()
+    expect(part(tab, "outcome")).to_contain_text("open: reached")
+    client.result("sim.object", width_mm=OBJECT_MM)
+    button(tab, "Grasp").click()
+    expect(part(tab, "held")).to_have_text("object detected")
+    expect(part(tab, "outcome")).to_contain_text("grasp: object held")
+
+
+def test_what_would_drop_what_is_held_says_so(operated: Tab, client: Client) -> None:
+    teach(operated, client, "wave")
+    hold_something(operated, client)
+    told = "Something is held: it will drop."
+    dialog = zero_dialog(operated)
+    expect(dialog).to_contain_text(told)
+    move = button(operated, "The jaws are free: move them")
+    place = move.bounding_box()
+    client.result("sim.object")
+    expect(dialog).not_to_contain_text(told)
+    assert move.bounding_box() == place
+    button(operated, "Cancel").click()
+    hold_something(operated, client)
+    button(operated, "Teach").click()
+    expect(operated.get_by_role("dialog")).to_contain_text(told)
+    button(operated, "No, leave it").click()

@@ -618,7 +618,7 @@ def test_a_lost_object_is_said_loudly_until_the_next_motion(
     client.result("sim.object")
     expect(lost).to_be_visible()
     expect(lost).to_contain_text("OBJECT LOST")
-    expect(part(tab, "held")).to_have_text("no object")
+    expect(part(tab, "held")).to_have_text("nothing held")
     expect(part(opened(window, looking), "lost")).to_be_visible()
     client.despite_silence("motion.open")
     expect(lost).to_be_hidden()

@@ -7,7 +7,7 @@ from playwright.sync_api import Page as Tab
 from playwright.sync_api import expect
 
 from tests.process.daemon_process import Client
-from tests.process.web.on_page import button, enable, part
+from tests.process.web.on_page import button, enable, part, wait_until_it_fits
 
 SAMPLES = 30
 
@@ -87,7 +87,41 @@ def test_a_name_that_cannot_be_is_refused_before_the_recording(
     button(operated, "Teach").click()
     expect(part(operated, "outcome")).to_contain_text("“Name”: it may have 1 to 64 characters")
     assert client.result("job.list")["jobs"] == before
+    toasts = operated.locator("#toasts li")
+    expect(toasts).to_contain_text(["“Name”: it may have"])
     part(operated, "name").fill("plain name 1.2")
+    expect(toasts).to_have_count(0)  # as soon as another is typed
     button(operated, "Teach").click()
     expect(button(operated, "End and keep")).to_be_visible()
     expect(operated.locator("#toasts li")).to_have_count(0)
+
+
+def test_a_bad_name_is_complained_of_no_more_once_something_else_was_done(
+    operated: Tab, client: Client
+) -> None:
+    enable(operated, client)
+    part(operated, "name").fill("a/b")
+    button(operated, "Teach").click()
+    expect(operated.locator("#toasts li")).to_contain_text(["“Name”: it may have"])
+    button(operated, "Hold").click()
+    expect(operated.locator("#toasts li")).to_have_count(0)
+
+
+def test_the_head_says_that_it_teaches_and_replays(
+    operated: Tab, client: Client, recording: int
+) -> None:
+    mode = part(operated, "mode")
+    operated.set_viewport_size({"width": 360, "height": 740})
+    expect(mode).to_have_text("teaching: jaws slack")
+    wait_until_it_fits(operated)
+    assert not mode.evaluate("(node) => node.scrollWidth > node.clientWidth")  # all of it is read
+    client.result("sim.push", torque_nm=0.6)
+    client.until(lambda state: bool(state["opening_mm"] < 40))
+    client.result("sim.push", torque_nm=0)
+    button(operated, "End and keep").click()
+    expect(part(operated, "outcome")).to_contain_text("kept as part")
+    part(operated, "speed").fill("0.1")  # so that it is seen
+    button(operated, "Replay").click()
+    expect(mode).to_have_text(re.compile(r"^replaying( \(\w+\))?$"))
+    operated.keyboard.press("Escape")
+    expect(part(operated, "stopped")).to_be_visible()
