@@ -50,7 +50,7 @@ def rows(figure: Figure, share: float, sources: str, folder: str) -> list[str]:
     if figure.amount is None:
         words, path = [sources.partition(":")[0]], str(ROOT)
     else:
-        words, path = [f"{figure.amount * share:g}"], sources
+        words, path = [f"{max(figure.amount * share, 1):g}"], sources
     done = subprocess.run(
         [sys.executable, "-m", figure.module, *words],
         cwd=folder,

@@ -32,6 +32,7 @@ class Section(NamedTuple):
     says: str
     module: str
     amounts: tuple[float, ...] = ()
+    least: float = 1
 
 
 SECTIONS = (
@@ -82,6 +83,7 @@ SECTIONS = (
         "The same commands with the packages of each, in turn.",
         "bench.beside",
         (1,),
+        least=0,
     ),
     Section(
         "SLCAN on a busy machine",
@@ -112,7 +114,7 @@ def processor() -> str:
 
 def section(one: Section, share: float) -> str:
     """Run a command; return its part of the page."""
-    amounts = [f"{amount * share:g}" for amount in one.amounts]
+    amounts = [f"{max(amount * share, one.least):g}" for amount in one.amounts]
     words = ["-m", one.module, *amounts]
     done = subprocess.run(
         [sys.executable, *words], cwd=ROOT, capture_output=True, text=True, check=False

@@ -142,13 +142,14 @@ class LateParser(Parser):
 
 _CLOSE = 0.7
 """From so much likeness on (of 1) a name is asked for: --socket is none for --force."""
+_HALTING = ("halt", "freeze", "abort", "emergency")
 _OTHER_NAMES = {
     "goto": "move",
     "status": "state",
     "log": "events",
     "off": "disable",
     "on": "enable",
-    **dict.fromkeys(("halt", "freeze", "abort", "emergency", "estop"), "stop"),
+    **dict.fromkeys((*_HALTING, "estop"), "stop"),
     **dict.fromkeys(("unlock", "unstop", "resume"), "clear"),
     "reset": "clear-fault",
     **dict.fromkeys(("relax", "zero-gravity", "zero_gravity"), "slack"),
@@ -159,7 +160,6 @@ _OTHER_NAMES = {
 }
 """What Python and other programs call it."""
 _WHERE = ("-c", "--channel", "--socket")
-_HALTING = ("halt", "freeze", "abort", "emergency")
 _FEW = 12
 """Names that are listed where none comes close."""
 

@@ -120,9 +120,8 @@ class StopLatch:
         at once.
         """
         is_own = client == self._latest_client
-        unheard = generation is not None and generation < self.generation
         stopped_s = self._latest_of_others_s if is_own else self._latest_s
-        if unheard:
+        if generation is not None and generation < self.generation:
             how = "this client had not heard of it"
         elif sent_s is not None and sent_s < self._latest_s:
             how = f"it came {self._latest_s - sent_s:.3f} s after this was sent"
