@@ -33,19 +33,19 @@ def complaints(health: dict[str, Any]) -> list[str]:
     return [reason for reason in health["reasons"] if "another program" in reason]
 
 
-def told(client: Client, frames: int) -> str:
-    """Wait until health tells of so many frames; return its verdict."""
+def told(client: Client, frames: int) -> dict[str, Any]:
+    """Wait until health tells of so many frames; return it."""
     text = f"another program commands the motor ({frames} frames so far)"
-    health = client.until_health(
+    return client.until_health(
         lambda health: any(reason.startswith(text) for reason in complaints(health))
     )
-    return str(health["verdict"])
 
 
 def test_motions_are_refused_unless_configured_otherwise(tmp_path: Path) -> None:
     with at_work(tmp_path) as (adapter, client):
         adapter.write(FOREIGN, FOREIGN)
-        assert told(client, 2) == "down", "a gripper that refuses motions cannot be used"
+        verdict = told(client, 2)["verdict"]
+        assert verdict == "down", "a gripper that refuses motions cannot be used"
         error = client.call("motion.open", wait=False)["error"]
         assert error["data"]["reason"] == "second_master", error
         assert error["data"]["frames"] == 2
@@ -57,7 +57,16 @@ def test_motions_are_refused_unless_configured_otherwise(tmp_path: Path) -> None
 def test_where_it_is_tolerated_motions_run_and_health_tells(tmp_path: Path) -> None:
     with at_work(tmp_path, '[motor]\nsecond_master = "tolerate"\n') as (adapter, client):
         adapter.write(FOREIGN)
-        assert told(client, 1) == "degraded", "a gripper that moves can be used"
+        health, frames = told(client, 1), 1
+        while health["verdict"] == "down" and frames < 5:
+            # A simulator that a busy machine has kept off the processor: down for that reason.
+            assert health["reasons"][0] not in complaints(health), health
+            client.despite_silence("motor.enable")
+            adapter.write(FOREIGN)
+            frames += 1
+            health = told(client, frames)
+        assert health["verdict"] == "degraded", f"a gripper that moves can be used: {health}"
+        assert 'which second_master = "tolerate" lets it do' in complaints(health)[0]
         assert client.despite_silence("motion.open", wait=False)["job"]
         adapter.write(FOREIGN)
-        told(client, 2)
+        told(client, frames + 1)
