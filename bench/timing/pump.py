@@ -5,9 +5,13 @@ python -m bench.timing.pump [SECONDS per row, default 20] [BUSY LOOPS, default 5
 One daemon drives the simulated gripper over a pseudo-terminal. It opens and closes the jaws all the
 time, beside processes that never wait. The simulator runs at real-time priority in both rows: what
 is measured is the pump. Needs to be root. Timings are this machine's.
+
+The last column is what nothing here could have prevented: for how long a bare loop above all of
+these was kept off its processor, the worst of one on each. A virtual machine's host does so.
 """
 
 import contextlib
+import json
 import os
 import subprocess
 import sys
@@ -37,6 +41,18 @@ def busy(count: int) -> Iterator[None]:
             loop.wait()
 
 
+@contextlib.contextmanager
+def watched(seconds: float, worst_us: list[float]) -> Iterator[None]:
+    """Note how late a bare loop was on each processor, at worst."""
+    words = [sys.executable, "-m", "bench.timing.reference", str(seconds)]
+    loops = [
+        subprocess.Popen([*words, str(processor)], stdout=subprocess.PIPE)
+        for processor in sorted(os.sched_getaffinity(0))
+    ]
+    yield
+    worst_us += [float(json.loads(loop.communicate()[0])["worst_us"]) for loop in loops]
+
+
 def be_ordinary(pid: int) -> None:
     """Let all threads of a process run as any other's."""
     for task in Path(f"/proc/{pid}/task").iterdir():
@@ -45,6 +61,7 @@ def be_ordinary(pid: int) -> None:
 
 def row(is_ordinary: bool, seconds: float, loops: int) -> list[str]:
     """Return the cells of one run."""
+    machine_us: list[float] = []
     with tempfile.TemporaryDirectory() as folder, simulator("--pty") as peer:
         os.sched_setscheduler(peer.pid, os.SCHED_FIFO, os.sched_param(SIMULATOR_PRIORITY))
         config = Path(folder) / "litegripd.toml"
@@ -57,7 +74,7 @@ def row(is_ordinary: bool, seconds: float, loops: int) -> list[str]:
             client.enabled()
             if is_ordinary:
                 be_ordinary(pump_of(running.process.pid))
-            with busy(loops):
+            with watched(seconds, machine_us), busy(loops):
                 done, failed = moved(client, seconds)
             health = client.result("health")
     bus = health["bus"]
@@ -67,6 +84,7 @@ def row(is_ordinary: bool, seconds: float, loops: int) -> list[str]:
         str(failed),
         str(bus["send_failures"]),
         f"{bus['pump_late_us'] / 1e3:.1f} ms",
+        f"{max(machine_us) / 1e3:.1f} ms",
     ]
 
 
@@ -88,8 +106,8 @@ def main() -> None:
     """Print the table."""
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 20.0
     loops = int(sys.argv[2]) if len(sys.argv) > 2 else 5
-    print("| pump | motions | failed | frames dropped | longest wait |")
-    print("| --- | ---: | ---: | ---: | ---: |")
+    print("| pump | motions | failed | frames dropped | longest wait | machine |")
+    print("| --- | ---: | ---: | ---: | ---: | ---: |")
     for is_ordinary in (True, False) * 2:
         print(f"| {' | '.join(row(is_ordinary, seconds, loops))} |", flush=True)
 

@@ -2,9 +2,12 @@
 
 Run beside a measurement, it tells which late ticks are the machine's (a virtual machine whose
 host takes the processor away, a kernel section that cannot be preempted) and which are ours.
+
+python -m bench.timing.reference SECONDS [PROCESSOR, default any]
 """
 
 import json
+import os
 import sys
 import time
 
@@ -18,6 +21,8 @@ PRIORITY = 51  # above the daemon's, so that only the machine can delay it
 
 def main() -> None:
     """Wait for `seconds` of ticks and print their lateness as JSON."""
+    if len(sys.argv) > 2:
+        os.sched_setaffinity(0, {int(sys.argv[2])})
     acquire(PRIORITY, ())
     timer = PeriodicTimer(PERIOD_S)
     lateness = LatenessMeter()

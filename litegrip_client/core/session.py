@@ -257,7 +257,7 @@ class DaemonSession:
         self._leases = 0
         try:
             if enabled_here and wire.connection.is_own and self.disable_on_disconnect:
-                await _disable(wire)
+                await _disable(wire, self.channel)
             if leased and wire.connection.is_own:
                 await _release(wire)
         finally:
@@ -449,12 +449,12 @@ def _is_own(connection: Exchange, owner: Mapping[str, Any]) -> bool:
     return bool(owner["pid"] == os.getpid())
 
 
-async def _disable(wire: Wire) -> None:
+async def _disable(wire: Wire, channel: str) -> None:
     is_told = wire.connection.is_danger_told
     try:
         done = (await wire.call("motor.disable", None, ACTION_TIMEOUT_S)).get("ok")
     except LeaseError as error:  # the motor is another's to disable
-        warn(f"the end of this gripper's block leaves the motor as it is: {error.message}")
+        warn(f"{channel}: the end of this block leaves the motor as it is: {error.message}")
         return
     except HardwareError as error:
         error.message = f"the motor could not be disabled, cut its power: {error.message}"

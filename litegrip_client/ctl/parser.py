@@ -225,6 +225,8 @@ def parse(given: list[str], rows: Sequence[Row]) -> argparse.Namespace:
     called again, and `voice` tells the daemon's so.
     """
     parser = whole_parser(rows)
+    if not given:
+        raise UsageError("say a COMMAND", f"{parser.format_help()}\n", PROGRAM)
     words = ["--version"] if given == ["version"] else list(given)
     if words[:1] == ["help"]:
         words = [*words[1:], "--help"]

@@ -30,8 +30,8 @@ CALLS: Mapping[str, tuple[str, str]] = {
     "job.list": ("gripper.jobs()", "litegripctl jobs"),
     "job.wait": ("see: gripper.jobs()", "see: litegripctl jobs"),
     "job.cancel": (
-        "in a shell: litegripctl cancel JOB; this object's own: gripper.cancel()",
-        "litegripctl cancel JOB",
+        "in a shell: litegripctl cancel; this object's own: gripper.cancel()",
+        "litegripctl cancel",
     ),
     "lease.get": ("", "litegripctl lease"),
     "lease.acquire": ("gripper.lease().acquire()", "see: litegripctl lease"),

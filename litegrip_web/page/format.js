@@ -40,7 +40,7 @@ const WORDS = {
   "events.subscribe": "“Events”",
   health: "“Healthy”",
   "info.get": "'litegripctl info'",
-  "job.cancel": "'litegripctl cancel JOB'",
+  "job.cancel": "'litegripctl cancel'",
   "job.list": "“Events”",
   "job.wait": "“Events” tell when it ends",
   "lease.acquire": "“Take control”",

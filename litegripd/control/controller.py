@@ -377,7 +377,7 @@ class Controller:
         self.jobs.begin(job, self.now_s)
         self.jobs.end(job, result, self.now_s)
         if is_news:
-            self.events += [events.job_started(job), *events.job_ended(job, result)]
+            self.events += [events.job_started(job), *events.job_ended(job, result, self.geometry)]
         else:
             self.jobs.forget_like(job)
         return job
@@ -418,7 +418,7 @@ class Controller:
         owed, self._owed = self._owed, None
         if owed is not None:
             self._settle_into(owed)
-        self.events += events.job_ended(job, outcome)
+        self.events += events.job_ended(job, outcome, self.geometry)
         if action is not None:
             action.close()
 
@@ -505,7 +505,7 @@ class Controller:
     def _end_queued(self, job: Job, refusal: Refusal) -> None:
         self.jobs.end(job, refusal, self.now_s)
         self.note_refused(refusal)
-        self.events += events.job_ended(job, refusal)
+        self.events += events.job_ended(job, refusal, self.geometry)
 
     # The stop
 
@@ -783,6 +783,8 @@ class Controller:
         self.pressing.see(feedback, is_held=is_held)
         if is_held or self._is_pushed or geometry is None:
             return
+        if running is not None and running.kind == "zero":
+            return  # it looks for the stops by pressing, and judges itself what it has found
         config, stops_rad = self.in_force.config, (geometry.closed_rad, geometry.open_rad)
         short_rad = min(abs(feedback.position_rad - stop_rad) for stop_rad in stops_rad)
         if short_rad <= config.stop_tol and abs(feedback.torque_nm) <= config.stop_nm:

@@ -237,9 +237,9 @@ NO_STOP = sentence(
 )
 
 
-def job_ended(job: Job, outcome: Result | Refusal) -> list[Event]:
-    """Report how a job ended, and the loss of a gripped object."""
-    how = outcome.message if isinstance(outcome, Refusal) else _worded(outcome)
+def job_ended(job: Job, outcome: Result | Refusal, geometry: Geometry | None) -> list[Event]:
+    """Report how a job ended, and the loss of a gripped object; openings if there is a geometry."""
+    how = outcome.message if isinstance(outcome, Refusal) else _worded(outcome, geometry)
     is_stopless = isinstance(outcome, MoveResult) and outcome.outcome == "no_stop"
     text = sentence(
         "job {number}: {kind} {state}: {how}{more}",
@@ -419,8 +419,8 @@ _FIGURES: Mapping[str, str] = {
     "width_mm": "{:.1f} mm wide",
     "force_n": "{:.1f} N",
     "held_s": "held for {:.1f} s",
-    "target_rad": "target {:.3f} rad",
-    "position_rad": "at {:.3f} rad",
+    "target_rad": "target {}",
+    "position_rad": "at {}",
     "travel_rad": "{:.3f} rad of travel",
     "shift_rad": "shifted by {:.3f} rad",
     "largest_lag_mm": "at most {:.1f} mm behind",
@@ -437,13 +437,26 @@ _FIGURES: Mapping[str, str] = {
 """How a figure of a result reads, in this order; others are for programs, as flags and limits."""
 
 
-def _worded(result: Result) -> str:
-    """Return how a job ended, and its figures that have a value, as a person reads it."""
+def _worded(result: Result, geometry: Geometry | None) -> str:
+    """Return how a job ended, and its figures that have a value, as a person reads it.
+
+    Beyond a stop a target is how hard the jaws press there, and a grasp's is where it ends without
+    an object: these say nothing to a person.
+    """
     outcome, ok = getattr(result, "outcome", None), getattr(result, "ok", True)
     shown: list[str] = [outcome.replace("_", " ")] if outcome else [] if ok else ["NOT ok"]
     for name, form in _FIGURES.items():
         value = getattr(result, name, None)
-        if value is not None and value != (1 if name == "tries" else 0):
+        if value is None or (name == "target_rad" and isinstance(result, GraspResult)):
+            continue
+        if name in ("target_rad", "position_rad"):
+            if geometry is None:
+                shown.append(form.format(f"{value:.3f} rad"))
+                continue
+            opening_mm = round(geometry.opening_mm(value), 1) + 0.0  # never -0.0
+            if name == "position_rad" or 0.0 <= opening_mm <= round(geometry.travel_mm, 1):
+                shown.append(form.format(f"{opening_mm:.1f} mm"))
+        elif value != (1 if name == "tries" else 0):
             shown.append(value if form == "{}" else form.format(value))
     return joined(", ", shown) if shown else "ok"
 

@@ -103,7 +103,7 @@ def test_a_remedy_in_the_protocols_words_is_not_told_twice_either(told: Told) ->
         ("clear it with {stop.clear} first", "clear it with litegripctl clear first"),
         (
             "wait for it ({job.wait}), cancel it ({job.cancel}) or stop",
-            "wait for it (see: litegripctl jobs), cancel it (litegripctl cancel JOB) or stop",
+            "wait for it (see: litegripctl jobs), cancel it (litegripctl cancel) or stop",
         ),
         (
             "wait for it ({lease.acquire with wait_s}), or take it over ({lease.take})",

@@ -45,7 +45,6 @@ UNKNOWN = {
     "litegripctl trajectories delete NAME": "which one can go",
     "litegripctl record NAME": "how it is to be called",
     "litegripctl lease take REASON": "why somebody takes it",
-    "litegripctl cancel JOB": "the message names several",
     "litegripctl calibration rescale --stroke-mm MM": "what a caliper measures",
     "litegripctl -c can0 calibration rescale --stroke-mm MM": "what a caliper measures",
     "litegripd CHANNEL --socket /tmp/s": "only a socket was named",

@@ -208,3 +208,11 @@ def test_a_motion_ends_when_nobody_knows_any_more_where_the_zero_is(
     world.run(0.5)
     assert world.gripper.position_rad == pytest.approx(held_rad, abs=0.02)
     assert client.refusal("motion.close") == "not_calibrated"
+
+
+def test_what_it_presses_with_at_the_stops_is_no_obstacle() -> None:
+    world, client = gripper(opening_mm=TRAVEL_MM - 1.0)
+    client.result("events.subscribe")
+    result = watched(world, client, config={"calib_stall_cycles": 60})  # three seconds at a stop
+    assert result["ok"]
+    assert [event["message"] for event in client.events("pressing")] == []

@@ -18,6 +18,18 @@ from litegrip_client.values.terms import told_all
 _SETTING = re.compile(rf"([a-z][a-z0-9_]*)=({NUMBER}(?:e[+-]?[0-9]+)?)", re.IGNORECASE)
 
 _FIELDS_PAGE = "docs/configuration.md says what they are"
+_UNITS = (
+    *(("_mm_s", "mm/s"), ("_n_s", "N/s"), ("_mm", "mm"), ("_n", "N"), ("_nm", "N·m")),
+    *(("_s", "s"), ("_interval", "s"), ("_rad", "rad"), ("_tol", "rad"), ("_delta", "rad")),
+    *(
+        ("_kp", "N·m/rad"),
+        ("_kd", "N·m·s/rad"),
+        ("tau_limit", "N·m"),
+        ("stall_ratio", "of the way"),
+    ),
+    *(("margin", "of the travel"), ("press_overshoot", "of the travel")),
+)
+"""By the end of a field's name: its unit. Others are numbers of samples and attempts."""
 _CONFIG = """\
 Show or change the defaults that the daemon uses for motions. Without an action
 all are shown, with what is allowed.
@@ -62,7 +74,7 @@ def config(run: Run) -> int:
     data = run.connection.call("config.get")
     field = run.options.field
     if field is None:
-        return run.done(data, _config_text(data))
+        return run.done(data, f"{_config_text(data)}\n{_FIELDS_PAGE}")
     if field not in data["config"]:
         raise ParameterError(
             f"there is no field {field!r}",
@@ -74,16 +86,18 @@ def config(run: Run) -> int:
 
 
 def _config_text(data: Data) -> str:
-    """Return fields, their values and what is allowed, one in a line."""
-    fields = data["config"]
-    names = max(map(len, fields), default=0)
-    values = max((len(plain(value)) for value in fields.values()), default=0)
-    lines = []
-    for name, value in fields.items():
+    """Return fields, their values, what is allowed and in which unit, one in a line."""
+    rows = []
+    for name, value in data["config"].items():
         allowed = data.get("ranges", {}).get(name)
-        limits = f"  {allowed[0]:g} to {allowed[1]:g}" if allowed else ""
-        lines.append(f"{plain(name):<{names}}  {plain(value):<{values}}{limits}".rstrip())
-    return "\n".join(lines)
+        limits = f"{allowed[0]:g} to {allowed[1]:g}" if allowed else ""
+        unit = next((unit for end, unit in _UNITS if name.endswith(end)), "")
+        rows.append((plain(name), plain(value), limits, unit))
+    wide = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = (
+        "  ".join(f"{cell:<{width}}" for cell, width in zip(row, wide, strict=True)) for row in rows
+    )
+    return "\n".join(line.rstrip() for line in lines)
 
 
 def _set(run: Run) -> int:

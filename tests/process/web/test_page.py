@@ -695,7 +695,7 @@ def test_messages_have_the_words_of_the_page(operated: Tab, client: Client) -> N
     client.until(lambda state: bool(state["job"]))
     button(operated, "Teach").click()
     expect(outcome).to_contain_text(
-        "wait for it (“Events” tell when it ends), cancel it ('litegripctl cancel JOB') or stop"
+        "wait for it (“Events” tell when it ends), cancel it ('litegripctl cancel') or stop"
     )
 
 
