@@ -49,6 +49,7 @@ from litegrip_fleet.wire.network import (
     Network,
     NetworkError,
     close,
+    cut,
     hand_over,
     opened,
     reached,
@@ -173,7 +174,7 @@ def _router(config: FleetConfig, _arguments: argparse.Namespace) -> int:
         if part is not None and network.rules is not None:
             guests = Guests(part.users, part.gateways)
             coming = session.info.declare_link_events_listener(the_newest(), history=True)
-            hand_over(coming, partial(_noted, guests), "guests")
+            hand_over(coming, partial(_noted, session, guests), "guests")
         try:
             await asyncio.Event().wait()
         finally:
@@ -182,10 +183,12 @@ def _router(config: FleetConfig, _arguments: argparse.Namespace) -> int:
     return asyncio.run(_until_a_signal(serve, certificate))
 
 
-def _noted(guests: Guests, event: zenoh.LinkEvent) -> None:
+def _noted(session: zenoh.Session, guests: Guests, event: zenoh.LinkEvent) -> None:
     name = event.link.auth_identifier
     if name is not None and event.kind == zenoh.SampleKind.PUT:
         guests.came(name, str(event.link.zid))
+        present = ((link.auth_identifier, link.dst) for link in session.info.links())
+        cut(guests.without_room((named, address) for named, address in present if named))
 
 
 def _router_network(config: FleetConfig) -> Network:

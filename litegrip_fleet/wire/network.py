@@ -5,14 +5,19 @@ its own: here they only hand over what came to the event loop.
 """
 
 import asyncio
+import contextlib
 import json
 import logging
+import os
+import socket
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Coroutine, Mapping, Sequence
+from collections.abc import Callable, Collection, Coroutine, Mapping, Sequence
 from concurrent import futures
 from dataclasses import dataclass
+from ipaddress import ip_address
+from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 import zenoh
@@ -30,6 +35,9 @@ and asked for again."""
 MAX_MESSAGE_BYTES = 65_536
 MOST_WAITING = 1024
 """So many messages wait for an event loop; then the oldest gives way, and is asked for again."""
+
+MOST_SESSIONS = 4096
+"""With a router, which takes 45 kB for each; 1000 is zenoh's default."""
 
 QUERY_WITHIN_S = 1.0
 CONNECT_WITHIN_S = 3.0
@@ -80,6 +88,7 @@ def configuration(network: Network, mode: str) -> zenoh.Config:
         "listen/endpoints": list(network.listen),
         # Payloads from 3072 bytes are lost by it without a word (zenoh issue 2628).
         "transport/shared_memory": {"enabled": False, "mode": "lazy"},
+        "transport/unicast/max_sessions": MOST_SESSIONS,
         "transport/link/tx/lease": LEASE_MS,
         "transport/link/rx/max_message_size": MAX_MESSAGE_BYTES,
         # By default 1 ms: on a busy machine, one message in a hundred was dropped.
@@ -147,6 +156,36 @@ def close(session: zenoh.Session) -> None:
         session.close()
     except zenoh.ZError as error:
         _log.warning("the network has not taken the session's end: %s", error)
+
+
+def cut(locators: Collection[str]) -> None:
+    """End this process's connections with some peers, for which zenoh has no call.
+
+    Their addresses find their sockets among those of this process.
+    """
+    if not locators:
+        return
+    peers = set()
+    for locator in locators:
+        host, _, port = locator.partition("/")[2].partition("?")[0].rpartition(":")
+        peers.add((ip_address(host.strip("[]")), int(port)))
+    for own in Path("/proc/self/fd").iterdir():
+        try:
+            descriptor = os.dup(int(own.name))
+        except OSError:  # closed meanwhile
+            continue
+        try:
+            found = socket.socket(fileno=descriptor)
+        except OSError:  # no socket
+            os.close(descriptor)
+            continue
+        with found:
+            if found.family not in (socket.AF_INET, socket.AF_INET6):
+                continue
+            with contextlib.suppress(OSError):  # it listens, or has ended by itself
+                host, port = found.getpeername()[:2]
+                if (ip_address(host), port) in peers:
+                    found.shutdown(socket.SHUT_RDWR)
 
 
 def all_in_order(

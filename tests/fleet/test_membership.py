@@ -1,6 +1,7 @@
 """A part that a router keeps out, though it lets others in, comes by another id."""
 
 import logging
+import socket
 import threading
 from concurrent.futures import Future
 from types import SimpleNamespace
@@ -9,9 +10,9 @@ from typing import Any, cast
 import pytest
 import zenoh
 
-from litegrip_fleet.admin.guests import Guests
+from litegrip_fleet.admin.guests import MOST_OF_ONE, MOST_WITHOUT_A_ROW, Guests
 from litegrip_fleet.wire.membership import OUT_FOR_S, OWN_TURN_S, Membership
-from litegrip_fleet.wire.network import Network, NetworkError
+from litegrip_fleet.wire.network import Network, NetworkError, cut
 
 STEP_S = 0.1
 OUT, IN = False, True
@@ -157,3 +158,35 @@ def test_the_ids_of_a_gateway_that_comes_again_and_again_are_not_all_kept(
     assert caplog.messages == []
     guests.came("op1", "999")
     assert len(caplog.messages) == 1
+
+
+def test_one_certificate_does_not_take_the_room_of_others() -> None:
+    guests = Guests({"op1", "op2"}, {"robot1"})
+    first = [("op1", f"op1 {number}") for number in range(MOST_OF_ONE)]
+    others = [("op2", "op2"), ("robot1", "robot1")]
+    assert guests.without_room([*first, *others]) == []
+    assert guests.without_room([("op1", "late"), *first, *others]) == ["late"]
+    assert guests.without_room([("op1", "late"), *first[1:], *others]) == []  # one has gone
+    assert guests.without_room([first[0], ("op1", "late"), *first[1:]]) == [first[0][1]]
+    strangers = [("former", f"{number}") for number in range(10)]
+    assert len(guests.without_room(strangers)) == 10 - MOST_WITHOUT_A_ROW
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "::1"])
+def test_a_peer_is_cut_off_and_no_other(host: str) -> None:
+    with socket.create_server(
+        (host, 0), family=socket.AF_INET6 if ":" in host else socket.AF_INET
+    ) as server:
+        port = server.getsockname()[1]
+        near = [socket.create_connection((host, port)) for _ in range(3)]
+        far = [server.accept()[0] for _ in near]
+    addresses = [f"tls/[{host}]:{one.getsockname()[1]}" for one in near]
+    if ":" not in host:
+        addresses = [one.replace("[", "").replace("]", "") for one in addresses]
+    cut([addresses[0], addresses[2]])
+    near[1].setblocking(False)
+    assert (near[0].recv(1), near[2].recv(1)) == (b"", b"")
+    with pytest.raises(BlockingIOError):
+        near[1].recv(1)
+    for one in (*near, *far):
+        one.close()
