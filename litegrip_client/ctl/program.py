@@ -1,5 +1,6 @@
 """The whole of `litegripctl`: connect, run one command, and end with the right exit code."""
 
+import signal
 import sys
 from argparse import Namespace
 
@@ -41,9 +42,11 @@ def _run(options: Namespace, output: Output) -> int:
                 return code
         command = find(options.command)
         if not needs_daemon(options):
+            _raise_interrupts()
             return command(Run(None, options, output))
         limit_s = stop_within_s(options) if options.command == "stop" else DEFAULT_TIMEOUT_S
         with connected(options, limit_s) as connection:
+            _raise_interrupts()
             return command(Run(connection, options, output))
     except LiteGripError as error:
         return _fail(error, options, output)
@@ -53,6 +56,12 @@ def _run(options: Namespace, output: Output) -> int:
     except KeyboardInterrupt:
         output.end_line()
         return INTERRUPTED
+
+
+def _raise_interrupts() -> None:
+    """Have Ctrl-C raised: there may be something to cancel now, or to put in order."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def _fail(error: LiteGripError, options: Namespace, output: Output) -> int:

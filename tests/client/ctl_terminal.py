@@ -12,7 +12,7 @@ from typing import Any
 from tests.client.fake_daemon import DEADLINE_S
 
 ROOT = Path(__file__).resolve().parents[2]
-COMMAND = [sys.executable, "-m", "litegrip_client.ctl.main"]
+COMMAND = [sys.executable, str(ROOT / "litegrip_client/ctl/litegripctl")]
 
 
 def start(*arguments: str, **streams: Any) -> subprocess.Popen[bytes]:

@@ -3,6 +3,7 @@
 import itertools
 import json
 import re
+import signal
 import socket
 import subprocess
 import sys
@@ -291,3 +292,18 @@ def test_the_installed_program_is_it() -> None:
         check=True,
     )
     assert (done.stdout.split()[0], done.stderr) == ("litegripctl", "")
+
+
+def test_an_interrupt_while_it_is_imported_ends_it_at_once(tmp_path: Path) -> None:
+    package = tmp_path / "litegrip_client/ctl"
+    package.mkdir(parents=True)
+    interrupts = "import os, signal\nos.kill(os.getpid(), signal.SIGINT)\nprint('goes on')\n"
+    (package / "main.py").write_text(f"{interrupts}def main(): return 0\n")
+    root = re.sub("/tests/.*", "", __file__)
+    done = subprocess.run(
+        [sys.executable, f"{root}/litegrip_client/ctl/litegripctl", "open"],
+        env={"PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, b"", b"")
