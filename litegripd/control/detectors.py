@@ -469,7 +469,9 @@ class PressWatch:
                 self._began_s = None
             return
         self._pressed_s = at_s
-        if self._began_s is None:
+        if is_held:
+            self._began_s = None  # asked for; what presses for long afterwards began there
+        elif self._began_s is None:
             self._began_s, self._most_nm, self._is_told = at_s, 0.0, False
         self._most_nm = max(self._most_nm, abs(torque_nm))
 

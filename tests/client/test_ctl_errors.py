@@ -128,7 +128,7 @@ USAGE = {
     "lease x": "ACTION: there is no 'x': show, take",
     "goto 40mm": "COMMAND: there is no 'goto'; did you mean 'move'?",
     "xyzzy": "COMMAND: there is no 'xyzzy'\n",
-    "config set speed_mm_s 80": "is no setting: say FIELD=NUMBER, speed_mm_s=15 for one",
+    "config set speed_mm_s 80": "is no setting: say speed_mm_s=NUMBER",
     "grasp --forse 10": "unrecognized arguments: --forse 10; did you mean '--force'?",
     "grasp --forse=10": "; did you mean '--force'?",
     "state --jsn": "; did you mean '--json'?",

@@ -162,6 +162,21 @@ def test_a_stop_that_is_looked_for_is_not_reported(method: str) -> None:
         assert (rig.state.pressing_n or 0.0) < 6.0  # the closed stop is soft, and pushes back
 
 
+@pytest.mark.parametrize(
+    ("method", "params"), [("motion.open", {}), ("motion.move", {"opening_mm": FROM_MM})]
+)
+def test_a_grasp_is_not_reported_by_what_opens_the_jaws_after_it(
+    method: str, params: dict[str, Any]
+) -> None:
+    for plant in (SIMULATOR, PlantParameters()):
+        rig = rig_of(plant)
+        rig.put(Item(OBJECT_MM, 20.0))
+        rig.owner.result("motion.grasp", force_n=20.0, until="verdict")
+        rig.run(LASTS_S)
+        rig.owner.result(method, **params)
+        assert [event["message"] for event in rig.watcher.events("pressing")] == []
+
+
 # What the motor makes while the jaws meet something
 
 PEAK_NM = 7.0

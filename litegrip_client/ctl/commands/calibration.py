@@ -38,6 +38,9 @@ from litegrip_client.values.text import json_of
 
 _AS_BEFORE = "the calibration is as it was"
 _SAVE = "use it and store it (y), use it without storing it (n), or cancel (c)?"
+_WORDS = ("y", "yes", "n", "no", "c", "cancel")
+_STOOD_RAD = 0.05
+"""Less than a hand moves the jaws; Enter was pressed twice."""
 _TEMPLATES = ("normal", "reverse")
 _IN_USE = "in use until the daemon restarts"
 _UNSTORED = f"{_IN_USE}; store it with: litegripctl calibration save"
@@ -87,15 +90,11 @@ def _lead(run: Run) -> Data:
             _record(run)
         if not is_measured:
             stroke_mm = _ask_stroke(run)
-        answer = _ask(_SAVE)
-        while answer not in ("y", "yes", "n", "no", "c", "cancel"):
-            answer = _ask(f"please answer y, n or c: {_SAVE}")
-        if answer.startswith("c"):
+        answer = _choose(_SAVE, "y", "n", "c")
+        if answer == "c":
             raise _NotWantedError
         try:
-            return _step(
-                run, "finish", save=answer.startswith("y"), **given_numbers(stroke_mm=stroke_mm)
-            )
+            return _step(run, "finish", save=answer == "y", **given_numbers(stroke_mm=stroke_mm))
         except CommandError as error:
             if error.reason != "out_of_limits":
                 raise
@@ -114,12 +113,15 @@ def _record(run: Run) -> None:
             _ask(request)
             marks = _step(run, step)
             say(f"  {step} at {figure(marks[f'{step}_rad'], '+.4f', 'rad')}")
+        if abs(marks["closed_rad"] - marks["open_rad"]) < _STOOD_RAD:
+            say("  the jaws have stood still between the two: once more")
+            continue
         say(f"  {_travel_text(marks)}")
         mount = _mount(marks)
         if not before["calibrated"] or before["mount"] == mount:
             return
         say(f"  the mount was {before['mount']}: were they closed first, and then open?")
-        if _ask("yes, go on (y), or record both again (n)?").startswith("y"):
+        if _choose("yes, go on (y), or record both again (n)?", "y", "n") == "y":
             return
 
 
@@ -128,6 +130,15 @@ def _ask(question: str) -> str:
     if answer is None:
         raise _NotWantedError
     return answer
+
+
+def _choose(question: str, *letters: str) -> str:
+    """Return which of these letters an answer begins with; asks until it is one of them."""
+    answer = _ask(question)
+    while answer not in _WORDS or answer[0] not in letters:
+        one_of = f"{', '.join(letters[:-1])} or {letters[-1]}"
+        answer = _ask(f"please answer {one_of}: {question}")
+    return answer[0]
 
 
 def _ask_stroke(run: Run) -> float | None:
@@ -223,6 +234,7 @@ def zero(run: Run) -> int:
             if not is_asked or error.data.get("field") != "stroke_mm":
                 raise
             say(f"  {one_line(error.message)}")
+        params.pop("stroke_mm", None)
         params |= given_numbers(stroke_mm=_ask_stroke(run))
 
 

@@ -49,8 +49,8 @@ def _setting(text: str) -> tuple[str, float]:
     """Read FIELD=NUMBER."""
     found = _SETTING.fullmatch(text)
     if found is None:
-        field = text if text.isidentifier() else "force_n"
-        raise ArgumentTypeError(f"{text!r} is no setting: say FIELD=NUMBER, {field}=15 for one")
+        example = f"{text}=NUMBER" if text.isidentifier() else "FIELD=NUMBER, force_n=15 for one"
+        raise ArgumentTypeError(f"{text!r} is no setting: say {example}")
     # Some fields are whole numbers, and the daemon takes a whole number for the others, too.
     return found[1], int(found[2]) if re.fullmatch(r"[+-]?[0-9]+", found[2]) else float(found[2])
 
