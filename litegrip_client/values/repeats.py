@@ -61,6 +61,8 @@ class _Repeat:
         text += f" {_span(now_s - self.reported_s)}{last})"
         line = logging.makeLogRecord(vars(self.record) | {"msg": text, "args": None})
         line.exc_info = line.exc_text = line.stack_info = None
+        line.created += ago_s  # it is written now, behind lines that came since
+        line.msecs = line.created % 1.0 * 1e3
         self.reported_s, self.count = now_s, 0
         self.step = min(self.step + 1, len(INTERVALS_S) - 1)
         return line

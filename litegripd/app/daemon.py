@@ -280,7 +280,7 @@ class Daemon:
         self._dumps.step(now_s, failed=failed, bus_is_up=bus_is_up)
         self._send_tasks()
         for event in self._service.take_events():
-            log_event(event)
+            log_event(event, self._config.channel)
         self._log_handler.poll()
         self._supervision.tick(now_s, failed=failed)
 

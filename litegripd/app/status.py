@@ -12,7 +12,9 @@ from typing import cast
 
 from litegrip_client.values.repeats import REPEATS, RepeatsHandler
 from litegrip_client.values.severity import is_warning
+from litegrip_client.values.terms import told
 from litegrip_client.values.version import installed_version
+from litegrip_client.values.voices import in_shell_of
 from litegripd.app.build import Parts
 from litegripd.app.config import Config
 from litegripd.app.machine import Machine
@@ -90,14 +92,16 @@ def make_log_handler(channel: str, post: Callable[[str], bool]) -> RepeatsHandle
     return handler
 
 
-def log_event(event: Event) -> None:
-    """Log one event."""
+def log_event(event: Event, channel: str) -> None:
+    """Log one event, with the commands of `litegripctl` for what it names: a person reads it."""
     level = logging.WARNING if is_warning(event.kind, event.data) else logging.INFO
     fields = {name: event.data[key] for key, name in _FIELDS.items() if event.data.get(key)}
     extra: dict[str, object] = {FIELDS: {"LITEGRIP_EVENT": event.kind, **fields}}
     if event.kind in _REPEATED or event.kind in _ALWAYS:
         extra[REPEATS] = event.kind in _REPEATED
-    _log.log(level, "%s", event.message, extra=extra)
+    voice = in_shell_of(lambda name: name.replace("litegripctl", f"litegripctl -c {channel}"))
+    text = told(with_terms({"message": event.message}), "message", voice)
+    _log.log(level, "%s", text, extra=extra)
 
 
 def warn_of_untried(motor_type: MotorType) -> None:

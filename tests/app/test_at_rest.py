@@ -31,7 +31,7 @@ def keep_journal(world: World) -> None:
 
     def on_event(event: Event, now_s: float) -> None:
         record(event, now_s)
-        log_event(event)
+        log_event(event, "can0")
 
     world.service.on_event = on_event
 

@@ -118,7 +118,7 @@ def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def journalled(world: World) -> World:
     """Let a world's events go to the log, as the daemon's do."""
-    world.service.on_event = lambda event, _now_s: log_event(event)
+    world.service.on_event = lambda event, _now_s: log_event(event, "can0")
     return world
 
 
@@ -291,7 +291,8 @@ def test_a_client_learns_that_its_scale_is_wrong_though_none_is_in_use() -> None
 
 def assert_told(world: World, caplog: pytest.LogCaptureFixture, sentence: str) -> None:
     """Check that something is warned of once in the log, and once as a reason of the verdict."""
-    told = [one for one in caplog.records if sentence in one.getMessage()]
+    logged = sentence.replace("calibration.zero", "litegripctl -c can0 zero")
+    told = [one for one in caplog.records if logged in one.getMessage()]
     assert [one.levelno for one in told] == [logging.WARNING]
     judged, reasons = verdict(world)
     assert judged == "degraded"

@@ -28,12 +28,15 @@ class Day:
     now_s: float = 0.0
     lines: list[tuple[float, str]] = field(default_factory=list)
     given: int = 0
+    stamps_s: list[float] = field(default_factory=list)
+    """What each line says of its time, by the machine's clock."""
 
     def __post_init__(self) -> None:
         self.handler = RepeatsHandler(self._take, lambda: self.now_s)
 
-    def _take(self, _record: logging.LogRecord, text: str) -> bool:
+    def _take(self, record: logging.LogRecord, text: str) -> bool:
         self.lines.append((self.now_s, text))
+        self.stamps_s.append(record.created)
         return True
 
     def until(self, at_s: float) -> None:
@@ -45,7 +48,7 @@ class Day:
     def say(self, *events: Event) -> None:
         for event in events:
             self.given += 1
-            log_event(event)
+            log_event(event, "can0")
 
     @property
     def texts(self) -> list[str]:
@@ -134,6 +137,14 @@ def test_what_was_counted_is_told_soon_after_it_has_settled(day: Day) -> None:
     last_s = day.now_s
     day.until(last_s + 3600.0)
     assert last_s <= day.lines[-1][0] <= last_s + 601.0
+
+
+def test_what_was_counted_bears_the_time_at_which_it_is_told(day: Day) -> None:
+    gone = Event("bus", "CAN bus: adapter_gone", {"state": "adapter_gone"})
+    day.say(gone, gone)
+    day.until(30.0)
+    (_, first_s), (told_s, stamp_s) = zip(day.lines, day.stamps_s, strict=True)
+    assert stamp_s - first_s == pytest.approx(told_s[0], abs=1.0)
 
 
 def test_figures_do_not_make_another_line(day: Day) -> None:

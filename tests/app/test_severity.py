@@ -39,7 +39,7 @@ def test_journal_and_dump_agree(
     kind: EventKind, data: dict[str, Any], caplog: pytest.LogCaptureFixture
 ) -> None:
     with caplog.at_level(logging.INFO):
-        log_event(Event(kind, "it happened", data))
+        log_event(Event(kind, "it happened", data), "can0")
     (record,) = caplog.records
     content = {"kind": kind, "message": "it happened", "data": data}
     fields = _event_fields(RecordedEvent(1, 2.0, content), 2_000_000_000)

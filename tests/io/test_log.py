@@ -13,6 +13,7 @@ from litegrip_client.values.repeats import RepeatsHandler
 from litegripd.app.status import log_event
 from litegripd.io import log
 from litegripd.io.log import FIELDS, JournalSink, goes_to_journal
+from litegripd.model.sentence import sentence
 from litegripd.model.state import Event, EventKind
 
 
@@ -106,7 +107,7 @@ def test_an_event_can_be_found_by_job_and_client(
     monkeypatch.setattr(logging.getLogger(), "handlers", [RepeatsHandler(sink)])
     caplog.set_level(logging.INFO, "litegripd")
     data = {"job": 3, "kind": "open", "client": 7, "pid": 42, "detached": False}
-    log_event(Event("job_started", "job 3: open by demo", data))
+    log_event(Event("job_started", "job 3: open by demo", data), "can0")
     found = fields(journal)
     assert found["MESSAGE"] == "job 3: open by demo"
     assert {name: value for name, value in found.items() if name.startswith("LITEGRIP")} == {
@@ -116,6 +117,18 @@ def test_an_event_can_be_found_by_job_and_client(
         "LITEGRIP_CLIENT": "7",
         "LITEGRIP_CLIENT_PID": "42",
     }
+
+
+def test_what_an_event_names_is_a_command_in_the_journal(
+    journal: socket.socket,
+    sink: JournalSink,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    monkeypatch.setattr(logging.getLogger(), "handlers", [RepeatsHandler(sink)])
+    caplog.set_level(logging.INFO, "litegripd")
+    log_event(Event("pressing", sentence("let them go ({motion.zero_gravity})"), {}), "can1")
+    assert fields(journal)["MESSAGE"] == "let them go (litegripctl -c can1 slack)"
 
 
 @pytest.mark.parametrize(
@@ -131,7 +144,7 @@ def test_what_is_lost_or_pressed_is_a_warning_and_what_moved_is_none(
 ) -> None:
     monkeypatch.setattr(logging.getLogger(), "handlers", [RepeatsHandler(sink)])
     caplog.set_level(logging.INFO, "litegripd")
-    log_event(Event(kind, "the object", {}))
+    log_event(Event(kind, "the object", {}), "can0")
     assert fields(journal)["PRIORITY"] == priority
 
 
