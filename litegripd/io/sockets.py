@@ -454,7 +454,8 @@ def _program(pid: int) -> str:
         finally:
             os.close(fd)
     except OSError:
-        return "?"  # ended meanwhile, or in another pid namespace
+        # A pid of another namespace is 0 here. Who has ended may have stopped a hung daemon.
+        return "a program that has ended" if pid else "?"
     text = name.decode("utf-8", errors="replace").strip()
     return "".join(c if c.isprintable() else "?" for c in text)
 

@@ -5,6 +5,7 @@ import select
 import socket
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -80,3 +81,16 @@ def test_a_socket_without_a_peer_has_no_groups() -> None:
     with socket.socket(socket.AF_UNIX) as alone:
         peer = peer_of(alone)
     assert (peer.pid, peer.program, peer.groups) == (0, "?", ())
+
+
+def test_a_program_that_has_ended_is_told_as_one(tmp_path: Path) -> None:
+    path = str(tmp_path / "listening")
+    with socket.socket(socket.AF_UNIX) as server:
+        server.bind(path)
+        server.listen()
+        connects = f"import socket\nsocket.socket(socket.AF_UNIX).connect({path!r})"
+        process = subprocess.Popen([sys.executable, "-c", connects])
+        process.wait()
+        with server.accept()[0] as connected:
+            peer = peer_of(connected)
+    assert (peer.pid, peer.program) == (process.pid, "a program that has ended")

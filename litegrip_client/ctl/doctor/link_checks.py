@@ -337,6 +337,8 @@ def _missing(facts: Facts) -> Finding:
             text, advice='at a serial port it needs [bus] interface = "slcan": etc/slcan.toml'
         )
     plug = "plug the adapter in and load its driver (sudo modprobe gs_usb, say)"
+    if facts.daemon is None and facts.sockets and facts.configuration is None:
+        return warning(text, advice=f"right if its daemon simulates the gripper; else {plug}")
     if others:
         return error(
             text,

@@ -98,6 +98,15 @@ LINK_CASES: Cases = {
             "ERROR there is no network interface vcan0"
             " $ sudo ip link add dev vcan0 type vcan && sudo ip link set vcan0 up",
         ),
+        Case(
+            facts(None, bus_channel="sim0", daemon=None, failure="it does not answer", hung_pid=77),
+            "WARNING there is no network interface sim0"
+            " # right if its daemon simulates the gripper; else plug the adapter in",
+        ),
+        Case(
+            facts(None, bus_channel="can9", daemon=None, failure="there is none", sockets=()),
+            "ERROR there is no network interface can9 # plug the adapter in",
+        ),
         Case(serial(SERIAL)),
         Case(
             facts(system=system(link=replace(link("down"), modes=("LOOPBACK",)))),
