@@ -435,6 +435,8 @@ _FIGURES: Mapping[str, str] = {
     "torque_trips": "torque trips: {}",
 }
 """How a figure of a result reads, in this order; others are for programs, as flags and limits."""
+_FIGURES_OF_WEAK = {"width_mm": "at {:.1f} mm", "force_n": "{:.1f} N asked for"}
+"""Of a motor that makes less than that: whether anything is held is not known."""
 
 
 def _worded(result: Result, geometry: Geometry | None) -> str:
@@ -445,7 +447,8 @@ def _worded(result: Result, geometry: Geometry | None) -> str:
     """
     outcome, ok = getattr(result, "outcome", None), getattr(result, "ok", True)
     shown: list[str] = [outcome.replace("_", " ")] if outcome else [] if ok else ["NOT ok"]
-    for name, form in _FIGURES.items():
+    weak = _FIGURES_OF_WEAK if outcome == "motor_weak" else {}
+    for name, form in {**_FIGURES, **weak}.items():
         value = getattr(result, name, None)
         if value is None or (name == "target_rad" and isinstance(result, GraspResult)):
             continue

@@ -10,7 +10,7 @@ from difflib import get_close_matches
 from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.ctl.parser import NUMBER, LateParser
 from litegrip_client.ctl.run import Commands, Run, connected, installing
-from litegrip_client.values.errors import CommandError, LiteGripError, ParameterError
+from litegrip_client.values.errors import CommandError, LiteGripError
 from litegrip_client.values.figures import Data, figure, plain
 from litegrip_client.values.printed import HealthReport, tree
 from litegrip_client.values.terms import told_all
@@ -76,11 +76,7 @@ def config(run: Run) -> int:
     if field is None:
         return run.done(data, f"{_config_text(data)}\n{_FIELDS_PAGE}")
     if field not in data["config"]:
-        raise ParameterError(
-            f"there is no field {field!r}",
-            reason="invalid_params",
-            data={"hint": run.here("all fields: litegripctl config")},
-        )
+        return _no_field(run, field, data["config"])
     only = _only(data, (field,))
     return run.done(only, plain(only["config"][field]))
 
@@ -107,17 +103,20 @@ def _set(run: Run) -> int:
     known = run.connection.call("config.get")["config"]
     for name in fields:
         if name not in known:
-            close = get_close_matches(name, known, 1)
-            meant = f"did you mean {close[0]!r}? " if close else ""
-            hint = f"{meant}All fields: {run.here('litegripctl config')}; {_FIELDS_PAGE}"
-            return run.refuse(f"there is no field {name!r}", hint)
+            return _no_field(run, name, known)
     data = run.connection.call(
         "config.set", {"config": fields, "keep": run.options.keep}, ACTION_TIMEOUT_S
     )
     text = _config_text(_only(data, fields))
-    if not run.options.keep:
-        text += "\nuntil the daemon restarts; for longer: --keep"
-    return run.done(data, text)
+    how_long = "for good" if run.options.keep else "until the daemon restarts; for longer: --keep"
+    return run.done(data, f"{text}\n{how_long}")
+
+
+def _no_field(run: Run, name: str, known: Collection[str]) -> int:
+    close = get_close_matches(name, known, 1)
+    meant = f"did you mean {close[0]!r}? " if close else ""
+    hint = f"{meant}All fields: {run.here('litegripctl config')}; {_FIELDS_PAGE}"
+    return run.refuse(f"there is no field {name!r}", hint)
 
 
 def _only(data: Data, names: Collection[str]) -> Data:

@@ -253,12 +253,15 @@ def _note_force(run: Run, force_n: float | None) -> None:
 def _grasp_text(run: Run, data: Data) -> str:
     """Return what is held, how wide it is, and how to let go of it."""
     width = data.get("width_mm")
+    is_weak = data.get("outcome") == "motor_weak"  # whether anything is held is not known
+    is_wide = width is not None and not is_weak
     text = f"grasp: {verdict(data)}, "
-    text += f"at {opening_of(data)}" if width is None else f"{figure(width, '.1f', 'mm')} wide"
+    text += f"{figure(width, '.1f', 'mm')} wide" if is_wide else f"at {opening_of(data)}"
     if data.get("held_s"):
         text += f", held for {figure(data['held_s'], '.1f', 's')}"
     if data.get("ok") or data.get("state", {}).get("force_set_n") is not None:
-        text += f", holding {figure(data.get('force_n'), '.1f', 'N')}"
+        held = "asked to hold" if is_weak else "holding"
+        text += f", {held} {figure(data.get('force_n'), '.1f', 'N')}"
         text += run.here("; let go with: litegripctl release")
     return f"{text}{why_not(data, run.here)}"
 
