@@ -278,7 +278,7 @@ class GripperActions:
         a `CommandError`; its `data["limit"]` is the travel.
         """
         target = {"opening_mm": number("position_mm", position_mm)}
-        target |= given_numbers(kp=kp, kd=kd, at_least_s=duration)
+        target |= _pace(kp, kd, duration)
         return await self._move("motion.move", target, progress)
 
     async def goto_rad(  # noqa: PLR0917 - the vendor's, by position
@@ -300,7 +300,7 @@ class GripperActions:
         """
         check_no_feedforward("goto_rad", dq_target=dq_target, tau_feedforward=tau_feedforward)
         target = {"position_rad": number("position_rad", position_rad)}
-        target |= given_numbers(kp=kp, kd=kd, at_least_s=duration)
+        target |= _pace(kp, kd, duration)
         return await self._move(Called("motion.move", "goto_rad"), target, progress)
 
     async def move_to(
@@ -314,7 +314,7 @@ class GripperActions:
         """Move to a position of the motor, in rad, in `duration` seconds: as `goto_rad` does."""
         check_no_feedforward("move_to", tau_feedforward=tau_feedforward)
         target = {"position_rad": number("target_rad", target_rad)}
-        target |= given_numbers(kp=kp, kd=kd, at_least_s=duration)
+        target |= _pace(kp, kd, duration)
         called = Called("motion.move", "move_to", position_rad="target_rad")
         return await self._move(called, target, None)
 
@@ -329,7 +329,7 @@ class GripperActions:
     ) -> MoveResult:
         """Move to a share of the travel, 0 (closed) to 1 (open); all else as for `goto`."""
         target = {"openness": number("openness", openness)}
-        target |= given_numbers(kp=kp, kd=kd, at_least_s=duration)
+        target |= _pace(kp, kd, duration)
         return await self._move(Called("motion.move", "goto_openness"), target, progress)
 
     async def move_at_speed(
@@ -1021,6 +1021,12 @@ def _of_sdk(status: dict[str, Any]) -> dict[str, Any]:
         name: first for name, first in _BEFORE_A_FRAME.items() if status.get(name, first) is None
     }
     return {**status, **missing}
+
+
+def _pace(kp: float | None, kd: float | None, duration: float | None) -> dict[str, float]:
+    """Return what goes with a target: gains, and the least time that it takes."""
+    least = {} if duration is None else {"at_least_s": number("duration", duration)}
+    return {**given_numbers(kp=kp, kd=kd), **least}
 
 
 def _play_params(  # noqa: PLR0917 - those of `play`, in its order

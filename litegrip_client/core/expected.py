@@ -8,6 +8,7 @@ from dataclasses import fields
 from typing import Any
 
 from litegrip_client.values.calibration import GripperConfig
+from litegrip_client.values.checks import integer
 from litegrip_client.values.errors import CommandError, ParameterError
 
 _TOLERANCE = 1e-3
@@ -32,7 +33,8 @@ def expectations(  # noqa: PLR0917 - the arguments of the SDK's LiteGrip
 ) -> tuple[str | None, int | None, dict[str, Any]]:
     """Return channel, CAN id, and what else the daemon's gripper must be.
 
-    An argument counts more than the same in `config`. Raises `ParameterError` for CAN FD.
+    An argument counts more than the same in `config`. Raises `ParameterError` for CAN FD, and for
+    an id that is no number.
     """
     expected: dict[str, Any] = {}
     if config is not None:
@@ -54,7 +56,7 @@ def expectations(  # noqa: PLR0917 - the arguments of the SDK's LiteGrip
             data={"parameter": "canfd_mode"},
         )
     if mst_id is not None:
-        expected["mst_id"] = mst_id
+        expected["mst_id"] = integer("mst_id", mst_id)
     if motor_type is not None:
         expected["motor_type"] = motor_type
     return channel, can_id, expected

@@ -120,7 +120,7 @@ class Gripper(GripperActions):
         *,
         ttl_s: float | None = None,
         wait_s: float = 0.0,
-        on_lost: str = "hold",
+        on_lost: str | None = None,
     ) -> Lease:
         """Take the lease, for exclusive control: `async with gripper.lease("sorting", wait_s=10):`.
 
@@ -128,7 +128,9 @@ class Gripper(GripperActions):
         `enable` takes the lease automatically, until `disconnect`.
         `wait_s` is how long to wait for another owner. With `ttl_s` the lease is lost when no
         call is made for that time; a longer motion is ended. `on_lost` is what the jaws do when
-        the lease is lost: "hold", "relax" or "disable". In a take-over, the new owner decides.
+        the lease is lost: "hold", "relax" or "disable" (default: what `enable` has said, before
+        or after, which is "disable" with `disable_on_disconnect`; without it "hold"). In a
+        take-over, the new owner decides.
         Raises `LeaseError`, which names the owner. After a loss, `disable` and every motion raise
         `LeaseError` (`lease_lost`) until `lease` or `enable` takes the lease again.
         """

@@ -198,7 +198,7 @@ class SetpointStream:
         `torque_nm` is for this target what it is for the whole stream. `kp` (5 to 500 N·m/rad) and
         `kd` (0.1 to 5 N·m·s/rad) are the most stiffness and damping, the calibration's by default.
         Raises `CommandError` (a target outside the travel, another motion runs, ...) and all that
-        motions raise.
+        motions raise: for the first target at once, for others by one of the next calls.
         """
         target = given_numbers(
             opening_mm=opening_mm, position_rad=position_rad, openness=openness, push_nm=push_nm
@@ -227,6 +227,7 @@ class SetpointStream:
             if refusal is not None:
                 self._wire = self._job = None
             if refusal is not None and refusal.reason != _EXPIRED:
+                refusal.message = f"of an earlier target: {refusal.message}"
                 raise refusal
         if wire is self._wire and paused_s < self._valid_s / 2.0:
             await wire.notify_guarded("stream.set", params)

@@ -13,7 +13,7 @@ from weakref import WeakSet
 
 from litegrip_client.core.discovery import chosen_channel
 from litegrip_client.line.exchange import LEFT_ALONE, SEE_DOCTOR
-from litegrip_client.values.checks import given_numbers
+from litegrip_client.values.checks import given_numbers, integer
 from litegrip_client.values.errors import (
     CommandError,
     CommError,
@@ -102,7 +102,7 @@ class DaemonSession:
     ) -> None:
         """Expect the values of `expected` in the daemon's `GripperConfig`, by its fields.
 
-        Raises `CommandError` for a `voice` that cannot be called.
+        Raises `CommandError` for a `voice` that cannot be called, or a `can_id` that is no number.
         """
         if voice is not None and not callable(voice):
             raise ParameterError(
@@ -111,10 +111,17 @@ class DaemonSession:
                 reason="invalid_params",
                 data={"parameter": "voice"},
             )
+        given: Any = can_id
+        if given in ("normal", "reverse"):
+            raise ParameterError(
+                f"can_id is {can_id!r}, it must be a number; a mount: mount={can_id!r}",
+                reason="invalid_params",
+                data={"parameter": "can_id"},
+            )
         self.voice = voice
         self._expected = expected or {}
         self.channel = chosen_channel(channel)
-        self.can_id = can_id
+        self.can_id = None if can_id is None else integer("can_id", can_id)
         self.socket_path = socket_path
         self.disable_on_disconnect = disable_on_disconnect
         self.enabled_here = False
@@ -270,14 +277,16 @@ class DaemonSession:
         purpose: str | None = None,
         ttl_s: float | None = None,
         wait_s: float = 0.0,
-        on_lost: str = "hold",
+        on_lost: str | None = None,
     ) -> dict[str, Any]:
         """Get the lease, or change its options; the purpose is the program by default.
 
+        What is not given stays as it was, as what `enable` has said the jaws do when it is lost.
         Only this gets a lost lease again. Until then the daemon refuses all that moves.
         """
         numbers = given_numbers(ttl_s=ttl_s, wait_s=wait_s or None)
-        params = {"on_lost": on_lost, **numbers}
+        params: dict[str, Any] = {} if on_lost is None else {"on_lost": on_lost}
+        params |= numbers
         if purpose is not None or not self.leased:
             params["purpose"] = purpose or _program()
         return await self._get("lease.acquire", params, numbers.get("wait_s", 0.0))

@@ -247,7 +247,7 @@ class Multiplexer:
 
     def _not_sent(self, error: OSError, timeout_s: float) -> None:
         if isinstance(error, TimeoutError):
-            raise no_answer("the daemon does not read its requests", timeout_s) from error
+            raise no_answer("the daemon does not read its requests", timeout_s) from None
         if not self._stream.hung_up:
             self._end(f"the connection cannot be used any more: {error}", "connection_lost")
 

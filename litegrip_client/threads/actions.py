@@ -153,7 +153,7 @@ class SetpointStream:
         `torque_nm` is for this target what it is for the whole stream. `kp` (5 to 500 N·m/rad) and
         `kd` (0.1 to 5 N·m·s/rad) are the most stiffness and damping, the calibration's by default.
         Raises `CommandError` (a target outside the travel, another motion runs, ...) and all that
-        motions raise.
+        motions raise: for the first target at once, for others by one of the next calls.
         """
         complete(
             self._core.set_target(
@@ -940,7 +940,7 @@ class BlockingGripper(GripperActions):
         *,
         ttl_s: float | None = None,
         wait_s: float = 0.0,
-        on_lost: str = "hold",
+        on_lost: str | None = None,
     ) -> Lease:
         """Take the lease, for exclusive control: `with gripper.lease("sorting", wait_s=10):`.
 
@@ -948,7 +948,9 @@ class BlockingGripper(GripperActions):
         `enable` takes the lease automatically, until `disconnect`.
         `wait_s` is how long to wait for another owner. With `ttl_s` the lease is lost when no
         call is made for that time; a longer motion is ended. `on_lost` is what the jaws do when
-        the lease is lost: "hold", "relax" or "disable". In a take-over, the new owner decides.
+        the lease is lost: "hold", "relax" or "disable" (default: what `enable` has said, before
+        or after, which is "disable" with `disable_on_disconnect`; without it "hold"). In a
+        take-over, the new owner decides.
         Raises `LeaseError`, which names the owner. After a loss, `disable` and every motion raise
         `LeaseError` (`lease_lost`) until `lease` or `enable` takes the lease again.
         """

@@ -135,8 +135,10 @@ class LiteGripError(Exception):
 
     def __str__(self) -> str:
         hint = self.hint
-        is_said = not hint or hint in self.message or self.names(self.remedy)
-        return self.message if is_said else f"{self.message}\n{hint}"
+        if not hint or hint in self.message or self.names(self.remedy):
+            return self.message
+        is_call = hint.endswith(")") and " " not in hint.removeprefix("await ")
+        return f"{self.message}\n{'next: ' if is_call else ''}{hint}"
 
     def names(self, methods: frozenset[str]) -> bool:
         """Return True if the message names all these methods of the daemon, and there are some."""

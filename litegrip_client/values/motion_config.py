@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from litegrip_client.values.checks import UnsetFloat, integer, number
 from litegrip_client.values.errors import CommandError
 from litegrip_client.values.fields import Hinting
+from litegrip_client.values.tracebacks import shortened
 
 
 class _Int(int):
@@ -20,6 +21,7 @@ class _Int(int):
     __slots__ = ()
 
 
+@shortened
 @dataclass(slots=True)
 class MotionConfig(Hinting):
     """The tunables of the motions; they count for the calls of the object that has them.

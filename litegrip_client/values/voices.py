@@ -183,7 +183,7 @@ def in_python(method: str | None, parameter: str | None, asked: str | None) -> s
         return call
     name = _argument(method, parameter)[0] or parameter
     value = "True" if name.startswith("allow_") else "..."
-    return f"{call.removesuffix(')')}{name}={value})" if call and call.endswith("()") else None
+    return call.replace("()", f"({name}={value})", 1) if call and call.endswith("()") else None
 
 
 def in_shell(method: str | None, parameter: str | None, asked: str | None) -> str | None:

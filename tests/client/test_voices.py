@@ -236,7 +236,7 @@ def test_a_remedy_is_said_when_its_calls_are() -> None:
     assert text.endswith("\ngripper.enable(), then gripper.zero()")
     assert shown("no: plug it in", "plug it in") == "no: plug it in"
     assert shown("no bus", "plug it in") == "no bus\nplug it in"
-    assert shown("motor.enable", "{motor.enable}") == "motor.enable\ngripper.enable()"
+    assert shown("motor.enable", "{motor.enable}") == "motor.enable\nnext: gripper.enable()"
 
 
 def test_python_reads_python(heard: Heard) -> None:

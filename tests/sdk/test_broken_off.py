@@ -371,3 +371,17 @@ def test_of_a_recording_that_was_broken_off_a_shell_keeps_the_part(
     assert isinstance(caught.value.__context__, litegrip_client.TrajectoryRecordingError)
     kept = daemon.client().result("trajectory.record_stop", name="part", allow_partial=True)
     assert 40 < kept["samples"] < 60
+
+
+def test_what_the_sdk_lacks_is_named_as_a_call_of_the_daemon(gripper: LiteGrip) -> None:
+    assert gripper.daemon is not None
+    gripper.daemon.software_stop()
+    with pytest.raises(
+        litegrip.CommandError, match=r"clear it with gripper\.daemon\.clear_stop\(\) first"
+    ):
+        gripper.open()
+    gripper.daemon.clear_stop()
+    gripper.disable()
+    with pytest.raises(litegrip.NotInitializedError) as caught:
+        gripper.open()
+    assert "daemon" not in str(caught.value)

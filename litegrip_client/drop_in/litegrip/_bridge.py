@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -14,6 +15,7 @@ from litegrip_client.values.motion_config import DAEMON_FIELDS
 from litegrip_client.values.motion_config import MotionConfig as OurMotionConfig
 from litegrip_client.values.results import GripperState as OurState
 from litegrip_client.values.results import MoveProgress as OurProgress
+from litegrip_client.values.terms import Voice
 from litegrip_client.values.voices import in_python, in_shell
 
 from . import teleop, trajectory
@@ -77,10 +79,18 @@ def in_their_terms() -> Iterator[None]:
         raise translated(error) from None
 
 
-def voice(method: str | None, parameter: str | None, asked: str | None) -> str | None:
-    """Name what the daemon's messages name: Python's calls, but where the SDK's take less."""
-    is_of_shell = (method, parameter) == ("trajectory.record_stop", "allow_partial")
-    return (in_shell if is_of_shell else in_python)(method, parameter, asked)
+def voice_of(kind: type) -> Voice:
+    """Return what names what the daemon's messages name: calls of `kind`, else of its `daemon`."""
+
+    def own(call: re.Match[str]) -> str:
+        return call[0] if hasattr(kind, call[1]) else f"gripper.daemon.{call[1]}"
+
+    def voice(method: str | None, parameter: str | None, asked: str | None) -> str | None:
+        is_of_shell = (method, parameter) == ("trajectory.record_stop", "allow_partial")
+        named = (in_shell if is_of_shell else in_python)(method, parameter, asked)
+        return named and re.sub(r"\bgripper\.(\w+)", own, named)
+
+    return voice
 
 
 def opening_mm(angle_rad: float, config: GripperConfig) -> float:

@@ -27,7 +27,7 @@ from ._bridge import (
     opening_mm,
     state_of,
     translated,
-    voice,
+    voice_of,
 )
 from ._sessions import Sessions
 from ._shortened import shortened
@@ -267,7 +267,7 @@ class LiteGrip:
                 config.can_channel,
                 named_id,
                 disable_on_disconnect=self.disable_on_disconnect,
-                voice=voice,
+                voice=voice_of(LiteGrip),
             )
             daemon.connect()
             found, version = daemon.config, daemon.info().get("version")

@@ -368,6 +368,28 @@ def test_a_lease_says_what_is_wished(daemon: Heard, gripper: LiteGrip) -> None:
     assert daemon.methods()[-3:] == ["lease.acquire", "lease.renew", "lease.release"]
 
 
+def test_whom_a_lease_refuses_is_told_a_call_that_waits(daemon: Heard, kind: Kind) -> None:
+    daemon.client(uid=os.getuid()).result("lease.acquire", purpose="picking")
+    with kind.gripper() as gripper, pytest.raises(LeaseError) as caught:
+        gripper.enable()
+    assert "gripper.lease(wait_s=...).acquire()" in str(caught.value)
+
+
+def test_a_lease_leaves_what_enable_has_said_of_its_loss(daemon: Heard, gripper: LiteGrip) -> None:
+    def on_lost() -> str:
+        return str(daemon.client().result("lease.get")["owner"]["on_lost"])
+
+    with gripper.lease("packing"):
+        assert on_lost() == "hold"
+        gripper.enable()
+        assert on_lost() == "disable"
+    with gripper.lease("packing"):
+        assert on_lost() == "disable", "a script that is killed disables the motor"
+    assert on_lost() == "disable"
+    with gripper.lease("packing", on_lost="relax"):
+        assert on_lost() == "relax"
+
+
 def test_a_lease_that_another_has_names_it_and_can_be_taken(
     daemon: Heard, gripper: LiteGrip, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -605,6 +627,28 @@ def test_what_was_meant_by_a_wrong_name_is_said_once(
     assert str(caught.value).endswith(f"has no attribute {told}")
     printed = "".join(traceback.format_exception_only(caught.value))
     assert printed.lower().count("did you mean") == told.count("did you mean")
+
+
+@pytest.mark.parametrize(
+    ("act", "told"),
+    [
+        (
+            lambda: LiteGrip("can0", "normal"),  # type: ignore[arg-type]
+            "can_id is 'normal', it must be a number; a mount: mount='normal'",
+        ),
+        (lambda: LiteGrip("can0", "8"), "can_id is '8', it must be a whole number"),  # type: ignore[arg-type]
+        (lambda: MotionConfig(speed=20), "'speed': did you mean 'speed_mm_s'?"),  # type: ignore[call-arg]
+    ],
+)
+def test_a_wrong_argument_of_a_constructor_is_told(act: Callable[[], object], told: str) -> None:
+    with pytest.raises((CommandError, TypeError)) as caught:
+        act()
+    assert told in str(caught.value)
+
+
+def test_a_wrong_duration_is_called_as_it_was_written(gripper: LiteGrip) -> None:
+    with pytest.raises(CommandError, match=r"^duration is '1s', it must be a number"):
+        gripper.goto(40, duration="1s")  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

@@ -135,6 +135,7 @@ def test_a_refusal_of_a_later_one_is_raised_and_the_next_is_answered_again(
         stream.set_target(10.0)
         error = until_refused(kind, stream, 500.0)
         assert (error.reason, len(error.data["limit"])) == ("out_of_limits", 2)
+        assert error.message.startswith("of an earlier target: opening_mm is 500")
         stream.set_target(10.0)
     is_answered = answered(daemon)
     assert (is_answered[0], is_answered[-1], any(is_answered[1:-1])) == (True, True, False)
