@@ -27,6 +27,7 @@ HIDDEN = (
     __file__.rsplit("/", 2)[0] + "/",  # the package: this room is a folder of it
     f"{_STANDARD}/asyncio/",
     f"{_STANDARD}/concurrent/",
+    f"{_STANDARD}/contextlib.py",
 )
 _SPECIAL = ("__init__", "__enter__", "__exit__", "__next__", "__aenter__", "__aexit__", "__anext__")
 _STOP = "software_stop"

@@ -1,6 +1,7 @@
 """What breaks off: the daemon goes away and comes back, an interrupt, another thread, a mistake."""
 
 import math
+import traceback
 from types import SimpleNamespace
 from typing import Any
 
@@ -385,3 +386,19 @@ def test_what_the_sdk_lacks_is_named_as_a_call_of_the_daemon(gripper: LiteGrip) 
     with pytest.raises(litegrip.NotInitializedError) as caught:
         gripper.open()
     assert "daemon" not in str(caught.value)
+
+
+def test_the_traceback_of_a_stopped_motion_has_one_line_of_ours(
+    gripper: LiteGrip, site: Site
+) -> None:
+    gripper.enable()
+    assert gripper.daemon is not None
+    site.after(0.3, gripper.daemon.software_stop)
+    with pytest.raises(litegrip.CommandError) as caught:
+        gripper.goto(10.0, duration=3.0)
+    frames = traceback.extract_tb(caught.value.__traceback__)
+    ours = [
+        one.name for one in frames if "/drop_in/" in one.filename or "contextlib" in one.filename
+    ]
+    assert ours == ["goto"]
+    gripper.daemon.clear_stop()
