@@ -175,7 +175,7 @@ _SHIFTED = (
     ("release", rf"({NUMBER})(?:mm)?", "a distance is an option: --by {0}"),
     ("stop", f"({'|'.join(STOP_LEVELS)})", "a level is an option: --level {0}"),
     ("stop", "([^-].*)", "a reason is an option: --why TEXT"),
-    ("trajectories (?:get|export)", "([^-].*)", "a file is an option: -o {0}"),
+    ("dump|trajectories (?:get|export)", "([^-].*)", "a file is an option: -o {0}"),
 )
 """By command: what users put behind it that it does not take, and what they are told then."""
 

@@ -13,6 +13,7 @@ import os
 import stat
 from collections.abc import Mapping
 from dataclasses import asdict, astuple, dataclass, replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -125,16 +126,23 @@ def entry_of(name: str, path: Path) -> dict[str, Any]:
     return {"name": name, "error": None, "bytes": size, **known, "duration_s": lasts_s}
 
 
-def unknown(name: str) -> StoreError:
-    """Return the error for a name that no trajectory has."""
-    text = sentence("there is no trajectory {name!r}; {trajectory.list} lists them", name=name)
+def unknown(name: str, folder: Path) -> StoreError:
+    """Return the error for a name that no trajectory in a folder has."""
+    names = [path.name.removesuffix(ENDING) for path in folder.glob(f"*{ENDING}")]
+    close = get_close_matches(name, names, 1)
+    meant = f"did you mean {close[0]!r}? " if close else ""
+    text = sentence(
+        "there is no trajectory {name!r}; {meant}{trajectory.list} lists them",
+        name=name,
+        meant=meant,
+    )
     return StoreError("unknown_trajectory", text)
 
 
 def unopened(name: str, path: Path, error: OSError) -> StoreError:
     """Return the error for a file that cannot be read, or does not exist."""
     if error.errno in (errno.ENOENT, errno.ENOTDIR):
-        return unknown(name)
+        return unknown(name, path.parent)
     return StoreError("trajectory_unreadable", f"{path}: cannot be read: {error.strerror}")
 
 

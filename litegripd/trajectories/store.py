@@ -350,7 +350,7 @@ class TrajectoryStore:
             self._owners.forget(path)
             self._file_system.sync_directory(path.parent)
         except FileNotFoundError:
-            raise unknown(parameters["name"]) from None
+            raise unknown(parameters["name"], path.parent) from None
         except OSError as error:
             raise StoreError("not_saved", f"{path}: cannot be removed: {error.strerror}") from None
         return {"name": parameters["name"], "deleted": True}

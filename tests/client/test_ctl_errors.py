@@ -150,6 +150,7 @@ USAGE = {
     "grasp -x 10": "unrecognized arguments: -x 10\n",
     "release 5mm": "; a distance is an option: --by 5\n",
     "trajectories get pick /tmp/a": "; a file is an option: -o /tmp/a\n",
+    "dump /tmp/a.mcap": "; a file is an option: -o /tmp/a.mcap\n",
     "move 45,5mm": "'45,5mm' has a comma: say 45.5mm",
     "grasp --hold nan": "'nan' is not a number of 0 or more",
     "grasp --width 0 --tolerance 1": "'0' is not a number above 0",
