@@ -22,6 +22,14 @@ const OVER = {
 };
 const LEASE = { ttl_s: TTL_S, purpose: "the page in a browser", on_lost: "hold" };
 
+/* How control was lost, and by whom. */
+function lossOfControl({ message, data: { cause, by, why } }) {
+  if (cause === "expired") return "You no longer have control: the page was hidden or cut off";
+  if (cause !== "taken" || !by) return `You no longer have control: ${message}`;
+  const who = by.program === "litegripd-web" ? "Another page" : by.program;
+  return `${who} took control${why ? `: ${why}` : ""}`;
+}
+
 export class Control {
   #panel;
   #operates = false;
@@ -197,7 +205,9 @@ export class Control {
     this.#has = has && this.#operates;
     this.#allow();
     this.#panel.article.classList.toggle("controlled", this.#has);
-    if (this.#has) this.#panel.forgive("control");
+    if (!this.#has) return;
+    this.#panel.forgive("control");
+    this.#panel.regain("control");
   }
 
   async #take(method, params) {
@@ -225,7 +235,7 @@ export class Control {
       await this.#panel.wire.call("lease.renew");
     } catch (error) {
       this.#set(false);
-      this.#panel.complain(`You no longer have control: ${error.message}`, "control");
+      if (this.#panel.state !== null) this.#panel.complain(lossOfControl(error), "control");
     } finally {
       this.#isRenewing = false;
     }

@@ -33,6 +33,9 @@ STROKE_MM = 85.0
 """What is configured, if nothing else is said."""
 
 
+MISSED = "STOP did not get through: nothing is stopped. "
+
+
 def near(text: str, value: float, within: float) -> bool:
     return abs(float(text.split(maxsplit=1)[0]) - value) <= within
 
@@ -209,7 +212,9 @@ def test_the_daemon_goes_and_comes_back(
             expect(button(tab, "Take control")).to_be_visible()
             expect(tab.locator("#notice")).to_have_text("")
             toasts = tab.locator("#toasts li")
-            expect(toasts).to_contain_text(["STOP did not get through: nothing is stopped. "])
+            expect(toasts).to_contain_text(
+                ["The daemon was restarted: you no longer have control.", MISSED]
+            )
             enable(tab, client)
             expect(toasts).to_have_count(1)
             tab.keyboard.press("Escape")
