@@ -18,7 +18,8 @@ const LATE_S = 1;
 const JUST_S = 1;
 const HEALTH = { ok: "Healthy", degraded: "Degraded", down: "Down" };
 const LOSSES = { object_lost: "OBJECT LOST", released_by_fault: "LET GO" };
-const STILL = new Set(["enable", "disable", "clear_fault", "hold", "set_force", "zero_gravity", "set_zero"]);
+const MOVELESS = new Set(["enable", "disable", "clear_fault", "hold", "set_force", "zero_gravity", "set_zero"]);
+const STILL = "still"; // with nothing between the jaws
 const JOBS = { record: "teaching: jaws slack", play: "replaying" };
 const GONE = {
   held: "what was held was let go",
@@ -29,8 +30,8 @@ const UNSEEN =
   "No software sees what else pushes the jaws, a hand or a weight, nor a motor that makes other than it reports.";
 
 /* What the gripper does, in the words of the page's buttons where it has any. */
-function doing({ mode, job }) {
-  if (job === null) return mode;
+function doing({ mode, job, is_grasped: isGrasped }) {
+  if (job === null) return mode === "holding" && isGrasped === false ? STILL : mode;
   const { kind, phase } = job;
   const named = phase && phase !== kind ? ` (${phase})` : "";
   if (mode === "moving" && Object.hasOwn(JOBS, kind)) return `${JOBS[kind]}${named}`;
@@ -39,7 +40,7 @@ function doing({ mode, job }) {
 
 /* Whether an event begins what moves the jaws. */
 function isMotion({ kind, data }) {
-  return kind === "job_started" && !STILL.has(data.kind);
+  return kind === "job_started" && !MOVELESS.has(data.kind);
 }
 
 /* Dispatches "state" when a new one has been shown, and "alarms" when other things are wrong. */
@@ -51,6 +52,7 @@ export class Panel extends EventTarget {
   #health = null;
   #lost = null; // the event of an object that was lost, or let go by nobody's wish
   #readS = null;
+  #last = null; // the state when the connection ended
   #epoch = null; // which start of the daemon it was
   #heldS = -Infinity; // when something was held last
   #before = null; // what was so when the connection ended
@@ -216,6 +218,7 @@ export class Panel extends EventTarget {
 
   #end({ message, lacks }) {
     if (this.state !== null) {
+      this.#last = this.state;
       const { monotonic_s: atS, stop } = this.state;
       const held = atS - this.#heldS < JUST_S; // a daemon that ends disables the motor first
       this.#before = { lacks, held, stop: stop !== null, control: this.control.has };
@@ -235,10 +238,11 @@ export class Panel extends EventTarget {
     this.article.classList.add("down");
     this.#showHeld();
     this.#alarm([`NO ${lacks.toUpperCase()}`]);
-    this.jaws.show({ opening: null, command: null, isGrasped: false, isStale: true });
+    if (this.#last !== null) this.#showJaws(this.#last);
     this.control.end();
     this.world.end();
     this.#showFacts();
+    this.dispatchEvent(new Event("ended"));
   }
 
   async #look() {
@@ -261,6 +265,7 @@ export class Panel extends EventTarget {
 
   /* Mark what is shown as late when it is older than a second, by the daemon's own clock. */
   #showAge() {
+    if (this.#last !== null && this.state === null) this.plots.advance(Date.now() / 1000);
     if (this.state === null || !this.wire.isUp) return;
     const age = this.wire.age(this.state.monotonic_s);
     const isLate = age === null || age > LATE_S;
@@ -444,7 +449,7 @@ export class Panel extends EventTarget {
       mode.textContent = isFault ? "fault, STOPPED" : "STOPPED";
       why.textContent = capital([isFault ? "" : `it is ${does}`, this.#reason(state)].filter(Boolean).join("; "));
     } else {
-      mode.dataset.mode = state.mode;
+      mode.dataset.mode = does === STILL ? STILL : state.mode;
       mode.textContent = does;
       why.textContent = this.#lost === null ? this.#reason(state) : capital(this.#reason(state));
     }
@@ -500,8 +505,7 @@ export class Panel extends EventTarget {
     else if (state.stale) parts.push("the motor does not answer: what is shown is its last report");
     if (!state.calibrated) parts.push("not calibrated");
     if (state.job) parts.push(`by ${owner(state.job.owner)}`);
-    if (state.is_grasped) parts.push(state.stale ? "something was held" : "something is held");
-    else if (state.is_grasped === null) parts.push(state.motor === "silent" ? "something was held: whether it still is, is not known"
+    if (state.is_grasped === null) parts.push(state.motor === "silent" ? "something was held: whether it still is, is not known"
         : "the motor is too weak to tell if something is held");
     else if (isNumber(state.pressing_n)) parts.push(`the jaws press with about ${figure(state.pressing_n, 0, "N")}`);
     if (state.limited.length) parts.push(`limited by ${state.limited.join(", ").replaceAll("_", " ")}`);
@@ -509,7 +513,7 @@ export class Panel extends EventTarget {
   }
 
   #showFacts() {
-    const { state } = this;
+    const state = this.state ?? this.#last;
     const heat = this.#health?.heat;
     const clamp = state?.clamp_n;
     const lease = this.#lease;

@@ -66,7 +66,7 @@ def test_without_control_a_dialog_changes_nothing(operated: Tab, client: Client)
     client.result("lease.take", ttl_s=60.0, purpose="mine", why="it is my turn")
     for name in ("The jaws are free: move them", "Correct the scale only"):
         expect(button(operated, name)).to_be_disabled()
-    expect(dialog).to_contain_text("Not now: press “Take control” first.")
+    expect(dialog).to_contain_text("Not now: press “Take it over” first.")
     button(operated, "Cancel").click()
     expect(dialog).to_be_hidden()
 

@@ -119,6 +119,22 @@ def test_a_weak_motor_is_said_while_it_lasts_and_its_hold_is_not_green(
     assert held.evaluate(MARK) == green
 
 
+def test_jaws_with_nothing_between_them_are_still_and_not_said_to_hold(
+    window: BrowserContext, looking: Page, client: Client
+) -> None:
+    tab = opened(window, looking)
+    client.despite_silence("motor.enable")
+    mode = part(tab, "mode")
+    expect(mode).to_have_text("still")
+    still = mode.evaluate("(node) => getComputedStyle(node).color")
+    grasp(client)
+    expect(mode).to_have_text("holding")
+    expect(mode).not_to_have_css("color", still)
+    client.result("sim.object")
+    expect(part(tab, "lost")).to_be_visible()
+    expect(mode).to_have_text("still")
+
+
 def test_an_object_that_nobody_holds_is_not_said_to_be_none(
     window: BrowserContext, looking: Page, client: Client
 ) -> None:
