@@ -204,6 +204,7 @@ export class Control {
     this.#panel.node("take").hidden = this.#has || isTaken;
     this.#panel.node("take-over").hidden = !isTaken;
     this.#panel.node("give").hidden = !this.#has;
+    this.#panel.node("to-use").hidden = this.#has;
   }
 
   #showForce() {

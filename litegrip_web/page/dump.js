@@ -70,7 +70,7 @@ export async function showDump(file, place, notice) {
     const words = document.createElement("span");
     words.textContent = event.message;
     line.append(when, words);
-    list.append(line);
+    list.prepend(line); // the newest first
   }
   place.replaceChildren(title, close, plots, list);
   place.hidden = false;

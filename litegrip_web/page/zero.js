@@ -30,9 +30,10 @@ export function askZero(panel) {
   const used = (mm) =>
     mm === configured ? `the configured ${configured} mm` : `${mm} mm (configured: ${configured} mm)`;
   const showUses = () => {
-    const now = inUse === null ? "There is no scale yet" : `Now the scale uses ${used(inUse)}`;
+    const now = inUse === null ? "There is no scale yet" : `Now the scale uses ${inUse} mm`;
     const next = given().stroke_mm ?? configured;
-    uses.textContent = `${now}${next === inUse ? "" : `; it would use ${used(next)}`}. All lengths and speeds follow from it.`;
+    const would = next === inUse ? "" : `; it would use ${next} mm`;
+    uses.textContent = `${now}${would} (configured: ${configured} mm). All lengths and speeds follow from it.`;
   };
 
   /* Do `act` with the answers, and show what it returns. */

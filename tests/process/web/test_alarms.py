@@ -131,6 +131,7 @@ def test_a_loss_and_a_fault_are_said_where_the_buttons_are(
     client.result("sim.object")
     expect(alarm).to_have_text("OBJECT LOST")
     expect(alarm).to_be_in_viewport(ratio=1)
+    expect(alarm.locator("span")).to_have_css("background-color", RED)
     tab.keyboard.press("Escape")
     expect(alarm).to_have_text("OBJECT LOST, STOPPED")
     clear = button(tab, "Clear the stop")
@@ -275,8 +276,21 @@ def test_of_two_grippers_each_is_told_by_its_own_button_and_as_long_as_it_is_so(
         daemons[0].kill()
         expect(panel.locator("[data-is=mode]")).to_have_text("no daemon")
         expect(outcome).to_have_text("")
+        right = tab.get_by_role("article", name=f"Gripper right-{os.getpid()}")
+        clients[1].result("sim.fault", name="overload")
+        button(tab, f"right-{os.getpid()}").click()
+        expect(right.locator("[data-is=channel]")).to_be_in_viewport(ratio=1)
+        assert tab.evaluate(COVERED_BY_BAR) == []
 
 
+COVERED_BY_BAR = """
+() => {
+  const bar = document.querySelector("header").getBoundingClientRect().bottom;
+  return [...document.querySelectorAll(".gripper:last-child .head *")]
+    .filter((node) => node.checkVisibility() && node.getBoundingClientRect().top < bar)
+    .map((node) => node.outerHTML);
+}
+"""
 UNCOVERED = """
 () => {
   const bottom = document.querySelector("#notice").getBoundingClientRect().bottom;

@@ -84,7 +84,9 @@ def test_who_only_looks_finds_nothing_to_act_with_but_the_stop(shown: Tab, clien
 
 def test_control_is_taken_kept_and_given_back(operated: Tab, client: Client) -> None:
     expect(button(operated, "Open")).to_be_disabled()
+    expect(part(operated, "to-use")).to_be_visible()
     take_control(operated)
+    expect(part(operated, "to-use")).to_be_hidden()
     owner = client.result("lease.get")["owner"]
     assert owner["purpose"] == "the page in a browser"
     assert owner["ttl_s"] == 3
@@ -396,7 +398,7 @@ def test_the_measured_opening_sets_the_scale(operated: Tab, client: Client) -> N
     button(operated, "Zero …").click()
     stroke, uses = operated.get_by_label("The jaws open"), operated.locator("#zero-uses")
     expect(stroke).to_have_value("85")
-    expect(uses).to_contain_text("it would use the configured 85 mm.")
+    expect(uses).to_contain_text("it would use 85 mm (configured: 85 mm).")
     stroke.fill("84.2")
     expect(uses).to_contain_text("it would use 84.2 mm (configured: 85 mm).")
     button(operated, "The jaws are free: move them").click()
@@ -413,16 +415,16 @@ def test_a_correction_is_what_the_dialog_begins_with_the_next_time(
     enable(operated, client)
     stroke, uses = operated.get_by_label("The jaws open"), operated.locator("#zero-uses")
     progress = operated.locator("#zero-progress")
-    now = "Now the scale uses 88 mm (configured: 85 mm)"
+    now = "Now the scale uses 88 mm"
     button(operated, "Zero …").click()
     stroke.fill("88")
     button(operated, "Correct the scale only").click()
     expect(progress).to_contain_text("It is saved.")
-    expect(uses).to_contain_text(f"{now}. ")
+    expect(uses).to_contain_text(f"{now} (configured: 85 mm). ")
     button(operated, "Done").click()
     button(operated, "Zero …").click()
     expect(stroke).to_have_value("88")
-    expect(uses).to_contain_text(f"{now}. ")
+    expect(uses).to_contain_text(f"{now} (configured: 85 mm). ")
     button(operated, "Correct the scale only").click()
     expect(progress).to_contain_text("It is saved.")
     assert stroke_of(client) == pytest.approx(88)
@@ -578,6 +580,9 @@ def test_a_dump_is_shown_and_anything_else_is_not(
     section = shown.locator("#dump")
     expect(section.get_by_role("heading")).to_contain_text(f"{dumped['ticks']} ticks")
     expect(section.locator(".events")).to_contain_text("object held")
+    times = section.locator(".events time").all_inner_texts()
+    assert times == sorted(times, reverse=True)  # the newest first
+    expect(section.locator(".events li").last).not_to_contain_text("object held")
     expect(section.locator("canvas")).to_have_count(2)
     content = Path(dumped["path"]).read_bytes()
     for name, wrong in {"notes": b"hello", "cut": content[: len(content) // 2]}.items():
