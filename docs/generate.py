@@ -29,6 +29,7 @@ from docs.protocol_fields import (  # noqa: E402
 )
 from litegrip_client.ctl.render import WHY_NOT  # noqa: E402
 from litegrip_client.values.errors import OWN_REASONS  # noqa: E402
+from litegrip_client.values.fields import SPAN_INSET_MM  # noqa: E402
 from litegrip_client.values.severity import (  # noqa: E402
     EXCUSE,
     SEVERITIES,
@@ -37,6 +38,7 @@ from litegrip_client.values.severity import (  # noqa: E402
 )
 from litegripd.app.build import METHODS, SIMULATED_METHODS  # noqa: E402
 from litegripd.io.stop_socket import MAX_STOP_LINE_BYTES  # noqa: E402
+from litegripd.model.calibration import NOMINAL, SUPERSEDED  # noqa: E402
 from litegripd.model.errors import ERROR_TABLE  # noqa: E402
 from litegripd.model.motion_config import MotionConfig  # noqa: E402
 from litegripd.rpc.jsonrpc import MAX_LINE_BYTES  # noqa: E402
@@ -147,7 +149,8 @@ ON_PAGE = {
 
 
 def page_motions() -> str:
-    """Make what the page has of motions: the limits of a replay's speed, and why others failed."""
+    """Make what the page has of motions: what may be given, and why they failed."""
+    templates = sorted({template.rad_to_mm for template in NOMINAL + SUPERSEDED})
     reasons = dict(WHY_NOT)
     for command, words in ON_PAGE.items():
         reasons = {outcome: why.replace(command, words) for outcome, why in reasons.items()}
@@ -156,6 +159,8 @@ def page_motions() -> str:
             "/* What a motion may be given, and why it ended wrongly: made by docs/generate.py. */",
             "",
             f"export const REPLAY_SPEEDS = {json.dumps(SPEEDS)};",
+            f"export const SPAN_INSET_MM = {json.dumps(SPAN_INSET_MM)};",
+            f"export const TEMPLATES_RAD_TO_MM = {json.dumps(templates)};",
             "",
             "export const WHY_NOT = {",
             *(f"  {name}: {json.dumps(why, ensure_ascii=False)}," for name, why in reasons.items()),

@@ -2,13 +2,14 @@
 
 import { ask } from "./ask.js";
 import { numberIn } from "./fields.js";
-import { figure, inPageWords, outcome } from "./format.js";
+import { figure, inPageWords, outcome, owner } from "./format.js";
 import { REPLAY_SPEEDS } from "./motions.js";
 import { askZero } from "./zero.js";
 
 const TTL_S = 3;
 const RENEW_EVERY_MS = 1000;
 const CONTINUOUS_N = 20; // the vendor's recommendation
+const NEAR_MM = 1; // what the keys chose stays: steps of them add up
 const MOVES = ["enable", "open", "close", "hold", "grasp", "set-force", "zero", "teach", "play"];
 const TRAJECTORY_NAME = /^(?![.\s])[^/\\\p{C}]{1,64}(?<!\s)$/u;
 
@@ -22,15 +23,32 @@ const OVER = {
 };
 const LEASE = { ttl_s: TTL_S, purpose: "the page in a browser", on_lost: "hold" };
 
+/* How control was lost, and by whom. */
+function lossOfControl({ message, data: { cause, by, why } }) {
+  if (cause === "expired") return "You no longer have control: the page was hidden or cut off";
+  if (cause !== "taken" || !by) return `You no longer have control: ${message}`;
+  const who = by.program === "litegripd-web" ? "Another page" : by.program;
+  return `${who} took control${why ? `: ${why}` : ""}`;
+}
+
+/* Why something was refused, in the words of the buttons that there are then. */
+function refusal({ message, reason, data }) {
+  if (reason !== "lease_held" || !data.owner) return message;
+  return `${owner(data.owner)} has the gripper: wait for it, or press “Take it over”`;
+}
+
 export class Control {
   #panel;
   #operates = false;
   #has = false;
   #isDragging = false;
+  #isChosen = false; // the slider's value, by a person
+  #slides = 0; // motions of the slider that run
   #isHolding = false;
   #isHoldKnown = true;
   #barred = null; // what nothing can move behind: a stop, or a motor that is silent
   #isRenewing = false;
+  #isTaken = false; // by another program
   #mayReplace = null;
   #recording = null; // "on", "ending", or "ended" by itself; null without one
   #job = null;
@@ -71,13 +89,18 @@ export class Control {
     on("play", () => this.#play());
     const slider = panel.node("slider");
     slider.oninput = () => {
-      this.#isDragging = true;
+      this.#isDragging = this.#isChosen = true;
       this.showTarget();
     };
-    slider.onchange = () => {
+    slider.onpointerup = slider.onblur = () => {
+      this.#isDragging = false; // back at its place it has not changed
+    };
+    slider.onchange = async () => {
       this.#isDragging = false;
-      this.#with(pace, (params) =>
+      this.#slides += 1;
+      await this.#with(pace, (params) =>
         this.#move("move", "motion.move", { opening_mm: Number(slider.value), ...params }));
+      this.#slides -= 1;
     };
     setInterval(() => this.#renew(), RENEW_EVERY_MS);
   }
@@ -101,6 +124,7 @@ export class Control {
   /* It has ended, and the lease with it. */
   end() {
     this.#set(false);
+    this.showLease(null);
     this.#showRecording(null);
     this.showTarget();
   }
@@ -120,7 +144,7 @@ export class Control {
   whyNot(needs) {
     if (this.#panel.state === null) return "the gripper is not connected";
     if (!this.#operates) return "this page looks and stops only";
-    if (!this.#has) return "press “Take control” first";
+    if (!this.#has) return `press “${this.#panel.node(this.#isTaken ? "take-over" : "take").textContent}” first`;
     return needs === "motion" ? this.#barred : null;
   }
 
@@ -139,14 +163,15 @@ export class Control {
   show(state) {
     const slider = this.#panel.node("slider");
     slider.max = this.#panel.travel.toFixed(1);
-    const isBusy = this.#isDragging || state.job !== null;
-    if (!isBusy && state.opening_mm !== null && document.activeElement !== slider) {
-      slider.value = state.opening_mm;
-    }
+    const { opening_mm: opening } = state;
+    const isBusy = (this.#isDragging && !slider.disabled) || this.#slides > 0;
+    this.#isChosen &&= isBusy || (document.activeElement === slider && Math.abs(opening - slider.value) < NEAR_MM);
+    if (opening !== null && !isBusy && !this.#isChosen) slider.value = opening;
     this.#isHolding = state.is_grasped !== false;
     this.#isHoldKnown = state.is_grasped !== null;
     this.#barred = null;
-    if (state.stop !== null) this.#barred = "a stop is latched, “Clear the stop” first";
+    const { textContent: clear } = this.#panel.node("clear");
+    if (state.stop !== null) this.#barred = `a stop is latched, “${clear}” first`;
     if (this.#panel.isSilent) this.#barred = "the motor does not answer";
     if (this.#recording === "on" && state.job?.kind !== "record") this.#askRecording();
     this.#allow();
@@ -172,9 +197,14 @@ export class Control {
     if (lease && !lease.mine) this.#renew(); // who has lost it is told why
     if (lease) this.#set(lease.mine);
     const isTaken = Boolean(lease?.owner) && !lease.mine;
+    if (isTaken !== this.#isTaken) {
+      this.#isTaken = isTaken;
+      this.#allow();
+    }
     this.#panel.node("take").hidden = this.#has || isTaken;
     this.#panel.node("take-over").hidden = !isTaken;
     this.#panel.node("give").hidden = !this.#has;
+    this.#panel.node("to-use").hidden = this.#has;
   }
 
   #showForce() {
@@ -197,7 +227,9 @@ export class Control {
     this.#has = has && this.#operates;
     this.#allow();
     this.#panel.article.classList.toggle("controlled", this.#has);
-    if (this.#has) this.#panel.forgive("control");
+    if (!this.#has) return;
+    this.#panel.forgive("control");
+    this.#panel.regain("control");
   }
 
   async #take(method, params) {
@@ -206,7 +238,7 @@ export class Control {
       this.#set(true);
       this.#panel.tell("You have control, as long as this page is seen.");
     } catch (error) {
-      this.#panel.complain(`take control: ${error.message}`, "control");
+      this.#panel.complain(`take control: ${refusal(error)}`, "control");
     }
     this.showLease({ owner: null, mine: this.#has });
   }
@@ -225,7 +257,7 @@ export class Control {
       await this.#panel.wire.call("lease.renew");
     } catch (error) {
       this.#set(false);
-      this.#panel.complain(`You no longer have control: ${error.message}`, "control");
+      if (this.#panel.state !== null) this.#panel.complain(lossOfControl(error), "control");
     } finally {
       this.#isRenewing = false;
     }
@@ -264,8 +296,11 @@ export class Control {
 
   /* Say why something was not done, or not to its end; a stop is said as long as it is latched, in the bar. */
   #wrong(name, error) {
-    const text = `${name}: ${error.message}`;
-    if (error.reason === "stopped") this.#panel.tell(text);
+    const text = `${name}: ${refusal(error)}`;
+    if (error.reason === "lease_lost") {
+      this.#set(false);
+      this.#panel.complain(lossOfControl(error), "control");
+    } else if (error.reason === "stopped") this.#panel.tell(text);
     else if (error.reason !== "replaced") this.#panel.complain(text, name, OVER[error.reason]);
   }
 

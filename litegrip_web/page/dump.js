@@ -2,6 +2,7 @@
 
 import { isNumber, time } from "./format.js";
 import { Plots } from "./plots.js";
+import { toast, untoast } from "./toasts.js";
 
 const NM_PER_N = 0.1;
 const MOST_BYTES = 64 * 1024 * 1024; // a dump of a minute has about 2
@@ -33,15 +34,18 @@ function read(file, onProgress) {
   }).finally(() => worker.terminate());
 }
 
-/* Show `file` in `place`; say in `notice` what is wrong with one that is no dump. */
+/* Show `file` in `place`; say in `notice` how much of it is read. What is wrong with one that is no dump is said until
+   that has been read, or another one is opened or closed. */
 export async function showDump(file, place, notice) {
   let dump;
   try {
     dump = await read(file, (share) => notice(`${file.name}: ${Math.round(100 * share)} % read`));
   } catch (error) {
-    notice(`${file.name} cannot be shown: ${error.message}`);
+    notice("");
+    toast(null, `${file.name} cannot be shown: ${error.message}`, "dump", {});
     return;
   }
+  untoast(null, "dump");
   const { ticks, events } = dump;
   const title = document.createElement("h2");
   title.id = "dump-title";
@@ -51,6 +55,7 @@ export async function showDump(file, place, notice) {
   close.type = "button";
   close.textContent = "Close";
   close.onclick = () => {
+    untoast(null, "dump");
     place.hidden = true;
     place.replaceChildren();
   };
@@ -65,7 +70,7 @@ export async function showDump(file, place, notice) {
     const words = document.createElement("span");
     words.textContent = event.message;
     line.append(when, words);
-    list.append(line);
+    list.prepend(line); // the newest first
   }
   place.replaceChildren(title, close, plots, list);
   place.hidden = false;

@@ -47,10 +47,10 @@ export class Events {
       return; // the daemon keeps no job for ever; the event says how it ended, too
     }
     const took = job.ended_s === null ? "" : `, ${(job.ended_s - job.started_s).toFixed(1)} s`;
-    const how = job.error
-      ? `${job.kind}: ${inPageWords(job.error.message, job.error.data.terms?.message)}`
-      : outcome(job.kind, job.result ?? {});
-    text.textContent = `job ${job.job}, ${how}${took}`;
+    const why = job.error && inPageWords(job.error.message, job.error.data.terms?.message);
+    const how = job.error ? `${job.kind}: ${why}` : outcome(job.kind, job.result ?? {});
+    const whole = why?.startsWith(`job ${job.job}, `) ? why : `job ${job.job}, ${how}`;
+    text.textContent = `${whole}${took}`;
     line.classList.toggle("warning", job.state === "failed");
   }
 }

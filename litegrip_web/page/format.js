@@ -107,14 +107,17 @@ export function inPageWords(text, terms = []) {
   return words + letters.slice(at).join("");
 }
 
+const KINDS = { record: "teach", play: "replay" };
+
 /* What a motion ended with, in words: "grasp: held, 40.1 mm, 10.0 N"; and of one that ended wrongly why. */
 export function outcome(kind, result) {
   const parts = [];
-  if (result.outcome) parts.push(result.outcome.replaceAll("_", " "));
+  if (kind === "record" && result.outcome === "stopped") parts.push("ended"); // by its own button, not by STOP
+  else if (result.outcome) parts.push(result.outcome.replaceAll("_", " "));
   else if (result.ok !== undefined) parts.push(result.ok ? "done" : "failed");
   if (isNumber(result.width_mm)) parts.push(figure(result.width_mm, 1, "mm"));
   if (isNumber(result.force_n)) parts.push(figure(result.force_n, 1, "N"));
   if (result.message) parts.push(inPageWords(result.message, result.terms?.message));
   const why = result.ok === false && !result.message ? WHY_NOT[result.outcome] : undefined;
-  return `${kind}: ${parts.join(", ") || "done"}${why ? `: ${why}` : ""}`;
+  return `${KINDS[kind] ?? kind}: ${parts.join(", ") || "done"}${why ? `: ${why}` : ""}`;
 }

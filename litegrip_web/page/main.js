@@ -6,6 +6,7 @@ import { Secret } from "./proof.js";
 import { Stop } from "./stop.js";
 import * as theme from "./theme.js";
 
+const QUIET = /^(NO|WEAK) MOTOR/;
 const $ = (id) => document.getElementById(id);
 
 /* Here is nothing to stop with: STOP and Esc say so, and what to do then. */
@@ -35,11 +36,26 @@ function notice(text) {
   delete $("notice").dataset.stop;
 }
 
+function between(parts, mark) {
+  return parts.flatMap((part, at) => (at ? [mark, part] : [part]));
+}
+
+function badge(alarm) {
+  return Object.assign(document.createElement("span"), { textContent: alarm, className: QUIET.test(alarm) ? "" : "loud" });
+}
+
+/* The name of a gripper, which leads there. */
+function way({ article, channel }) {
+  const button = Object.assign(document.createElement("button"), { type: "button", textContent: channel });
+  button.onclick = () => article.scrollIntoView();
+  return button;
+}
+
 /* Say in the bar, which is always in sight, what is wrong with each gripper. */
 function showAlarms(panels) {
   const wrong = panels.filter(({ alarms }) => alarms.length);
-  const told = wrong.map(({ channel, alarms }) => (panels.length > 1 ? `${channel}: ` : "") + alarms.join(", "));
-  $("alarm").textContent = told.join("; ");
+  const told = wrong.map((panel) => [...(panels.length > 1 ? [way(panel), ": "] : []), ...between(panel.alarms.map(badge), ", ")]);
+  $("alarm").replaceChildren(...between(told, "; ").flat());
   $("alarm").hidden = told.length === 0;
   $("stop").classList.toggle("unreached", panels.every(({ alarms, state }) => alarms.length && !state));
 }

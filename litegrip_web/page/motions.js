@@ -1,6 +1,8 @@
 /* What a motion may be given, and why it ended wrongly: made by docs/generate.py. */
 
 export const REPLAY_SPEEDS = [0.1, 4.0];
+export const SPAN_INSET_MM = 1.0;
+export const TEMPLATES_RAD_TO_MM = [52.69, 74.8];
 
 export const WHY_NOT = {
   blocked: "something stopped the jaws on their way: take it away, or let go of what is held by “Let go”; then once more",

@@ -15,19 +15,32 @@ const LOOK_EVERY_MS = 1000;
 const AGE_EVERY_MS = 200;
 const OVERTAKES = new Set(["job_started", "motor", "stop", "stop_cleared"]);
 const LATE_S = 1;
+const JUST_S = 1;
 const HEALTH = { ok: "Healthy", degraded: "Degraded", down: "Down" };
 const LOSSES = { object_lost: "OBJECT LOST", released_by_fault: "LET GO" };
+const MOVELESS = new Set(["enable", "disable", "clear_fault", "hold", "set_force", "zero_gravity", "set_zero"]);
+const STILL = "still"; // with nothing between the jaws
 const JOBS = { record: "teaching: jaws slack", play: "replaying" };
+const GONE = {
+  held: "what was held was let go",
+  stop: "the stop is gone",
+  control: "you no longer have control",
+};
 const UNSEEN =
   "No software sees what else pushes the jaws, a hand or a weight, nor a motor that makes other than it reports.";
 
 /* What the gripper does, in the words of the page's buttons where it has any. */
-function doing({ mode, job }) {
-  if (job === null) return mode;
+function doing({ mode, job, is_grasped: isGrasped }) {
+  if (job === null) return mode === "holding" && isGrasped === false ? STILL : mode;
   const { kind, phase } = job;
   const named = phase && phase !== kind ? ` (${phase})` : "";
   if (mode === "moving" && Object.hasOwn(JOBS, kind)) return `${JOBS[kind]}${named}`;
   return `${mode}: ${kind}${named}`;
+}
+
+/* Whether an event begins what moves the jaws. */
+function isMotion({ kind, data }) {
+  return kind === "job_started" && !MOVELESS.has(data.kind);
 }
 
 /* Dispatches "state" when a new one has been shown, and "alarms" when other things are wrong. */
@@ -39,6 +52,11 @@ export class Panel extends EventTarget {
   #health = null;
   #lost = null; // the event of an object that was lost, or let go by nobody's wish
   #readS = null;
+  #last = null; // the state when the connection ended
+  #epoch = null; // which start of the daemon it was
+  #heldS = -Infinity; // when something was held last
+  #before = null; // what was so when the connection ended
+  #gone = new Map(); // what of that is no more, and has not been read
   #weak = null; // the event of a motor that is weak
   #isLate = false;
   #operates = false;
@@ -145,8 +163,6 @@ export class Panel extends EventTarget {
       this.plots.begin(this.#moments(history));
       const events = await this.wire.call("events.subscribe");
       this.events.begin(events.events, this.#offsetS);
-      this.#lost = null;
-      this.forgive("let go");
       this.#weak = null;
       for (const event of events.events) {
         this.#noteLoss(event);
@@ -154,6 +170,7 @@ export class Panel extends EventTarget {
       }
       const states = await this.wire.call("state.subscribe", { hz: HZ });
       this.#hush();
+      this.#compare(hello.epoch, states.state);
       this.#show(states.state);
       this.control.begin(operate, ranges);
       this.world.begin(hello.simulated, operate);
@@ -200,6 +217,12 @@ export class Panel extends EventTarget {
   }
 
   #end({ message, lacks }) {
+    if (this.state !== null) {
+      this.#last = this.state;
+      const { monotonic_s: atS, stop } = this.state;
+      const held = atS - this.#heldS < JUST_S; // a daemon that ends disables the motor first
+      this.#before = { lacks, held, stop: stop !== null, control: this.control.has };
+    }
     this.state = null;
     this.#lacks = lacks;
     this.#hush();
@@ -215,10 +238,11 @@ export class Panel extends EventTarget {
     this.article.classList.add("down");
     this.#showHeld();
     this.#alarm([`NO ${lacks.toUpperCase()}`]);
-    this.jaws.show({ opening: null, command: null, isGrasped: false, isStale: true });
+    if (this.#last !== null) this.#showJaws(this.#last);
     this.control.end();
     this.world.end();
     this.#showFacts();
+    this.dispatchEvent(new Event("ended"));
   }
 
   async #look() {
@@ -241,6 +265,7 @@ export class Panel extends EventTarget {
 
   /* Mark what is shown as late when it is older than a second, by the daemon's own clock. */
   #showAge() {
+    if (this.#last !== null && this.state === null) this.plots.advance(Date.now() / 1000);
     if (this.state === null || !this.wire.isUp) return;
     const age = this.wire.age(this.state.monotonic_s);
     const isLate = age === null || age > LATE_S;
@@ -258,7 +283,7 @@ export class Panel extends EventTarget {
     this.events.add(event, this.#offsetS);
     this.#noteLoss(event);
     this.#noteWeak(event);
-    if (event.kind === "job_started") this.forgive("motion");
+    if (isMotion(event)) this.forgive("motion");
     if (OVERTAKES.has(event.kind) && this.#isOver && event.monotonic_s > this.#toldS) this.#hush();
     if (event.kind === "lease" || event.kind === "lease_lost") await this.#look();
     if (event.kind === "calibration") {
@@ -289,23 +314,64 @@ export class Panel extends EventTarget {
   /* A lost object is said until the next motion; one that was let go, until that has been read, too. */
   #noteLoss(event) {
     const { kind, monotonic_s: atS } = event;
-    if (kind in LOSSES && atS !== this.#readS) this.#lost = event;
-    else if (kind === "job_started") this.#lost = null;
-    else return;
-    this.forgive("let go");
-    if (this.#lost?.kind === "released_by_fault") {
+    if (isMotion(event)) {
+      this.#forget();
+      this.#lose(null);
+    } else if (kind in LOSSES && atS !== this.#readS) {
+      this.#lose(event);
+      if (kind !== "released_by_fault") return;
       toast(this.channel, `LET GO: ${this.#lossText()}`, "let go", {
         atS: atS + this.#offsetS,
         onRead: () => {
           this.#readS = atS;
-          this.#lost = null;
-          this.#showLoss();
-          this.#showAlarms();
+          this.#lose(null);
         },
       });
     }
+  }
+
+  #lose(lost) {
+    this.#lost = lost;
+    this.forgive("let go");
     this.#showLoss();
     this.#showAlarms();
+  }
+
+  /* Say what is gone that was before the connection ended: with another daemon all of it, otherwise the control. */
+  #compare(epoch, { is_grasped: isGrasped, stop, monotonic_s: atS }) {
+    const [isNew, before] = [epoch !== this.#epoch, this.#before];
+    [this.#epoch, this.#before, this.#heldS] = [epoch, null, -Infinity];
+    if (isGrasped && this.#lost !== null) this.#lose(null);
+    if (before === null) return;
+    const where = before.lacks === "daemon" ? "the daemon" : "litegripd-web";
+    const why = isNew ? "the daemon was restarted" : `the connection to ${where} was cut`;
+    const isGone = {
+      held: isNew && before.held && !isGrasped,
+      stop: isNew && before.stop && stop === null,
+      control: before.control,
+    };
+    for (const part of Object.keys(GONE)) if (isGone[part]) this.#gone.set(part, why);
+    if (isGone.held) this.#lose({ kind: "released_by_fault", monotonic_s: atS, message: `${why}: ${GONE.held}` });
+    this.#tellGone();
+  }
+
+  /* What is gone is said until it has been read or the jaws are moved; each part as long as it is so. */
+  #tellGone() {
+    if (!this.#gone.size) return this.forgive("gone");
+    const parts = [...this.#gone.keys()].map((part) => GONE[part]).join(", ");
+    const text = capital(`${[...this.#gone.values()].at(-1)}: ${parts}.`);
+    toast(this.channel, text, "gone", { onRead: () => this.#forget() });
+  }
+
+  #forget() {
+    if (this.#gone.has("held")) this.#lose(null);
+    this.#gone.clear();
+    this.#tellGone();
+  }
+
+  /* Say no more that `part` is gone: it is there again. */
+  regain(part) {
+    if (this.#gone.delete(part)) this.#tellGone();
   }
 
   #noteWeak(event) {
@@ -322,7 +388,7 @@ export class Panel extends EventTarget {
   /* What is said of a loss: of a lost object no hold, once the motor does not hold. */
   #lossText() {
     const text = inPageWords(this.#lost.message, this.#lost.terms?.message);
-    const holds = this.#lost.kind !== "object_lost" || this.state?.enabled;
+    const holds = this.#lost.kind !== "object_lost" || (this.state?.enabled && this.state.mode !== "relaxed");
     return holds ? text : text.split(": ", 1)[0];
   }
 
@@ -338,6 +404,8 @@ export class Panel extends EventTarget {
 
   #show(state) {
     this.state = state;
+    if (state.is_grasped) this.#heldS = state.monotonic_s;
+    if (state.stop !== null) this.regain("stop");
     this.article.classList.remove("down");
     this.jaws.setScale(this.travel, state.work_stroke_mm ?? null);
     this.#showJaws(state);
@@ -381,7 +449,7 @@ export class Panel extends EventTarget {
       mode.textContent = isFault ? "fault, STOPPED" : "STOPPED";
       why.textContent = capital([isFault ? "" : `it is ${does}`, this.#reason(state)].filter(Boolean).join("; "));
     } else {
-      mode.dataset.mode = state.mode;
+      mode.dataset.mode = does === STILL ? STILL : state.mode;
       mode.textContent = does;
       why.textContent = this.#lost === null ? this.#reason(state) : capital(this.#reason(state));
     }
@@ -437,8 +505,7 @@ export class Panel extends EventTarget {
     else if (state.stale) parts.push("the motor does not answer: what is shown is its last report");
     if (!state.calibrated) parts.push("not calibrated");
     if (state.job) parts.push(`by ${owner(state.job.owner)}`);
-    if (state.is_grasped) parts.push(state.stale ? "something was held" : "something is held");
-    else if (state.is_grasped === null) parts.push(state.motor === "silent" ? "something was held: whether it still is, is not known"
+    if (state.is_grasped === null) parts.push(state.motor === "silent" ? "something was held: whether it still is, is not known"
         : "the motor is too weak to tell if something is held");
     else if (isNumber(state.pressing_n)) parts.push(`the jaws press with about ${figure(state.pressing_n, 0, "N")}`);
     if (state.limited.length) parts.push(`limited by ${state.limited.join(", ").replaceAll("_", " ")}`);
@@ -446,7 +513,7 @@ export class Panel extends EventTarget {
   }
 
   #showFacts() {
-    const { state } = this;
+    const state = this.state ?? this.#last;
     const heat = this.#health?.heat;
     const clamp = state?.clamp_n;
     const lease = this.#lease;

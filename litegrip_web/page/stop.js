@@ -16,7 +16,10 @@ export class Stop {
   constructor(panels, place) {
     this.#panels = panels;
     this.#place = place;
-    for (const panel of panels) panel.addEventListener("state", () => this.#compare());
+    for (const panel of panels) {
+      panel.addEventListener("state", () => this.#compare());
+      panel.addEventListener("ended", () => this.#place.dataset.stop === "done" && this.#say("", ""));
+    }
   }
 
   /* Stop all. */

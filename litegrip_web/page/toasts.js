@@ -7,11 +7,11 @@ const list = document.getElementById("toasts");
 list.onclick = () => list.classList.toggle("whole");
 
 /* Say `text`, in the place of what was said `about` the same; a state ends it for which `isOver`. It is of `atS`, in
-   seconds of the time of day, and `onRead` is called once it has been read. */
+   seconds of the time of day, and `onRead` is called once it has been read. What is no gripper's has no channel. */
 export function toast(channel, text, about, { isOver = () => false, atS = Date.now() / 1000, onRead = () => {} }) {
   const line = document.createElement("li");
   const words = document.createElement("span");
-  const whose = document.body.classList.contains("several") ? `${channel}: ` : "";
+  const whose = channel !== null && document.body.classList.contains("several") ? `${channel}: ` : "";
   words.textContent = `${time(atS)}  ${whose}${text}`;
   const close = document.createElement("button");
   close.type = "button";

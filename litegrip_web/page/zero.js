@@ -4,7 +4,11 @@
 
 import { open } from "./dialog.js";
 import { numberIn } from "./fields.js";
-import { figure } from "./format.js";
+import { figure, isNumber } from "./format.js";
+import { SPAN_INSET_MM, TEMPLATES_RAD_TO_MM } from "./motions.js";
+
+/* How far the jaws open by a calibration of this travel, in mm. */
+const opens = (travel) => Number((travel - SPAN_INSET_MM).toFixed(2));
 
 /* Ask, and measure or correct when the answer is yes. */
 export function askZero(panel) {
@@ -12,7 +16,9 @@ export function askZero(panel) {
   const [start, rescale, cancel, mount, stroke, uses, progress] = [
     "start", "rescale", "cancel", "mount", "stroke", "uses", "progress",
   ].map((name) => document.getElementById(`zero-${name}`));
-  const configured = panel.gripper.stroke_mm;
+  const { rad_to_mm: scale, stroke_mm: configured } = panel.gripper;
+  const isDoubtful = TEMPLATES_RAD_TO_MM.includes(scale) || Boolean(panel.state?.scale_doubt);
+  let inUse = isNumber(panel.gripper.travel_mm) ? opens(panel.gripper.travel_mm) : null;
   let job = null;
   let isBusy = false;
 
@@ -21,10 +27,13 @@ export function askZero(panel) {
     const mm = Number(stroke.value);
     return stroke.value === "" || mm === configured ? {} : { stroke_mm: mm };
   };
-  const used = ({ stroke_mm: mm }) =>
-    mm === undefined ? `the configured ${configured} mm` : `${mm} mm (configured: ${configured} mm)`;
+  const used = (mm) =>
+    mm === configured ? `the configured ${configured} mm` : `${mm} mm (configured: ${configured} mm)`;
   const showUses = () => {
-    uses.textContent = `The scale uses ${used(given())}. All lengths and speeds follow from it.`;
+    const now = inUse === null ? "There is no scale yet" : `Now the scale uses ${inUse} mm`;
+    const next = given().stroke_mm ?? configured;
+    const would = next === inUse ? "" : `; it would use ${next} mm`;
+    uses.textContent = `${now}${would} (configured: ${configured} mm). All lengths and speeds follow from it.`;
   };
 
   /* Do `act` with the answers, and show what it returns. */
@@ -40,6 +49,7 @@ export function askZero(panel) {
       progress.textContent = `${wrong}: ${error.message}`;
       cancel.textContent = "Close";
     }
+    showUses();
     job = null;
     isBusy = cancel.disabled = false;
     allow();
@@ -56,16 +66,19 @@ export function askZero(panel) {
       progress.textContent = `${step.phase.replaceAll("_", " ")}: step ${step.step}, ${figure(step.torque_nm, 2, "N·m")}`;
     });
     if (!result.ok) throw new Error(result.message ?? result.outcome.replaceAll("_", " "));
+    const travel = result.travel_rad * result.rad_to_mm;
+    inUse = opens(travel);
     return (
-      `Measured: ${figure(result.travel_rad * result.rad_to_mm, 1, "mm")} of travel, saved. ` +
-      `The scale uses ${used(params)}. If a caliper shows another opening, enter it and press ` +
+      `Measured: ${figure(travel, 1, "mm")} of travel, saved. ` +
+      `The scale uses ${used(inUse)}. If a caliper shows another opening, enter it and press ` +
       "“Correct the scale only”, now or later, or run 'litegripctl calibration rescale --stroke-mm MM'."
     );
   };
 
   const correct = async (params) => {
     const { travel_mm: travel } = await panel.wire.call("calibration.rescale", params);
-    const corrected = `Corrected: ${figure(travel, 1, "mm")} of travel; the scale uses ${used(params)}`;
+    inUse = opens(travel);
+    const corrected = `Corrected: ${figure(travel, 1, "mm")} of travel; the scale uses ${used(inUse)}`;
     try {
       await panel.wire.call("calibration.save");
     } catch (error) {
@@ -74,7 +87,7 @@ export function askZero(panel) {
     return `${corrected}. It is saved.`;
   };
 
-  stroke.value = configured;
+  stroke.value = isDoubtful ? configured : inUse ?? configured; // a template's was measured on no gripper
   stroke.oninput = showUses;
   showUses();
   progress.textContent = "";

@@ -131,6 +131,7 @@ def test_a_loss_and_a_fault_are_said_where_the_buttons_are(
     client.result("sim.object")
     expect(alarm).to_have_text("OBJECT LOST")
     expect(alarm).to_be_in_viewport(ratio=1)
+    expect(alarm.locator("span")).to_have_css("background-color", RED)
     tab.keyboard.press("Escape")
     expect(alarm).to_have_text("OBJECT LOST, STOPPED")
     clear = button(tab, "Clear the stop")
@@ -257,6 +258,39 @@ def test_of_two_grippers_nothing_is_covered_by_what_has_to_be_done_now(
         assert tab.evaluate(COVERED_BY_NOTICE) == []
 
 
+def test_of_two_grippers_each_is_told_by_its_own_button_and_as_long_as_it_is_so(
+    window: BrowserContext, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with two_grippers(window, tmp_path, monkeypatch) as (tab, daemons, clients):
+        left = f"left-{os.getpid()}"
+        panel = tab.get_by_role("article", name=f"Gripper {left}")
+        outcome = panel.locator("[data-is=outcome]")
+        panel.get_by_role("button", name="Take control").click()
+        expect(panel.get_by_role("button", name="Give control back")).to_be_visible()
+        clients[0].result("stop", level="hold")
+        expect(button(tab, f"Clear {left}")).to_be_visible()
+        tab.keyboard.press("o")
+        expect(outcome).to_have_text(f"open: a stop is latched, “Clear {left}” first")
+        panel.get_by_role("button", name="STOP", exact=True).click()
+        expect(outcome).to_have_text("Stopped. Nothing moves until it is cleared.")
+        daemons[0].kill()
+        expect(panel.locator("[data-is=mode]")).to_have_text("no daemon")
+        expect(outcome).to_have_text("")
+        right = tab.get_by_role("article", name=f"Gripper right-{os.getpid()}")
+        clients[1].result("sim.fault", name="overload")
+        button(tab, f"right-{os.getpid()}").click()
+        expect(right.locator("[data-is=channel]")).to_be_in_viewport(ratio=1)
+        assert tab.evaluate(COVERED_BY_BAR) == []
+
+
+COVERED_BY_BAR = """
+() => {
+  const bar = document.querySelector("header").getBoundingClientRect().bottom;
+  return [...document.querySelectorAll(".gripper:last-child .head *")]
+    .filter((node) => node.checkVisibility() && node.getBoundingClientRect().top < bar)
+    .map((node) => node.outerHTML);
+}
+"""
 UNCOVERED = """
 () => {
   const bottom = document.querySelector("#notice").getBoundingClientRect().bottom;

@@ -66,7 +66,7 @@ def test_without_control_a_dialog_changes_nothing(operated: Tab, client: Client)
     client.result("lease.take", ttl_s=60.0, purpose="mine", why="it is my turn")
     for name in ("The jaws are free: move them", "Correct the scale only"):
         expect(button(operated, name)).to_be_disabled()
-    expect(dialog).to_contain_text("Not now: press “Take control” first.")
+    expect(dialog).to_contain_text("Not now: press “Take it over” first.")
     button(operated, "Cancel").click()
     expect(dialog).to_be_hidden()
 
@@ -159,10 +159,15 @@ def test_what_would_drop_what_is_held_says_so(operated: Tab, client: Client) -> 
     told = "Something is held: it will drop."
     dialog = zero_dialog(operated)
     expect(dialog).to_contain_text(told)
-    move = button(operated, "The jaws are free: move them")
+    move, cancel = button(operated, "The jaws are free: move them"), button(operated, "Cancel")
     place = move.bounding_box()
+    colour = "(node) => getComputedStyle(node).backgroundColor"
+    plain, blue = move.evaluate(colour), cancel.evaluate(colour)
     client.result("sim.object")
     expect(dialog).not_to_contain_text(told)
+    expect(move).to_have_css("background-color", blue)  # what does no harm has been in its place
+    expect(cancel).to_have_css("background-color", plain)
+    assert plain != blue
     assert move.bounding_box() == place
     button(operated, "Cancel").click()
     hold_something(operated, client)

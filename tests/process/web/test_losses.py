@@ -1,15 +1,19 @@
 """What was held and is no more, or with too little: the page says so, and claims no hold."""
 
+import contextlib
+import os
 import re
+from pathlib import Path
 from typing import Any
 
 import pytest
 from playwright.sync_api import BrowserContext, expect
 from playwright.sync_api import Page as Tab
 
-from tests.process.daemon_process import Client
-from tests.process.web.on_page import OBJECT_MM, button, grasp, opened, part
-from tests.process.web.page_process import Page
+from tests.process.daemon_process import SIMULATED, Client, DaemonProcess
+from tests.process.restarting import held, restartable
+from tests.process.web.on_page import OBJECT_MM, button, grasp, opened, part, take_control
+from tests.process.web.page_process import Page, page
 
 
 def alarm(tab: Tab) -> Any:
@@ -55,7 +59,15 @@ def test_what_a_fault_lets_go_is_said_until_it_is_read_or_the_next_motion_begins
     expect(alarm(tab)).to_have_text(f"LET GO{also}")
     client.result("sim.fault", name="none")
     client.until(lambda state: bool(state["motor"] == "disabled"))
-    client.despite_silence("motor.enable")
+    for method in ("clear_fault", "enable", "disable", "enable"):  # none of them moves the jaws
+        client.despite_silence(f"motor.{method}")
+    for method in ("hold", "zero_gravity"):
+        client.despite_silence(f"motion.{method}")
+    job = client.result("job.list")["jobs"][-1]["job"]
+    expect(part(tab, "events")).to_contain_text(f"job {job}, zero_gravity")
+    expect(alarm(tab)).to_have_text("LET GO")
+    expect(toasts(tab)).to_have_text([told])
+    expect(part(tab, "lost")).to_be_visible()
     client.despite_silence("motion.open")
     for shown in (tab, second):
         expect(alarm(shown)).to_be_hidden()
@@ -71,6 +83,8 @@ def test_of_a_lost_object_no_hold_is_claimed_once_the_motor_is_off(
     client.result("sim.object")
     said = part(tab, "said")
     expect(said).to_contain_text("the object is lost: the jaws closed on, and hold where they are.")
+    client.despite_silence("motion.zero_gravity")
+    expect(said).to_have_text(re.compile(r"^\s*At \S+: the object is lost\.\s*$"))
     client.result("sim.fault", name="overload")
     whole = r"^\s*At \S+: the object is lost\. The motor reports overload"
     expect(said).to_have_text(re.compile(whole))
@@ -105,6 +119,22 @@ def test_a_weak_motor_is_said_while_it_lasts_and_its_hold_is_not_green(
     assert held.evaluate(MARK) == green
 
 
+def test_jaws_with_nothing_between_them_are_still_and_not_said_to_hold(
+    window: BrowserContext, looking: Page, client: Client
+) -> None:
+    tab = opened(window, looking)
+    client.despite_silence("motor.enable")
+    mode = part(tab, "mode")
+    expect(mode).to_have_text("still")
+    still = mode.evaluate("(node) => getComputedStyle(node).color")
+    grasp(client)
+    expect(mode).to_have_text("holding")
+    expect(mode).not_to_have_css("color", still)
+    client.result("sim.object")
+    expect(part(tab, "lost")).to_be_visible()
+    expect(mode).to_have_text("still")
+
+
 def test_an_object_that_nobody_holds_is_not_said_to_be_none(
     window: BrowserContext, looking: Page, client: Client
 ) -> None:
@@ -112,3 +142,90 @@ def test_an_object_that_nobody_holds_is_not_said_to_be_none(
     tab = opened(window, looking)
     expect(tab.locator(".jaws .item")).to_be_visible()
     expect(part(tab, "held")).to_have_text("nothing held")
+
+
+@pytest.mark.parametrize("how", ["kill", "end"])
+def test_what_a_daemon_has_taken_with_it_is_said_until_it_is_read_or_the_next_motion(
+    window: BrowserContext, tmp_path: Path, how: str
+) -> None:
+    config = tmp_path / "c.toml"
+    config.write_text(SIMULATED, encoding="utf-8")
+    arguments = ("--config", str(config), "--socket", str(tmp_path / "rpc.sock"))
+
+    def run(stack: contextlib.ExitStack) -> tuple[DaemonProcess, Client]:
+        running = DaemonProcess(tmp_path, f"gone-{os.getpid()}", *arguments)
+        stack.callback(running.kill)
+        client = stack.enter_context(running.connect())
+        client.until(lambda state: bool(state["motor"] == "disabled" and state["calibrated"]))
+        return running, client
+
+    told = "The daemon was restarted: what was held was let go, the stop is gone"
+    with contextlib.ExitStack() as stack:
+        daemon, client = run(stack)
+        grasp(client)
+        shown = stack.enter_context(page("--socket", str(daemon.socket_path), "--operate"))
+        tab, other = opened(window, shown), opened(window, shown)
+        take_control(tab)
+        client.result("stop", level="hold")
+        for one in (tab, other):
+            expect(part(one, "mode")).to_have_text("STOPPED")
+        getattr(daemon, how)()
+        expect(part(tab, "mode")).to_have_text("no daemon")
+        _, client = run(stack)
+        expect(toasts(tab)).to_contain_text([f"{told}, you no longer have control."])
+        expect(toasts(other)).to_contain_text([f"{told}."])
+        for one in (tab, other):
+            expect(alarm(one)).to_have_text("LET GO")
+            expect(part(one, "lost-text")).to_contain_text("what was held was let go.")
+        take_control(tab)
+        expect(toasts(tab)).to_contain_text([f"{told}."])
+        button(other, "Read").click()
+        expect(toasts(other)).to_have_count(0)
+        expect(alarm(other)).to_be_hidden()
+        button(tab, "Enable").click()
+        expect(part(tab, "outcome")).to_have_text("enable: done")
+        expect(toasts(tab)).to_contain_text([f"{told}."])
+        client.result("stop", level="hold")
+        expect(toasts(tab)).to_contain_text([re.compile("what was held was let go.Read$")])
+        client.result("stop.clear")
+        button(tab, "Open").click()
+        expect(toasts(tab)).to_have_count(0)
+        expect(alarm(tab)).to_be_hidden()
+
+
+def test_control_that_ended_with_litegripd_web_is_said_to_be_gone(
+    window: BrowserContext, client: Client, place: Path, tmp_path: Path
+) -> None:
+    secret = tmp_path / "secret"
+    options = ("--socket", str(place), "--operate", "--token-file", str(secret))
+    with page(*options) as first:
+        first.told = f"{first.url}#{secret.read_text().strip()}"
+        tab, other = opened(window, first), opened(window, first)
+        grasp(client)
+        take_control(tab)
+        expect(part(other, "held")).to_have_text("object detected")
+    expect(part(tab, "mode")).to_have_text("no connection")
+    with page(*options, f"--port={first.port}"):
+        told = "The connection to litegripd-web was cut: you no longer have control."
+        expect(toasts(tab)).to_contain_text([told])
+        expect(part(other, "held")).to_have_text("object detected")
+        expect(toasts(other)).to_have_count(0)
+        expect(alarm(tab)).to_be_hidden()
+        take_control(tab)
+        expect(toasts(tab)).to_have_count(0)
+
+
+def test_a_daemon_that_was_restarted_while_the_jaws_hold_has_let_go_of_nothing(
+    window: BrowserContext, tmp_path: Path
+) -> None:
+    with restartable(tmp_path) as daemon, daemon.connect() as client:
+        held(client)
+        socket_path = str(daemon.first.socket_path)
+        with page("--socket", socket_path, "--operate") as running:
+            tab, other = opened(window, running), opened(window, running)
+            take_control(tab)
+            daemon.restart_despite_silence(client)
+            told = "The connection to the daemon was cut: you no longer have control."
+            expect(toasts(tab)).to_contain_text([told])
+            expect(part(other, "mode")).not_to_have_text("no daemon")
+            expect(toasts(other).filter(has_text="restarted")).to_have_count(0)

@@ -19,6 +19,7 @@ from tests.process.web.on_page import (
     OBJECT_MM,
     button,
     enable,
+    fact,
     grasp,
     opened,
     part,
@@ -73,11 +74,17 @@ def test_what_is_held_is_last_known_once_nothing_measures_it(
         grasp(client)
         tab = opened(window, running)
         take_control(tab)
+        tab.set_viewport_size({"width": 360, "height": 740})
+        wait_until_it_fits(tab)
         held, slider, health = (part(tab, name) for name in ("held", "slider-text", "health-text"))
         expect(held).to_have_text("object detected")
         expect(slider).to_have_text("something is held")
         expect(health).to_have_text("Healthy")
-        lamp = part(tab, "lamp")
+        lamp, jaws = part(tab, "lamp"), tab.locator(".jaws .jaw")
+        drawing = tab.locator(".jaws")
+        expect(drawing).to_have_css("user-select", "none")
+        place = drawing.bounding_box()
+        before = [jaw.get_attribute("x") for jaw in jaws.all()]
         well = lamp.evaluate(COLOR, "::before")
         green = held.evaluate(COLOR, "::before")
         with frozen(daemon.process):
@@ -88,6 +95,13 @@ def test_what_is_held_is_last_known_once_nothing_measures_it(
             assert lamp.evaluate(COLOR, "::before") != well
             daemon.kill()
         expect(part(tab, "mode")).to_have_text("no daemon")
+        assert [jaw.get_attribute("x") for jaw in jaws.all()] == before
+        assert drawing.bounding_box() == place
+        cut = "(node) => node.scrollWidth > node.clientWidth"
+        assert not part(tab, "mode").evaluate(cut)
+        expect(tab.locator(".jaws .jaw.unknown")).to_have_count(2)
+        expect(tab.locator(".body")).to_have_css("filter", "grayscale(1)")
+        expect(fact(tab, "Opening")).to_have_text(re.compile(r"^\d.* mm, last known$"))
         expect(held).to_have_text("object detected, last known")
         expect(slider).to_have_text("held, last known")
         assert held.evaluate(COLOR, "::before") == held.evaluate(COLOR, None)
@@ -209,7 +223,7 @@ def test_no_outcome_stands_beside_what_contradicts_it(
             button(operated, "Enable").click()
             expect(outcome).to_have_text(told)
     client.result("lease.take", why="my turn")
-    expect(outcome).to_contain_text("You no longer have control")
+    expect(outcome).to_have_text("python took control: my turn")
     told_s = client.result("state.get")["monotonic_s"]
     client.until(lambda state: bool(state["monotonic_s"] > told_s + 1))  # by the page's clock, too
     client.result("motion.close")

@@ -33,6 +33,9 @@ STROKE_MM = 85.0
 """What is configured, if nothing else is said."""
 
 
+MISSED = "STOP did not get through: nothing is stopped. "
+
+
 def near(text: str, value: float, within: float) -> bool:
     return abs(float(text.split(maxsplit=1)[0]) - value) <= within
 
@@ -40,7 +43,7 @@ def near(text: str, value: float, within: float) -> bool:
 def test_a_grasp_of_another_program_is_watched(shown: Tab, client: Client) -> None:
     grasp(client, 12.0)
     expect(part(shown, "mode")).to_have_text("holding")
-    expect(part(shown, "why")).to_contain_text("something is held")
+    expect(part(shown, "why")).not_to_contain_text("held")  # that is said beside it
     expect(part(shown, "held")).to_have_text("object detected")
     expect(fact(shown, "Set force")).to_have_text("12.0 N")
     expect(fact(shown, "On the object")).to_contain_text("to")
@@ -81,7 +84,9 @@ def test_who_only_looks_finds_nothing_to_act_with_but_the_stop(shown: Tab, clien
 
 def test_control_is_taken_kept_and_given_back(operated: Tab, client: Client) -> None:
     expect(button(operated, "Open")).to_be_disabled()
+    expect(part(operated, "to-use")).to_be_visible()
     take_control(operated)
+    expect(part(operated, "to-use")).to_be_hidden()
     owner = client.result("lease.get")["owner"]
     assert owner["purpose"] == "the page in a browser"
     assert owner["ttl_s"] == 3
@@ -98,8 +103,13 @@ def test_control_ends_when_nobody_sees_the_page(operated: Tab, client: Client) -
     longer_s = client.result("state.get")["monotonic_s"] + 4  # than the lease lives by itself
     client.until(lambda state: bool(state["monotonic_s"] > longer_s))
     assert client.result("lease.get")["owner"] is not None
-    operated.evaluate("Object.defineProperty(document, 'hidden', {get: () => true})")
+    hidden = "{get: () => true, configurable: true}"
+    operated.evaluate(f"Object.defineProperty(document, 'hidden', {hidden})")
     client.until(lambda _state: client.result("lease.get")["owner"] is None)
+    operated.evaluate("delete document.hidden")
+    expect(part(operated, "outcome")).to_have_text(
+        "You no longer have control: the page was hidden or cut off"
+    )
 
 
 def test_control_of_another_program_can_be_taken_over(operated: Tab, client: Client) -> None:
@@ -112,10 +122,9 @@ def test_control_of_another_program_can_be_taken_over(operated: Tab, client: Cli
     client.result("lease.take", why="I need it")
     expect(button(operated, "Open")).to_be_disabled()
     for told in (part(operated, "outcome"), operated.locator("#toasts")):
-        expect(told).to_contain_text("You no longer have control")
-        expect(told).to_contain_text(
-            re.compile(r"taken over by .* \(pid \d+, uid \d+\): I need it")
-        )
+        expect(told).to_contain_text(re.compile(r"python took control: I need it(Read)?$"))
+    operated.keyboard.press("o")  # with the words of the button that there is
+    expect(part(operated, "outcome")).to_have_text("open: press “Take it over” first")
 
 
 def test_the_slider_moves_the_jaws(operated: Tab, client: Client) -> None:
@@ -127,6 +136,39 @@ def test_the_slider_moves_the_jaws(operated: Tab, client: Client) -> None:
     expect(part(operated, "outcome")).to_contain_text("move: ")
     slider.press("ArrowLeft")
     client.until(lambda state: bool(state["opening_mm"] < 79.8))
+
+
+def test_the_slider_follows_other_motions_while_it_has_the_focus(
+    operated: Tab, client: Client
+) -> None:
+    enable(operated, client)
+    slider = part(operated, "slider")
+    slider.fill("25")
+    client.until(lambda state: state["job"] is None and state["opening_mm"] < 26)
+    expect(slider).to_be_focused()
+    operated.keyboard.press("o")
+    expect(part(operated, "outcome")).to_contain_text("open: reached")
+    expect(part(operated, "slider-text")).to_have_text(re.compile(r"^(79\.5|80\.0|80\.5) mm$"))
+    operated.keyboard.press("ArrowLeft")
+    expect(part(operated, "outcome")).to_contain_text("move: reached")
+    assert client.result("state.get")["opening_mm"] > 78
+    box = slider.bounding_box()
+    assert box is not None
+    middle = (box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    operated.mouse.move(*middle)
+    operated.mouse.down()
+    expect(part(operated, "slider-text")).to_have_text(re.compile("^4"))
+    operated.keyboard.press("c")
+    client.until(lambda state: bool(state["opening_mm"] < 1))
+    expect(part(operated, "slider-text")).to_have_text(re.compile("^4"))  # it is dragged
+    operated.mouse.up()
+    client.until(lambda state: state["job"] is None and state["opening_mm"] > 40)
+    operated.mouse.down()
+    operated.mouse.move(middle[0] + 60, middle[1], steps=3)
+    operated.mouse.move(*middle, steps=3)
+    operated.mouse.up()  # nothing has changed
+    operated.keyboard.press("o")
+    expect(part(operated, "slider-text")).to_have_text(re.compile(r"^(79\.5|80\.0|80\.5) mm$"))
 
 
 def test_keys_move_and_escape_stops_a_motion(operated: Tab, client: Client) -> None:
@@ -198,7 +240,8 @@ def test_the_daemon_goes_and_comes_back(
         expect(part(tab, "mode")).to_have_text("no daemon")
         expect(part(tab, "why")).not_to_be_empty()
         expect(part(tab, "outcome")).to_have_text("")  # nobody has control now
-        expect(fact(tab, "Opening")).to_have_text("-- mm")
+        expect(fact(tab, "Opening")).to_have_text("60.0 mm, last known")
+        expect(button(tab, "Give control back")).to_be_hidden()
         expect(button(tab, "Open")).to_be_disabled()
         tab.keyboard.press("Escape")
         expect(tab.locator("#notice")).to_contain_text("STOP did not reach")
@@ -209,7 +252,9 @@ def test_the_daemon_goes_and_comes_back(
             expect(button(tab, "Take control")).to_be_visible()
             expect(tab.locator("#notice")).to_have_text("")
             toasts = tab.locator("#toasts li")
-            expect(toasts).to_contain_text(["STOP did not get through: nothing is stopped. "])
+            expect(toasts).to_contain_text(
+                ["The daemon was restarted: you no longer have control.", MISSED]
+            )
             enable(tab, client)
             expect(toasts).to_have_count(1)
             tab.keyboard.press("Escape")
@@ -353,14 +398,41 @@ def test_the_measured_opening_sets_the_scale(operated: Tab, client: Client) -> N
     button(operated, "Zero …").click()
     stroke, uses = operated.get_by_label("The jaws open"), operated.locator("#zero-uses")
     expect(stroke).to_have_value("85")
-    expect(uses).to_contain_text("The scale uses the configured 85 mm")
+    expect(uses).to_contain_text("it would use 85 mm (configured: 85 mm).")
     stroke.fill("84.2")
-    expect(uses).to_contain_text("The scale uses 84.2 mm (configured: 85 mm)")
+    expect(uses).to_contain_text("it would use 84.2 mm (configured: 85 mm).")
     button(operated, "The jaws are free: move them").click()
     expect(operated.locator("#zero-progress")).to_contain_text(
         "saved. The scale uses 84.2 mm (configured: 85"
     )
     assert stroke_of(client) == pytest.approx(84.2)
+    expect(uses).to_contain_text("Now the scale uses 84.2 mm (configured: 85 mm). ")
+
+
+def test_a_correction_is_what_the_dialog_begins_with_the_next_time(
+    operated: Tab, client: Client
+) -> None:
+    enable(operated, client)
+    stroke, uses = operated.get_by_label("The jaws open"), operated.locator("#zero-uses")
+    progress = operated.locator("#zero-progress")
+    now = "Now the scale uses 88 mm"
+    button(operated, "Zero …").click()
+    stroke.fill("88")
+    button(operated, "Correct the scale only").click()
+    expect(progress).to_contain_text("It is saved.")
+    expect(uses).to_contain_text(f"{now} (configured: 85 mm). ")
+    button(operated, "Done").click()
+    button(operated, "Zero …").click()
+    expect(stroke).to_have_value("88")
+    expect(uses).to_contain_text(f"{now} (configured: 85 mm). ")
+    button(operated, "Correct the scale only").click()
+    expect(progress).to_contain_text("It is saved.")
+    assert stroke_of(client) == pytest.approx(88)
+    stroke.fill("60")
+    expect(uses).to_contain_text(f"{now}; it would use 60 mm (configured: 85 mm). ")
+    button(operated, "Correct the scale only").click()
+    expect(progress).to_contain_text("Not corrected: ")
+    expect(uses).to_contain_text(now)
 
 
 def test_a_stroke_that_cannot_be_is_refused_in_the_dialog(operated: Tab, client: Client) -> None:
@@ -503,18 +575,28 @@ def test_a_dump_is_shown_and_anything_else_is_not(
 ) -> None:
     grasp(client)
     dumped = client.result("recorder.dump")
-    field = shown.locator("#dump-file")
+    field, toasts = shown.locator("#dump-file"), shown.locator("#toasts li")
     field.set_input_files(dumped["path"])
     section = shown.locator("#dump")
     expect(section.get_by_role("heading")).to_contain_text(f"{dumped['ticks']} ticks")
     expect(section.locator(".events")).to_contain_text("object held")
+    times = section.locator(".events time").all_inner_texts()
+    assert times == sorted(times, reverse=True)  # the newest first
+    expect(section.locator(".events li").last).not_to_contain_text("object held")
     expect(section.locator("canvas")).to_have_count(2)
     content = Path(dumped["path"]).read_bytes()
     for name, wrong in {"notes": b"hello", "cut": content[: len(content) // 2]}.items():
         damaged = tmp_path / f"{name}.mcap"
         damaged.write_bytes(wrong)
         field.set_input_files(str(damaged))
-        expect(shown.locator("#notice")).to_contain_text(f"{name}.mcap cannot be shown: ")
+        expect(toasts).to_contain_text([f"{name}.mcap cannot be shown: "])
+    field.set_input_files(dumped["path"])
+    expect(toasts).to_have_count(0)  # another one is shown
+    field.set_input_files(str(damaged))
+    expect(toasts).to_contain_text(["cannot be shown: "])
+    button(shown, "Read").click()
+    expect(toasts).to_have_count(0)
+    expect(shown.locator("#notice")).to_have_text("")
     button(shown, "Close").last.click()
     expect(section).to_be_hidden()
 

@@ -120,6 +120,8 @@ def test_the_head_says_that_it_teaches_and_replays(
     client.result("sim.push", torque_nm=0)
     button(operated, "End and keep").click()
     expect(part(operated, "outcome")).to_contain_text("kept as part")
+    expect(part(operated, "events")).to_contain_text("teach: ended, ")
+    expect(part(operated, "events")).not_to_contain_text("stopped")
     part(operated, "speed").fill("0.1")  # so that it is seen
     button(operated, "Replay").click()
     expect(mode).to_have_text(re.compile(r"^replaying( \(\w+\))?$"))
