@@ -219,6 +219,7 @@ def test_no_outcome_stands_beside_what_contradicts_it(
         expect(outcome).to_have_text("")
         button(operated, "Clear the stop").click()
         expect(outcome).to_have_text("clear the stop: done")
+        expect(mode).not_to_have_text("STOPPED")
         if told == "enable: done":
             button(operated, "Enable").click()
             expect(outcome).to_have_text(told)
