@@ -271,14 +271,19 @@ def daemon(folder: Path, *arguments: str, on: tuple[str, ...] = ()) -> Iterator[
         running.kill()
 
 
+def written(folder: Path, config: str = SIMULATED) -> tuple[str, str]:
+    """Write a configuration; return the arguments that have a daemon read it."""
+    folder.mkdir(exist_ok=True)
+    path = folder / "c.toml"
+    path.write_text(config, encoding="utf-8")
+    return "--config", str(path)
+
+
 def configured(
     folder: Path, name: str, config: str = SIMULATED, on: tuple[str, ...] = ()
 ) -> contextlib.AbstractContextManager[DaemonProcess]:
     """Return a daemon with a configuration of this text, to be run as `daemon` does."""
-    folder.mkdir(exist_ok=True)
-    path = folder / "c.toml"
-    path.write_text(config, encoding="utf-8")
-    return daemon(folder, name, "--config", str(path), on=on)
+    return daemon(folder, name, *written(folder, config), on=on)
 
 
 @contextlib.contextmanager

@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, expect
 from playwright.sync_api import Page as Tab
 
-from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess
+from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess, written
 from tests.process.web.on_page import (
     button,
     fact,
@@ -213,7 +213,7 @@ def two_grippers(
             for ending in (".sock", ".stop.sock"):
                 (sockets / f"{name}{ending}").symlink_to(folder / f"rpc{ending}")
             path = str(folder / "rpc.sock")
-            daemons.append(DaemonProcess(folder, name, "--simulate", "--socket", path))
+            daemons.append(DaemonProcess(folder, name, *written(folder), "--socket", path))
             stack.callback(daemons[-1].kill)
             clients.append(stack.enter_context(daemons[-1].connect()))
         running = stack.enter_context(page("--operate", channels=tuple(names)))
@@ -393,7 +393,7 @@ def test_a_daemon_and_a_page_server_that_are_gone_are_said_where_the_buttons_are
     socket_path = tmp_path / "rpc.sock"
     with contextlib.ExitStack() as stack:
         daemon = DaemonProcess(
-            tmp_path, f"gone-{os.getpid()}", "--simulate", "--socket", str(socket_path)
+            tmp_path, f"gone-{os.getpid()}", *written(tmp_path), "--socket", str(socket_path)
         )
         stack.callback(daemon.kill)
         running = stack.enter_context(page("--socket", str(socket_path), "--operate"))

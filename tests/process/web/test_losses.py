@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import BrowserContext, expect
 from playwright.sync_api import Page as Tab
 
-from tests.process.daemon_process import SIMULATED, Client, DaemonProcess
+from tests.process.daemon_process import Client, DaemonProcess, written
 from tests.process.restarting import held, restartable
 from tests.process.web.on_page import OBJECT_MM, button, grasp, opened, part, take_control
 from tests.process.web.page_process import Page, page
@@ -148,9 +148,7 @@ def test_an_object_that_nobody_holds_is_not_said_to_be_none(
 def test_what_a_daemon_has_taken_with_it_is_said_until_it_is_read_or_the_next_motion(
     window: BrowserContext, tmp_path: Path, how: str
 ) -> None:
-    config = tmp_path / "c.toml"
-    config.write_text(SIMULATED, encoding="utf-8")
-    arguments = ("--config", str(config), "--socket", str(tmp_path / "rpc.sock"))
+    arguments = (*written(tmp_path), "--socket", str(tmp_path / "rpc.sock"))
 
     def run(stack: contextlib.ExitStack) -> tuple[DaemonProcess, Client]:
         running = DaemonProcess(tmp_path, f"gone-{os.getpid()}", *arguments)

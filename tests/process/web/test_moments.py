@@ -14,7 +14,7 @@ import pytest
 from playwright.sync_api import BrowserContext, expect
 from playwright.sync_api import Page as Tab
 
-from tests.process.daemon_process import Client, DaemonProcess
+from tests.process.daemon_process import Client, DaemonProcess, written
 from tests.process.web.on_page import (
     OBJECT_MM,
     button,
@@ -65,7 +65,7 @@ def test_what_is_held_is_last_known_once_nothing_measures_it(
     socket_path = tmp_path / "rpc.sock"
     with contextlib.ExitStack() as stack:
         daemon = DaemonProcess(
-            tmp_path, f"held-{os.getpid()}", "--simulate", "--socket", str(socket_path)
+            tmp_path, f"held-{os.getpid()}", *written(tmp_path), "--socket", str(socket_path)
         )
         stack.callback(daemon.kill)
         running = stack.enter_context(page("--socket", str(socket_path), "--operate"))

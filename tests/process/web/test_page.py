@@ -12,7 +12,7 @@ from playwright.sync_api import BrowserContext, expect
 from playwright.sync_api import Page as Tab
 
 from litegrip_client.values.voices import CALLS
-from tests.process.daemon_process import Client, DaemonProcess, daemon
+from tests.process.daemon_process import Client, DaemonProcess, configured, daemon
 from tests.process.web.on_page import (
     OBJECT_MM,
     button,
@@ -824,7 +824,7 @@ def test_two_grippers_stand_on_one_page_and_stop_together(
     with contextlib.ExitStack() as stack:
         clients = []
         for name in names:
-            running = stack.enter_context(daemon(tmp_path / name, name, "--simulate"))
+            running = stack.enter_context(configured(tmp_path / name, name))
             clients.append(stack.enter_context(running.connect()))
             (sockets / f"{name}.sock").symlink_to(running.socket_path)
             stop = running.socket_path.with_suffix(".stop.sock")
