@@ -27,7 +27,7 @@ from litegrip_client.line.exchange import DEFAULT_TIMEOUT_S, Call, Exchange, Wat
 from litegrip_client.line.feeds import Event, EventFeed, Feed, StateFeed, some_fields, whole_state
 from litegrip_client.line.latest import BaseLatest, NewestFeed
 from litegrip_client.values.calibration import GripperConfig
-from litegrip_client.values.errors import CommandError, LiteGripError
+from litegrip_client.values.errors import CommandError, ConnectError, LiteGripError
 from litegrip_client.values.motion_config import MotionConfig
 from litegrip_client.values.results import GripperState
 from litegrip_client.values.terms import Voice
@@ -277,9 +277,17 @@ class Connection(Exchange):
         await self.wait_until(lambda: bool(feed.inbox), timeout_s, f"with a {feed.what}")
 
     async def unsubscribe(self, feed: Feed[Any]) -> None:
-        """End a subscription; there is nothing to do when the connection has ended."""
+        """End a subscription; there is nothing to do when the connection has ended.
+
+        A silent daemon is not waited for: what came of that has been raised.
+        """
         self._waiting.wake()
-        if self._router.listeners.pop(feed.key, None) is not None and not self.closed:
+        if self._router.listeners.pop(feed.key, None) is None or self.closed:
+            return
+        if self.is_silent:
+            with contextlib.suppress(ConnectError):
+                self.post(*feed.ending())
+        else:
             await self.call(*feed.ending())
 
     # The connection itself

@@ -514,10 +514,17 @@ class Connection(Exchange):
         self._router.listeners.pop((notification, 0), None)
 
     def unsubscribe(self, feed: Feed[Any]) -> None:
-        """End a subscription; there is nothing to do when the connection has ended."""
+        """End a subscription; there is nothing to do when the connection has ended.
+
+        A silent daemon is not waited for: what came of that has been raised.
+        """
+        is_silent = self.is_silent
         try:
             if feed.key in self._router.listeners and not self.closed:
-                self.call(*feed.ending())
+                (self.post if is_silent else self.call)(*feed.ending())
+        except ConnectError:
+            if not is_silent:
+                raise
         finally:
             self._router.listeners.pop(feed.key, None)
 

@@ -41,6 +41,25 @@ def test_a_motion_does_not_wait_for_a_frozen_daemon(
     assert enabled.get_state().mode == "holding"
 
 
+def test_the_end_of_a_subscription_does_not_wait_for_a_frozen_daemon(
+    site: Bench, daemon: Heard, enabled: LiteGrip, caplog: pytest.LogCaptureFixture
+) -> None:
+    began_s = site.now_s
+    site.after(0.3, daemon.freeze)
+    with (
+        pytest.raises(ConnectError, match="did not answer with a state sample") as caught,
+        enabled.states(hz=50) as states,
+    ):
+        for _ in states:
+            pass
+    assert caught.value.__context__ is None
+    assert caplog.messages == []
+    assert site.now_s - began_s == pytest.approx(5.4, abs=0.6)
+    daemon.thaw()
+    assert enabled.get_state().mode == "holding"
+    assert daemon.methods()[-2:] == ["state.unsubscribe", "state.get"]
+
+
 def test_a_motion_that_a_frozen_daemon_never_read_is_cancelled_when_it_goes_on(
     daemon: Heard, enabled: LiteGrip
 ) -> None:
