@@ -79,7 +79,7 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
             raise _unreadable(path, f"it is larger than {MAX_FILE_BYTES} bytes")
         content = json_of(raw)
     except (OSError, ValueError) as error:
-        raise _unreadable(path, getattr(error, "strerror", None) or str(error)) from error
+        raise _unreadable(path, getattr(error, "strerror", None) or str(error)) from None
     if not isinstance(content, dict):
         raise _unreadable(path, "it holds no JSON object")
     return content
@@ -97,7 +97,7 @@ def own_files(channel: str) -> Iterator[tuple[str, dict[str, Any]]]:
         try:
             content = read(path)
         except CommandError as error:
-            if not isinstance(error.__cause__, FileNotFoundError):
+            if not isinstance(error.__context__, FileNotFoundError):
                 raise
             continue
         if content.get("channel") not in (None, channel):

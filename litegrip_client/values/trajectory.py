@@ -363,7 +363,7 @@ def read_file(name: str | os.PathLike[str]) -> bytes:
         with _open(path) as file:
             content = file.read(MAX_BYTES + 1)
     except OSError as error:
-        raise _unopened(path, error) from error
+        raise _unopened(path, error) from None
     if len(content) > MAX_BYTES:
         raise TrajectoryFormatError(
             f"{path}: it is larger than {MAX_SAMPLES} samples, {MAX_BYTES} bytes"
@@ -486,6 +486,11 @@ def _not_a_name(name: object, why: str) -> CommandError:
 
 def _unopened(path: Path, error: OSError) -> CommandError:
     if isinstance(error, FileNotFoundError):
-        text = f"there is no trajectory {path}"
+        from difflib import get_close_matches  # noqa: PLC0415 - an error
+
+        names = [other.name.removesuffix(ENDING) for other in path.parent.glob(f"*{ENDING}")]
+        close = get_close_matches(path.name.removesuffix(ENDING), names, 1)
+        meant = f"; did you mean {close[0]!r}?" if close else ""
+        text = f"there is no trajectory {path}{meant}"
         return TrajectoryNotFoundError(text, reason="unknown_trajectory")
     return TrajectoryFormatError(f"{path} cannot be read: {error.strerror or error}")

@@ -6,16 +6,26 @@ from types import MappingProxyType
 
 from litegripd.model.errors import Refusal
 from litegripd.model.motor import Feedback, MotorPhase, Status, status_name
-from litegripd.model.sentence import sentence
+from litegripd.model.sentence import Sentence, sentence
 
-REMEDIES: Mapping[int, str] = {
-    Status.OVER_VOLTAGE: "lower the supply voltage (24 V nominal, 32 V at most), then enable again",
-    Status.UNDER_VOLTAGE: "switch the 24 V supply of the power stage on, then enable again",
-    Status.OVER_CURRENT: "check that the jaws are not jammed, then enable again",
-    Status.DRIVER_HOT: "let the driver cool down, then enable again",
-    Status.COIL_HOT: "let the motor cool down, then enable again and hold with less force",
-    Status.COMMUNICATION_LOST: "enable again; if it recurs, check the CAN wiring",
-    Status.OVERLOAD: "remove what loads the jaws, then enable again",
+REMEDIES: Mapping[int, Sentence] = {
+    Status.OVER_VOLTAGE: sentence(
+        "lower the supply voltage (24 V nominal, 32 V at most), then enable again ({motor.enable})"
+    ),
+    Status.UNDER_VOLTAGE: sentence(
+        "switch the 24 V supply of the power stage on, then enable again ({motor.enable})"
+    ),
+    Status.OVER_CURRENT: sentence(
+        "check that the jaws are not jammed, then enable again ({motor.enable})"
+    ),
+    Status.DRIVER_HOT: sentence("let the driver cool down, then enable again ({motor.enable})"),
+    Status.COIL_HOT: sentence(
+        "let the motor cool down, then enable again ({motor.enable}) and hold with less force"
+    ),
+    Status.COMMUNICATION_LOST: sentence(
+        "enable again ({motor.enable}); if it recurs, check the CAN wiring"
+    ),
+    Status.OVERLOAD: sentence("remove what loads the jaws, then enable again ({motor.enable})"),
 }
 
 RESTING: Mapping[int, str] = {
@@ -38,9 +48,9 @@ STILL_ENABLED = Refusal(
 )
 
 
-_STOOD_STILL = (
-    "enable again; if it recurs, find what keeps the daemon from running: no real-time rights,"
-    " another real-time program, a machine that is overloaded or suspended"
+_STOOD_STILL = sentence(
+    "enable again ({motor.enable}); if it recurs, find what keeps the daemon from running: no"
+    " real-time rights, another real-time program, a machine that is overloaded or suspended"
 )
 
 
@@ -54,14 +64,20 @@ def fault_refusal(feedback: Feedback, stood_still_s: float | None = None) -> Ref
     if feedback.status == Status.COMMUNICATION_LOST and stood_still_s is not None:
         return Refusal(
             "motor_fault",
-            f"the motor reports communication lost: the daemon itself stood still for"
-            f" {stood_still_s * 1e3:.0f} ms, and the motor disarmed itself: {_STOOD_STILL}",
+            sentence(
+                "the motor reports communication lost: the daemon itself stood still for"
+                " {stood_ms:.0f} ms, and the motor disarmed itself: {remedy}",
+                stood_ms=stood_still_s * 1e3,
+                remedy=_STOOD_STILL,
+            ),
             {"status": name, "hint": _STOOD_STILL, "stood_still_s": stood_still_s},
         )
     remedy = REMEDIES.get(feedback.status, "see the motor's manual")
     return Refusal(
         "motor_fault",
-        f"the motor reports {name.replace('_', ' ')}: {remedy}",
+        sentence(
+            "the motor reports {status}: {remedy}", status=name.replace("_", " "), remedy=remedy
+        ),
         {"status": name, "hint": remedy},
     )
 

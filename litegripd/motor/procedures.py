@@ -3,6 +3,7 @@
 from litegripd.model.errors import Refusal
 from litegripd.model.motor import CanFrame, EnableMotor, Feedback, Ranges, ZeroView, is_fault
 from litegripd.model.plain import Carried
+from litegripd.model.sentence import sentence
 from litegripd.motor import codec
 from litegripd.motor.codec import TIMEOUT_UNIT_S, VERIFIED, status_request
 from litegripd.motor.identity import (
@@ -56,8 +57,10 @@ def no_watchdog(read_units: int) -> Refusal:
 
 _WRITTEN = Refusal(
     "second_master",
-    "another program wrote the motor's registers while it was being enabled: end that program,"
-    " then enable again",
+    sentence(
+        "another program wrote the motor's registers while it was being enabled: end that program,"
+        " then enable again ({motor.enable})"
+    ),
 )
 
 

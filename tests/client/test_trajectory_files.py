@@ -117,6 +117,10 @@ def test_what_cannot_be_loaded_is_named_with_the_reason(folder: Path) -> None:
         Trajectory.load("pick")
     assert isinstance(caught.value, FileNotFoundError)
     assert caught.value.reason == "unknown_trajectory"
+    assert caught.value.__suppress_context__, "one traceback is enough"
+    trajectory().save("pick")
+    with pytest.raises(CommandError, match=r"there is no trajectory .*; did you mean 'pick'\?"):
+        Trajectory.load("pikc")
     (folder / "bad.lgt").write_bytes(lgt([(0.0, 2.0)]))
     with pytest.raises(CommandError, match=r"bad\.lgt: sample 0: openness is 2\.0"):
         Trajectory.load("bad")
