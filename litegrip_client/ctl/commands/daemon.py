@@ -113,7 +113,7 @@ def _set(run: Run) -> int:
 
 
 def _no_field(run: Run, name: str, known: Collection[str]) -> int:
-    close = get_close_matches(name, known, 1)
+    close = get_close_matches(name, known, 1, 0.5)  # "sped" is speed_mm_s
     meant = f"did you mean {close[0]!r}? " if close else ""
     hint = f"{meant}All fields: {run.here('litegripctl config')}; {_FIELDS_PAGE}"
     return run.refuse(f"there is no field {name!r}", hint)
