@@ -31,6 +31,7 @@ from litegripd.app.build import motor_figures
 from litegripd.app.config import Config
 from litegripd.app.status import DaemonFacts
 from litegripd.model.motor import BusSettings
+from litegripd.model.sentence import with_terms
 from tests.app.test_facts import judged
 from tests.client.doctor.known import LINKS
 from tests.client.fake_daemon import FakeDaemon, Request
@@ -261,7 +262,7 @@ class Bench:
                     for name, value in self.told.items()
                     if name.startswith(f"{part}_")
                 }
-                answer["result"] = {**answer["result"], **own, **told}
+                answer["result"] = with_terms({**answer["result"], **own, **told})
         request.send({**answer, "id": request.identity})
 
 
