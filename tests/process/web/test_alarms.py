@@ -291,6 +291,31 @@ COVERED_BY_BAR = """
     .map((node) => node.outerHTML);
 }
 """
+CUT_IN_DIALOG = """
+() => {
+  const rect = (node) => node.getBoundingClientRect();
+  const dialog = document.querySelector("dialog[open]");
+  const said = rect(dialog.querySelector(".barred"));
+  return said.bottom > Math.min(rect(dialog).bottom, innerHeight) || said.top < rect(dialog).top;
+}
+"""
+
+
+def test_why_nothing_moves_is_in_sight_in_a_dialog_that_has_no_room(
+    window: BrowserContext, operating: Page, client: Client
+) -> None:
+    tab = opened(window, operating)
+    take_control(tab)
+    button(tab, "Zero …").click()
+    size = tab.viewport_size
+    assert size is not None
+    client.result("stop", level="hold")
+    expect(tab.get_by_role("dialog")).to_contain_text("Not now: a stop is latched")
+    for height in range(size["height"], 320, -40):
+        tab.set_viewport_size({"width": size["width"], "height": height})
+        assert not tab.evaluate(CUT_IN_DIALOG), height
+
+
 UNCOVERED = """
 () => {
   const bottom = document.querySelector("#notice").getBoundingClientRect().bottom;
