@@ -302,7 +302,8 @@ export class Control {
     try {
       const result = await this.#call(method, params);
       const text = outcome(name, result);
-      if (result.ok === false) this.#panel.complain(text, "motion");
+      const rank = result.outcome === "object_lost" ? "loss" : "";
+      if (result.ok === false) this.#panel.complain(text, "motion", undefined, rank);
       else {
         this.#panel.tell(text);
         this.#panel.forgive("name");
