@@ -10,6 +10,7 @@ const TTL_S = 3;
 const RENEW_EVERY_MS = 1000;
 const CONTINUOUS_N = 20; // the vendor's recommendation
 const NEAR_MM = 1; // what the keys chose stays: steps of them add up
+const GREY = "button:disabled, [type=range]:disabled";
 const MOVES = ["enable", "open", "close", "hold", "grasp", "set-force", "zero", "teach", "play"];
 const TRAJECTORY_NAME = /^(?![.\s])[^/\\\p{C}]{1,64}(?<!\s)$/u;
 
@@ -80,7 +81,9 @@ export class Control {
     on("zero", () => askZero(this.#panel));
     on("rescale", () => askZero(this.#panel));
     panel.node("force").oninput = () => this.#showForce();
-    panel.node("name").oninput = () => this.#panel.forgive("name");
+    panel.node("name").oninput = () => {
+      for (const about of ["name", "replay"]) this.#panel.forgive(about);
+    };
     const speed = panel.node("speed");
     [speed.min, speed.max] = REPLAY_SPEEDS;
     on("teach", () => this.#teach());
@@ -102,6 +105,7 @@ export class Control {
         this.#move("move", "motion.move", { opening_mm: Number(slider.value), ...params }));
       this.#slides -= 1;
     };
+    panel.article.addEventListener("click", (event) => this.#explain(event));
     setInterval(() => this.#renew(), RENEW_EVERY_MS);
   }
 
@@ -135,9 +139,26 @@ export class Control {
     if (name === undefined || this.#panel.state === null) return false;
     const why = this.whyNot("motion");
     if (why === null) this.#panel.node(name).click();
-    else if (this.#operates && !this.#has) this.#panel.complain(`${name}: ${why}`, "control");
-    else this.#panel.tell(`${name}: ${why}`);
+    else this.#refuse(name, why);
     return true;
+  }
+
+  #refuse(name, why) {
+    if (this.#panel.state !== null && this.#operates && !this.#has) this.#panel.complain(`${name}: ${why}`, "control");
+    else this.#panel.tell(`${name}: ${why}`);
+  }
+
+  /* Say why what is grey does nothing: it gets no clicks, which the page below it gets in its place. */
+  #explain({ target, clientX: x, clientY: y }) {
+    if (target.closest("button, input")) return;
+    const isThere = ({ left, right, top, bottom }) => left <= x && x < right && top <= y && y < bottom;
+    const grey = [...this.#panel.article.querySelectorAll(GREY)].find((node) => isThere(node.getBoundingClientRect()));
+    if (grey === undefined) return;
+    const slider = this.#panel.node("slider");
+    const name = grey === slider ? "move" : grey.textContent.replace(" …", "").toLowerCase();
+    const isFault = grey === this.#panel.node("clear-fault");
+    const other = isFault ? "the motor reports no fault" : "something is held, which it would drop";
+    this.#refuse(name, this.whyNot(isFault ? "control" : "motion") ?? other);
   }
 
   /* Why what needs "motion", or "control" alone, would do nothing now; null if it would do something. */
@@ -281,7 +302,8 @@ export class Control {
     try {
       const result = await this.#call(method, params);
       const text = outcome(name, result);
-      if (result.ok === false) this.#panel.complain(text, "motion");
+      const rank = result.outcome === "object_lost" ? "loss" : "";
+      if (result.ok === false) this.#panel.complain(text, "motion", undefined, rank);
       else {
         this.#panel.tell(text);
         this.#panel.forgive("name");
@@ -382,7 +404,7 @@ export class Control {
     const kept = await this.#do("keep", "trajectory.record_stop", { name, ...(isPart && { allow_partial: true }) });
     this.#showRecording(kept === null ? before : null, isPart);
     if (kept === null) return;
-    this.#panel.forgive("teach");
+    for (const about of ["teach", "replay"]) this.#panel.forgive(about);
     if (before === "on") await this.#do("hold", "motion.hold");
     this.#panel.tell(`kept as ${kept.name}: ${figure(kept.duration_s, 1, "s")}, ${kept.samples} samples`);
     await this.#listNames();

@@ -26,6 +26,7 @@ const GONE = {
   stop: "the stop is gone",
   control: "you no longer have control",
 };
+const MISSED = "NOT STOPPED: press STOP again. It did not get through.";
 const UNSEEN =
   "No software sees what else pushes the jaws, a hand or a weight, nor a motor that makes other than it reports.";
 
@@ -51,6 +52,8 @@ export class Panel extends EventTarget {
   #lease = null;
   #health = null;
   #lost = null; // the event of an object that was lost, or let go by nobody's wish
+  #isPast = false; // what had lost it, which is no longer so
+  #toldLoss = ""; // what the bar says of it
   #readS = null;
   #last = null; // the state when the connection ended
   #epoch = null; // which start of the daemon it was
@@ -58,6 +61,7 @@ export class Panel extends EventTarget {
   #before = null; // what was so when the connection ended
   #gone = new Map(); // what of that is no more, and has not been read
   #weak = null; // the event of a motor that is weak
+  #isMissed = false; // by a STOP that was pressed on the page
   #isLate = false;
   #operates = false;
   #isOver = false;
@@ -120,9 +124,19 @@ export class Panel extends EventTarget {
   }
 
   /* Say what is wrong `about` something, until it has been read or a state comes for which `isOver`. */
-  complain(text, about, isOver) {
+  complain(text, about, isOver, rank) {
     this.tell(text);
-    toast(this.channel, text, about, { isOver });
+    toast(this.channel, text, about, { isOver, rank });
+  }
+
+  /* Say whether a STOP has missed this gripper, which answers again: until it is stopped, or somebody has read it. */
+  miss(isMissed) {
+    if (this.#isMissed === isMissed) return;
+    this.#isMissed = isMissed;
+    this.#showAlarms();
+    const onRead = () => this.miss(false);
+    if (isMissed) toast(this.channel, MISSED, "stop", { rank: "unstopped", atS: null, onRead });
+    else this.forgive("stop");
   }
 
   /* Complain no more about something. */
@@ -192,6 +206,7 @@ export class Panel extends EventTarget {
     if (this.state === null) return; // there is no connection, which is what is said
     const { force_set_n: force, mode, motor, status, stop } = this.state;
     const alarms = [];
+    if (this.#isMissed) alarms.push("NOT STOPPED");
     if (this.#lost !== null) alarms.push(LOSSES[this.#lost.kind]);
     if (mode === "fault") alarms.push(`FAULT: ${status.replaceAll("_", " ")}`);
     if (this.isSilent) alarms.push(motor === "silent" ? "MOTOR SILENT" : "NO MOTOR");
@@ -319,19 +334,13 @@ export class Panel extends EventTarget {
       this.#lose(null);
     } else if (kind in LOSSES && atS !== this.#readS) {
       this.#lose(event);
-      if (kind !== "released_by_fault") return;
-      toast(this.channel, `LET GO: ${this.#lossText()}`, "let go", {
-        atS: atS + this.#offsetS,
-        onRead: () => {
-          this.#readS = atS;
-          this.#lose(null);
-        },
-      });
     }
   }
 
   #lose(lost) {
     this.#lost = lost;
+    this.#isPast = false;
+    this.#toldLoss = "";
     this.forgive("let go");
     this.#showLoss();
     this.#showAlarms();
@@ -360,7 +369,8 @@ export class Panel extends EventTarget {
     if (!this.#gone.size) return this.forgive("gone");
     const parts = [...this.#gone.keys()].map((part) => GONE[part]).join(", ");
     const text = capital(`${[...this.#gone.values()].at(-1)}: ${parts}.`);
-    toast(this.channel, text, "gone", { onRead: () => this.#forget() });
+    const rank = this.#gone.has("held") ? "loss" : "";
+    toast(this.channel, text, "gone", { rank, onRead: () => this.#forget() });
   }
 
   #forget() {
@@ -385,14 +395,35 @@ export class Panel extends EventTarget {
     return this.#weak !== null && Boolean(this.state?.enabled);
   }
 
-  /* What is said of a loss: of a lost object no hold, once the motor does not hold. */
+  /* Say in the bar what a fault let go of; what a restart did is said there with all else that it ended. */
+  #tellLoss() {
+    if (this.#lost?.kind !== "released_by_fault" || !this.#lost.data) return;
+    const { monotonic_s: atS } = this.#lost;
+    const text = `LET GO: ${this.#lossText()}`;
+    if (text === this.#toldLoss) return;
+    this.#toldLoss = text;
+    toast(this.channel, text, "let go", {
+      rank: "loss",
+      atS: atS + this.#offsetS,
+      onRead: () => {
+        this.#readS = atS;
+        this.#lose(null);
+      },
+    });
+  }
+
+  /* What is said of a loss: of a lost object no hold, once the motor does not hold; of a fault that is over no advice. */
   #lossText() {
+    const { data, monotonic_s: atS } = this.#lost;
+    this.#isPast ||= this.state?.monotonic_s > atS && !["fault", "offline"].includes(this.state.mode);
+    if (this.#isPast && data?.past) return data.past;
     const text = inPageWords(this.#lost.message, this.#lost.terms?.message);
     const holds = this.#lost.kind !== "object_lost" || (this.state?.enabled && this.state.mode !== "relaxed");
     return holds ? text : text.split(": ", 1)[0];
   }
 
   #showLoss() {
+    this.#tellLoss();
     const { lost, "lost-text": text } = this.#nodes;
     const isLost = this.#lost !== null && this.state !== null;
     const [name, told] = isLost ? [LOSSES[this.#lost.kind], this.#lossText()] : ["", ""];
@@ -405,7 +436,10 @@ export class Panel extends EventTarget {
   #show(state) {
     this.state = state;
     if (state.is_grasped) this.#heldS = state.monotonic_s;
-    if (state.stop !== null) this.regain("stop");
+    if (state.stop !== null) {
+      this.regain("stop");
+      this.miss(false);
+    }
     this.article.classList.remove("down");
     this.jaws.setScale(this.travel, state.work_stroke_mm ?? null);
     this.#showJaws(state);

@@ -3,7 +3,6 @@
 const CONFIRMED_WITHIN_MS = 500;
 const CUT = "Cut the motor's power.";
 const STOPPED = "Stopped. Nothing moves until it is cleared.";
-const MISSED = "STOP did not get through: nothing is stopped. The daemon answers now: press STOP again.";
 
 export class Stop {
   /* `panels` are stopped together; what came of it is shown in `place`. */
@@ -31,6 +30,7 @@ export class Stop {
     this.#tell("STOP sent …", "sent");
     const timer = setTimeout(show, CONFIRMED_WITHIN_MS);
     for (const panel of this.#panels) {
+      panel.miss(false);
       panel.stop().then((why) => {
         open.delete(panel);
         if (why !== null) missed.set(panel, why);
@@ -85,7 +85,7 @@ export class Stop {
     for (const panel of known) this.#missed.delete(panel);
     if (this.#missed.size || this.#open.size) this.#show();
     else this.#say("", "");
-    for (const panel of running) panel.complain(MISSED, "stop", ({ stop }) => stop !== null);
+    for (const panel of running) panel.miss(true);
   }
 
   #tell(text, kind) {

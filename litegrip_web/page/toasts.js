@@ -1,18 +1,22 @@
-/* What went wrong, in the bar: until somebody has read it, or it is over. The newest is seen, a click shows all. */
+/* What went wrong, in the bar: until somebody has read it, or it is over. The newest of the worst is seen, a click
+   shows all. */
 
 import { time } from "./format.js";
 
 const MOST = 5;
+const RANKS = ["", "loss", "unstopped"]; // the worst last
 const list = document.getElementById("toasts");
 list.onclick = () => list.classList.toggle("whole");
 
 /* Say `text`, in the place of what was said `about` the same; a state ends it for which `isOver`. It is of `atS`, in
-   seconds of the time of day, and `onRead` is called once it has been read. What is no gripper's has no channel. */
-export function toast(channel, text, about, { isOver = () => false, atS = Date.now() / 1000, onRead = () => {} }) {
+   seconds of the time of day (null: no time is said), and `onRead` is called once it has been read. What is no
+   gripper's has no channel. What is of a higher rank is seen in the place of what is of a lower one. */
+export function toast(channel, text, about, options) {
+  const { isOver = () => false, atS = Date.now() / 1000, onRead = () => {}, rank = "" } = options;
   const line = document.createElement("li");
   const words = document.createElement("span");
   const whose = channel !== null && document.body.classList.contains("several") ? `${channel}: ` : "";
-  words.textContent = `${time(atS)}  ${whose}${text}`;
+  words.textContent = `${atS === null ? "" : `${time(atS)}  `}${whose}${text}`;
   const close = document.createElement("button");
   close.type = "button";
   close.textContent = "Read";
@@ -24,7 +28,9 @@ export function toast(channel, text, about, { isOver = () => false, atS = Date.n
   line.append(words, close);
   Object.assign(line, { channel, about, isOver });
   remove((one) => one.channel === channel && one.about === about);
-  list.append(line);
+  line.dataset.rank = rank;
+  const isWorse = (one) => RANKS.indexOf(one.dataset.rank) > RANKS.indexOf(rank);
+  list.insertBefore(line, [...list.children].find(isWorse) ?? null);
   remove((one) => [...list.children].indexOf(one) < list.children.length - MOST);
 }
 

@@ -303,7 +303,20 @@ def released_by_fault(held: HeldObject, motor: MotorView) -> Event:
             why=why.message,
         )
     data = {"force_n": held.force_n, "width_mm": round(held.width_mm, 2), "certain": is_certain}
-    return Event("released_by_fault", text, {**data, "reason": why.reason})
+    past = f"{what} was let go{_past_cause(why, is_certain=is_certain)}"
+    return Event("released_by_fault", text, {**data, "reason": why.reason, "past": past})
+
+
+def _past_cause(why: Refusal, *, is_certain: bool) -> str:
+    """Return why something was let go, as it reads once that is over and needs no advice."""
+    if not is_certain:
+        return ": the motor did not answer"
+    if why is _RESET:
+        return ": the motor was off, which nobody here had asked for"
+    if why.reason == "implausible_feedback":
+        return ": the motor's position jumped, and it was disabled"
+    status = why.data.get("status")
+    return " by a fault" if status is None else f" by a fault ({str(status).replace('_', ' ')})"
 
 
 RELEASES_WITHIN_S = LATEST_DISARM_S + 0.1

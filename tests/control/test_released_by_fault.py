@@ -13,6 +13,7 @@ from tests.control.held import WIDTH_MM, Held
 from tests.world import CAN_ID, World
 
 FORCE_N = 10.0
+OFF = ": the motor was off, which nobody here had asked for"
 
 
 def told(held: Held) -> list[dict[str, Any]]:
@@ -55,17 +56,17 @@ def jumped(held: Held) -> None:
 
 
 @pytest.mark.parametrize(
-    ("fault", "why"),
+    ("fault", "why", "past"),
     [
-        (communication_lost, "communication lost"),
-        (overloaded, "overload"),
-        (switched_off_and_on, "its supply failed for a moment"),
-        (disabled_by_another, "another program disabled it"),
-        (jumped, "jumped"),
+        (communication_lost, "communication lost", " by a fault (communication lost)"),
+        (overloaded, "overload", " by a fault (overload)"),
+        (switched_off_and_on, "its supply failed for a moment", OFF),
+        (disabled_by_another, "another program disabled it", OFF),
+        (jumped, "jumped", ": the motor's position jumped, and it was disabled"),
     ],
 )
 def test_a_fault_while_something_is_held_says_once_that_it_is_let_go(
-    fault: Callable[[Held], None], why: str
+    fault: Callable[[Held], None], why: str, past: str
 ) -> None:
     held = Held(FORCE_N)
     fault(held)
@@ -75,6 +76,8 @@ def test_a_fault_while_something_is_held_says_once_that_it_is_let_go(
     assert "has been let go" in event["message"]
     assert why in event["message"]
     assert event["data"]["certain"] is True
+    width_mm = event["message"].split(" mm", maxsplit=1)[0]
+    assert event["data"]["past"] == f"{width_mm} mm, was let go{past}"
     assert event["data"]["force_n"] == FORCE_N
     assert event["data"]["width_mm"] == pytest.approx(WIDTH_MM, abs=1.0)
     assert held.state.is_grasped is False
@@ -93,6 +96,7 @@ def test_an_adapter_that_is_unplugged_leaves_what_was_known_with_its_age() -> No
     assert "must be taken for let go" in event["message"]
     assert "adapter_gone" in event["message"]
     assert event["data"]["certain"] is False
+    assert event["data"]["past"].endswith("mm, was let go: the motor did not answer")
     state = held.state
     assert state.stale
     assert state.age_s == pytest.approx(12.0, abs=0.1)

@@ -258,6 +258,55 @@ def test_of_two_grippers_nothing_is_covered_by_what_has_to_be_done_now(
         assert tab.evaluate(COVERED_BY_NOTICE) == []
 
 
+CUT_OFF = """
+() => [...document.querySelectorAll("#alarm, #toasts li:last-child span")]
+  .filter((node) => node.scrollHeight > node.clientHeight)
+  .map((node) => node.outerHTML)
+"""
+
+
+@pytest.mark.parametrize("end", ["Read", "STOP", "stop"])
+def test_a_stop_that_was_missed_is_as_loud_as_a_loss_once_the_daemon_answers(
+    window: BrowserContext, tmp_path: Path, end: str
+) -> None:
+    arguments = (*written(tmp_path), "--socket", str(tmp_path / "rpc.sock"))
+    with contextlib.ExitStack() as stack:
+
+        def run() -> DaemonProcess:
+            started = DaemonProcess(tmp_path, f"missed-{os.getpid()}", *arguments)
+            stack.callback(started.kill)
+            return started
+
+        first = run()
+        running = stack.enter_context(page("--socket", str(first.socket_path), "--operate"))
+        tab = opened(window, running)
+        take_control(tab)
+        bar = tab.locator("header").bounding_box()
+        first.kill()
+        expect(part(tab, "mode")).to_have_text("no daemon")
+        tab.keyboard.press("Escape")
+        expect(tab.locator("#notice")).to_contain_text("STOP did not reach")
+        client = stack.enter_context(run().connect())
+        alarm, toasts = tab.locator("#alarm"), tab.locator("#toasts li")
+        expect(alarm).to_have_text("NOT STOPPED")
+        expect(alarm.locator("span")).to_have_css("background-color", RED)
+        expect(toasts.last).to_have_text(re.compile("^NOT STOPPED: press STOP again. "))
+        expect(toasts.last).to_have_css("background-color", RED)
+        expect(toasts.last).to_be_in_viewport(ratio=1)
+        assert tab.evaluate(CUT_OFF) == []
+        assert tab.locator("header").bounding_box() == bar
+        tab.keyboard.press("o")  # says in the bar that there is no control
+        expect(toasts.filter(visible=True)).to_contain_text(["NOT STOPPED"])
+        if end == "Read":
+            toasts.last.get_by_role("button", name="Read").click()
+        elif end == "STOP":
+            tab.locator("#stop").click()
+        else:
+            client.result("stop", level="hold")
+        expect(toasts.filter(has_text="NOT STOPPED")).to_have_count(0)
+        expect(alarm).not_to_contain_text("NOT STOPPED")
+
+
 def test_of_two_grippers_each_is_told_by_its_own_button_and_as_long_as_it_is_so(
     window: BrowserContext, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -291,6 +340,31 @@ COVERED_BY_BAR = """
     .map((node) => node.outerHTML);
 }
 """
+CUT_IN_DIALOG = """
+() => {
+  const rect = (node) => node.getBoundingClientRect();
+  const dialog = document.querySelector("dialog[open]");
+  const said = rect(dialog.querySelector(".barred"));
+  return said.bottom > Math.min(rect(dialog).bottom, innerHeight) || said.top < rect(dialog).top;
+}
+"""
+
+
+def test_why_nothing_moves_is_in_sight_in_a_dialog_that_has_no_room(
+    window: BrowserContext, operating: Page, client: Client
+) -> None:
+    tab = opened(window, operating)
+    take_control(tab)
+    button(tab, "Zero …").click()
+    size = tab.viewport_size
+    assert size is not None
+    client.result("stop", level="hold")
+    expect(tab.get_by_role("dialog")).to_contain_text("Not now: a stop is latched")
+    for height in range(size["height"], 320, -40):
+        tab.set_viewport_size({"width": size["width"], "height": height})
+        assert not tab.evaluate(CUT_IN_DIALOG), height
+
+
 UNCOVERED = """
 () => {
   const bottom = document.querySelector("#notice").getBoundingClientRect().bottom;

@@ -4,11 +4,13 @@ import re
 from typing import Any
 
 import pytest
+from playwright.sync_api import Locator, expect
 from playwright.sync_api import Page as Tab
-from playwright.sync_api import expect
 
 from tests.process.daemon_process import Client
 from tests.process.web.on_page import OBJECT_MM, button, enable, part, take_control
+
+SAMPLES = 30
 
 
 def toasts(tab: Tab) -> Any:
@@ -76,6 +78,60 @@ def test_a_key_that_does_nothing_says_why(operated: Tab, client: Client) -> None
     expect(part(operated, "mode")).to_have_text("offline")
     operated.keyboard.press("o")
     expect(outcome).to_have_text("open: the motor does not answer")
+
+
+def click(tab: Tab, node: Locator) -> None:
+    """Click where it is, and on whatever gets that."""
+    node.scroll_into_view_if_needed()
+    box = node.bounding_box()
+    assert box is not None
+    tab.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+
+
+def test_what_is_grey_says_why_when_it_is_clicked(operated: Tab, client: Client) -> None:
+    outcome = part(operated, "outcome")
+    for name in ("Open", "Set force", "Zero …", "Disable"):
+        click(operated, button(operated, name))
+        told = f"{name.replace(' …', '').lower()}: press “Take control” first"
+        expect(outcome).to_have_text(told)
+        expect(toasts(operated)).to_contain_text([told])
+        expect(toasts(operated)).to_have_count(1)
+    enable(operated, client)
+    expect(toasts(operated)).to_have_count(0)
+    click(operated, button(operated, "Clear the fault"))
+    expect(outcome).to_have_text("clear the fault: the motor reports no fault")
+    client.result("stop", level="hold")
+    expect(button(operated, "Open")).to_be_disabled()
+    click(operated, button(operated, "Open"))
+    expect(outcome).to_have_text("open: a stop is latched, “Clear the stop” first")
+    client.result("stop.clear")
+    client.result("sim.object", width_mm=OBJECT_MM)
+    button(operated, "Grasp").click()
+    expect(part(operated, "outcome")).to_contain_text("grasp: object held")
+    expect(part(operated, "slider")).to_be_disabled()
+    click(operated, part(operated, "slider"))
+    expect(outcome).to_have_text("move: something is held, which it would drop")
+    assert client.result("state.get")["is_grasped"]
+
+
+def test_a_trajectory_that_is_taught_is_no_longer_said_to_be_missing(
+    operated: Tab, client: Client
+) -> None:
+    enable(operated, client)
+    part(operated, "name").fill("p7a")
+    button(operated, "Replay").click()
+    expect(toasts(operated)).to_contain_text(["no trajectory 'p7a'"])
+    part(operated, "name").fill("p7")
+    expect(toasts(operated)).to_have_count(0)
+    part(operated, "name").fill("p7a")
+    button(operated, "Replay").click()
+    expect(toasts(operated)).to_contain_text(["no trajectory 'p7a'"])
+    button(operated, "Teach").click()
+    expect(part(operated, "outcome")).to_contain_text("Recording: ")
+    client.until(lambda _state: client.result("trajectory.status")["samples"] > SAMPLES)
+    button(operated, "End and keep").click()
+    expect(part(operated, "outcome")).to_contain_text("kept as p7a")
+    expect(toasts(operated)).to_have_count(0)
 
 
 def test_a_key_on_a_page_that_only_looks_says_why(shown: Tab) -> None:

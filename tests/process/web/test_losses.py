@@ -15,6 +15,8 @@ from tests.process.restarting import held, restartable
 from tests.process.web.on_page import OBJECT_MM, button, grasp, opened, part, take_control
 from tests.process.web.page_process import Page, page
 
+BACK = "(node) => getComputedStyle(node).backgroundColor"
+
 
 def alarm(tab: Tab) -> Any:
     return tab.locator("#alarm")
@@ -34,9 +36,10 @@ def power_fails_for_a_moment(client: Client) -> None:
     ("let_go", "also"),
     [
         (lambda client: client.result("sim.fault", name="overload"), ", FAULT: overload"),
+        (lambda client: client.result("sim.fault", name="silent"), ", MOTOR SILENT"),
         (power_fails_for_a_moment, ""),
     ],
-    ids=["overload", "power"],
+    ids=["overload", "silent", "power"],
 )
 def test_what_a_fault_lets_go_is_said_until_it_is_read_or_the_next_motion_begins(
     window: BrowserContext, looking: Page, client: Client, let_go: Any, also: str
@@ -45,7 +48,9 @@ def test_what_a_fault_lets_go_is_said_until_it_is_read_or_the_next_motion_begins
     tab = opened(window, looking)
     expect(alarm(tab)).to_be_hidden()
     let_go(client)
-    told = re.compile(r"LET GO: what was held with 10 N, at \d\d\.\d mm, (has been|must be taken)")
+    what = r"LET GO: what was held with 10 N, at \d\d\.\d mm, "
+    told = re.compile(f"{what}(has been|must be taken|was let go)")
+    past = r"was let go( by a fault \([a-z ]+\)|: the motor (did not answer|was off, which .*))"
     second = opened(window, looking)  # which knows it from the events of before
     for shown in (tab, second):
         expect(alarm(shown)).to_have_text(f"LET GO{also}")
@@ -66,13 +71,34 @@ def test_what_a_fault_lets_go_is_said_until_it_is_read_or_the_next_motion_begins
     job = client.result("job.list")["jobs"][-1]["job"]
     expect(part(tab, "events")).to_contain_text(f"job {job}, zero_gravity")
     expect(alarm(tab)).to_have_text("LET GO")
-    expect(toasts(tab)).to_have_text([told])
+    expect(toasts(tab)).to_have_text([re.compile(f"{what}{past}Read$")])  # and no advice
+    expect(part(tab, "lost-text")).to_have_text(re.compile(f"{past}\\.$"))
     expect(part(tab, "lost")).to_be_visible()
     client.despite_silence("motion.open")
     for shown in (tab, second):
         expect(alarm(shown)).to_be_hidden()
         expect(toasts(shown)).to_have_count(0)
         expect(part(shown, "lost")).to_be_hidden()
+
+
+def test_a_loss_is_seen_in_the_place_of_what_a_key_was_refused_for_later(
+    operated: Tab, client: Client
+) -> None:
+    grasp(client)
+    client.result("sim.fault", name="overload")
+    expect(alarm(operated)).to_have_text("LET GO, FAULT: overload")
+    operated.keyboard.press("o")
+    expect(toasts(operated)).to_have_count(2)
+    seen = toasts(operated).filter(visible=True)
+    expect(seen).to_contain_text(["LET GO: what was held"])
+    take_control(operated)
+    expect(toasts(operated)).to_have_count(1)
+    button(operated, "Open").click()
+    expect(toasts(operated)).to_have_count(2)
+    expect(seen).to_contain_text(["LET GO: what was held"])
+    expect(seen).to_have_css(
+        "background-color", alarm(operated).locator(".loud").first.evaluate(BACK)
+    )
 
 
 def test_of_a_lost_object_no_hold_is_claimed_once_the_motor_is_off(

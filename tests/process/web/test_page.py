@@ -33,7 +33,7 @@ STROKE_MM = 85.0
 """What is configured, if nothing else is said."""
 
 
-MISSED = "STOP did not get through: nothing is stopped. "
+MISSED = "NOT STOPPED: press STOP again."
 
 
 def near(text: str, value: float, within: float) -> bool:
