@@ -21,6 +21,7 @@ const OVER = {
   motor_silent: ({ mode }) => mode !== "offline",
   not_calibrated: ({ calibrated }) => calibrated,
   busy: ({ job }) => job === null,
+  sent_before_stop: ({ stop }) => stop === null,
 };
 const LEASE = { ttl_s: TTL_S, purpose: "the page in a browser", on_lost: "hold" };
 

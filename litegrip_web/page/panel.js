@@ -17,6 +17,8 @@ const OVERTAKES = new Set(["job_started", "motor", "stop", "stop_cleared"]);
 const LATE_S = 1;
 const JUST_S = 1;
 const HEALTH = { ok: "Healthy", degraded: "Degraded", down: "Down" };
+const HAND_OVER_MS = 1500;
+const DEAD = "no daemon: what was held must be taken for let go: a motor without commands lets go by itself";
 const LOSSES = { object_lost: "OBJECT LOST", released_by_fault: "LET GO" };
 const MOVELESS = new Set(["enable", "disable", "clear_fault", "hold", "set_force", "zero_gravity", "set_zero"]);
 const STILL = "still"; // with nothing between the jaws
@@ -236,7 +238,9 @@ export class Panel extends EventTarget {
       this.#last = this.state;
       const { monotonic_s: atS, stop } = this.state;
       const held = atS - this.#heldS < JUST_S; // a daemon that ends disables the motor first
-      this.#before = { lacks, held, stop: stop !== null, control: this.control.has };
+      const before = { lacks, held, stop: stop !== null, control: this.control.has };
+      this.#before = before;
+      if (lacks === "daemon" && held) setTimeout(() => this.#noteDeath(before, atS), HAND_OVER_MS);
     }
     this.state = null;
     this.#lacks = lacks;
@@ -252,7 +256,7 @@ export class Panel extends EventTarget {
     this.article.classList.remove("late");
     this.article.classList.add("down");
     this.#showHeld();
-    this.#alarm([`NO ${lacks.toUpperCase()}`]);
+    this.#showLack();
     if (this.#last !== null) this.#showJaws(this.#last);
     this.control.end();
     this.world.end();
@@ -346,11 +350,22 @@ export class Panel extends EventTarget {
     this.#showAlarms();
   }
 
+  /* Take what a daemon held for let go: it is away for longer than a hand-over takes. */
+  #noteDeath(before, atS) {
+    if (this.#before !== before || this.#lost !== null) return;
+    this.#lose({ kind: "released_by_fault", monotonic_s: atS, message: DEAD, data: {}, isDead: true });
+    this.#showLack();
+  }
+
+  #showLack() {
+    this.#alarm([...(this.#lost?.isDead ? [LOSSES[this.#lost.kind]] : []), `NO ${this.#lacks.toUpperCase()}`]);
+  }
+
   /* Say what is gone that was before the connection ended: with another daemon all of it, otherwise the control. */
   #compare(epoch, { is_grasped: isGrasped, stop, monotonic_s: atS }) {
     const [isNew, before] = [epoch !== this.#epoch, this.#before];
     [this.#epoch, this.#before, this.#heldS] = [epoch, null, -Infinity];
-    if (isGrasped && this.#lost !== null) this.#lose(null);
+    if (this.#lost !== null && (isGrasped || this.#lost.isDead)) this.#lose(null);
     if (before === null) return;
     const where = before.lacks === "daemon" ? "the daemon" : "litegripd-web";
     const why = isNew ? "the daemon was restarted" : `the connection to ${where} was cut`;
@@ -425,7 +440,7 @@ export class Panel extends EventTarget {
   #showLoss() {
     this.#tellLoss();
     const { lost, "lost-text": text } = this.#nodes;
-    const isLost = this.#lost !== null && this.state !== null;
+    const isLost = this.#lost !== null && (this.state !== null || this.#lost.isDead);
     const [name, told] = isLost ? [LOSSES[this.#lost.kind], this.#lossText()] : ["", ""];
     lost.hidden = !isLost;
     this.article.classList.toggle("has-lost", isLost);

@@ -5,6 +5,8 @@ import { newNonce } from "./proof.js";
 
 const RECONNECT_EVERY_MS = 1000;
 const CLOCK_EVERY_MS = 10_000;
+const SLOW_MS = 200; // an answer that took longer makes all that is shown look late
+const CLOCK_AGAIN_MS = 500;
 const CLOSED = {
   4401: "The secret in this page's address is not the present one: open the address that litegripd-web printed.",
   4408: "The page was too slow to prove its secret.",
@@ -80,7 +82,8 @@ export class Wire extends EventTarget {
 
   /* Compare the clocks again, where that is due. */
   async keepClock() {
-    if (performance.now() - this.#clockAt > CLOCK_EVERY_MS) await this.hello();
+    const everyMs = this.#clock?.tookMs > SLOW_MS ? CLOCK_AGAIN_MS : CLOCK_EVERY_MS;
+    if (performance.now() - this.#clockAt > everyMs) await this.hello();
   }
 
   #connect() {

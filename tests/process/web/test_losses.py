@@ -195,6 +195,10 @@ def test_what_a_daemon_has_taken_with_it_is_said_until_it_is_read_or_the_next_mo
             expect(part(one, "mode")).to_have_text("STOPPED")
         getattr(daemon, how)()
         expect(part(tab, "mode")).to_have_text("no daemon")
+        for one in (tab, other):
+            expect(alarm(one)).to_have_text("LET GO, NO DAEMON")
+            expect(part(one, "lost-text")).to_contain_text("no daemon: what was held must be taken")
+        expect(toasts(other)).to_contain_text(["LET GO: no daemon"])
         _, client = run(stack)
         expect(toasts(tab)).to_contain_text([f"{told}, you no longer have control."])
         expect(toasts(other)).to_contain_text([f"{told}."])
