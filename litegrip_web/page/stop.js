@@ -1,6 +1,7 @@
 /* STOP: said at once, and said again with what came of it; whoever presses it is never left to guess. */
 
 const CONFIRMED_WITHIN_MS = 500;
+const FRESH_MS = 4000; // before that nothing stands in the place of what came of a STOP
 const CUT = "Cut the motor's power.";
 const STOPPED = "Stopped. Nothing moves until it is cleared.";
 
@@ -11,6 +12,7 @@ export class Stop {
   #open = new Set(); // the panels that have not answered the latest STOP
   #missed = new Map(); // those that it has not reached, and why
   #toldMs = 0;
+  #aging = 0;
 
   constructor(panels, place) {
     this.#panels = panels;
@@ -91,6 +93,9 @@ export class Stop {
   #tell(text, kind) {
     this.#toldMs = performance.now();
     this.#say(text, kind);
+    this.#place.dataset.fresh = "";
+    clearTimeout(this.#aging);
+    this.#aging = setTimeout(() => delete this.#place.dataset.fresh, FRESH_MS);
   }
 
   #say(text, kind) {

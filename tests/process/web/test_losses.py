@@ -170,6 +170,25 @@ def test_an_object_that_nobody_holds_is_not_said_to_be_none(
     expect(part(tab, "held")).to_have_text("nothing held")
 
 
+@pytest.mark.parametrize("size", [(1400, 900), (360, 740)], ids=["wide", "phone"])
+def test_what_came_of_a_stop_is_said_before_the_loss_is_again(
+    operated: Tab, client: Client, size: tuple[int, int]
+) -> None:
+    operated.set_viewport_size({"width": size[0], "height": size[1]})
+    grasp(client)
+    expect(part(operated, "held")).to_have_text("object detected")
+    client.result("sim.fault", name="overload")
+    expect(toasts(operated)).to_contain_text(["LET GO"])
+    expect(toasts(operated)).to_be_visible()
+    operated.keyboard.press("Escape")
+    said = operated.locator("#notice")
+    expect(said).to_be_visible()
+    expect(said).to_have_text("Stopped. Nothing moves until it is cleared.")
+    assert said.evaluate("(node) => node.clientWidth") > 60
+    expect(toasts(operated)).to_be_visible()
+    expect(said).to_be_hidden()
+
+
 @pytest.mark.parametrize("how", ["kill", "end"])
 def test_what_a_daemon_has_taken_with_it_is_said_until_it_is_read_or_the_next_motion(
     window: BrowserContext, tmp_path: Path, how: str
