@@ -15,6 +15,7 @@ import pytest
 from mcap.reader import make_reader
 
 from litegrip_client.values.foxglove import EVENT_SCHEMA, JOINTS_SCHEMA, TICK_SCHEMA
+from litegripd.io.helper import helper
 from litegripd.io.helper.atomic_file import FileError
 from litegripd.io.helper.child import SharedMemory, copy_of, start_here
 from litegripd.recorder import files as recorder_files
@@ -341,7 +342,10 @@ def test_a_daemon_that_dies_with_an_answer_unread_leaves_its_last_minute(
     assert path.name.endswith("-crash.mcap")
 
 
-def test_an_end_before_the_last_answer_is_no_crash(shared: SharedMemory, tmp_path: Path) -> None:
+def test_an_end_before_the_last_answer_is_no_crash(
+    shared: SharedMemory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(helper, "FINISH_WITHIN_S", 20.0)  # a busy machine takes its time
     rig = helper_with(shared)
     rig.helper.request("recorder.dump", {"cause": "motor_fault", "note": ""}, rig.results.append)
     rig.helper.close()
