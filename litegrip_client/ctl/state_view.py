@@ -95,15 +95,16 @@ _TOLD = {
 }
 """Fields that rows of their own tell, or that only programs need."""
 
-_UNITS = (
-    *(("_rad_s", "rad/s"), ("_mm_s", "mm/s"), ("_rad", "rad"), ("_mm", "mm"), ("_nm", "N·m")),
-    *(("_n", "N"), ("_c", "°C"), ("_s", "s")),
+UNITS = (
+    *(("_rad_s", "rad/s"), ("_mm_s", "mm/s"), ("_n_s", "N/s"), ("_rad", "rad"), ("_mm", "mm")),
+    *(("_nm", "N·m"), ("_n", "N"), ("_c", "°C"), ("_s", "s")),
 )
+"""By the end of a field's name: its unit."""
 
 
 def _further(name: str, value: object) -> tuple[str, str]:
     """Return the row of any other field, such as a newer daemon has, by its name and its unit."""
-    suffix, unit = next((one for one in _UNITS if name.endswith(one[0])), ("", ""))
+    suffix, unit = next((one for one in UNITS if name.endswith(one[0])), ("", ""))
     label = name.removesuffix(suffix).replace("_", " ")
     if isinstance(value, bool):
         return label, "yes" if value else "no"

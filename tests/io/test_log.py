@@ -98,14 +98,16 @@ def test_a_line_brings_fields_of_its_own_and_no_value_makes_another(
     assert found["PRIORITY"] == "6"
 
 
-def test_an_event_can_be_found_by_job_and_client(
-    journal: socket.socket,
-    sink: JournalSink,
-    monkeypatch: pytest.MonkeyPatch,
-    caplog: pytest.LogCaptureFixture,
+@pytest.fixture
+def journalled(
+    sink: JournalSink, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
+    """Let the log go to the journal."""
     monkeypatch.setattr(logging.getLogger(), "handlers", [RepeatsHandler(sink)])
     caplog.set_level(logging.INFO, "litegripd")
+
+
+def test_an_event_can_be_found_by_job_and_client(journal: socket.socket, journalled: None) -> None:
     data = {"job": 3, "kind": "open", "client": 7, "pid": 42, "detached": False}
     log_event(Event("job_started", "job 3: open by demo", data), "can0")
     found = fields(journal)
@@ -120,13 +122,8 @@ def test_an_event_can_be_found_by_job_and_client(
 
 
 def test_what_an_event_names_is_a_command_in_the_journal(
-    journal: socket.socket,
-    sink: JournalSink,
-    monkeypatch: pytest.MonkeyPatch,
-    caplog: pytest.LogCaptureFixture,
+    journal: socket.socket, journalled: None
 ) -> None:
-    monkeypatch.setattr(logging.getLogger(), "handlers", [RepeatsHandler(sink)])
-    caplog.set_level(logging.INFO, "litegripd")
     log_event(Event("pressing", sentence("let them go ({motion.zero_gravity})"), {}), "can1")
     assert fields(journal)["MESSAGE"] == "let them go (litegripctl -c can1 slack)"
 
@@ -136,14 +133,10 @@ def test_what_an_event_names_is_a_command_in_the_journal(
 )
 def test_what_is_lost_or_pressed_is_a_warning_and_what_moved_is_none(
     journal: socket.socket,
-    sink: JournalSink,
-    monkeypatch: pytest.MonkeyPatch,
-    caplog: pytest.LogCaptureFixture,
+    journalled: None,
     kind: EventKind,
     priority: str,
 ) -> None:
-    monkeypatch.setattr(logging.getLogger(), "handlers", [RepeatsHandler(sink)])
-    caplog.set_level(logging.INFO, "litegripd")
     log_event(Event(kind, "the object", {}), "can0")
     assert fields(journal)["PRIORITY"] == priority
 

@@ -10,6 +10,7 @@ from difflib import get_close_matches
 from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.ctl.parser import NUMBER, LateParser
 from litegrip_client.ctl.run import Commands, Run, connected, installing
+from litegrip_client.ctl.state_view import UNITS
 from litegrip_client.values.errors import CommandError, LiteGripError
 from litegrip_client.values.figures import Data, figure, plain
 from litegrip_client.values.printed import HealthReport, tree
@@ -19,17 +20,12 @@ _SETTING = re.compile(rf"([a-z][a-z0-9_]*)=({NUMBER}(?:e[+-]?[0-9]+)?)", re.IGNO
 
 _FIELDS_PAGE = "docs/configuration.md says what they are"
 _UNITS = (
-    *(("_mm_s", "mm/s"), ("_n_s", "N/s"), ("_mm", "mm"), ("_n", "N"), ("_nm", "N·m")),
-    *(("_s", "s"), ("_interval", "s"), ("_rad", "rad"), ("_tol", "rad"), ("_delta", "rad")),
-    *(
-        ("_kp", "N·m/rad"),
-        ("_kd", "N·m·s/rad"),
-        ("tau_limit", "N·m"),
-        ("stall_ratio", "of the way"),
-    ),
+    *UNITS,
+    *(("_interval", "s"), ("_tol", "rad"), ("_delta", "rad"), ("tau_limit", "N·m")),
+    *(("_kp", "N·m/rad"), ("_kd", "N·m·s/rad"), ("stall_ratio", "of the way")),
     *(("margin", "of the travel"), ("press_overshoot", "of the travel")),
 )
-"""By the end of a field's name: its unit. Others are numbers of samples and attempts."""
+"""With the settings' own. What has none are numbers of samples and attempts."""
 _CONFIG = """\
 Show or change the defaults that the daemon uses for motions. Without an action
 all are shown, with what is allowed.
