@@ -18,6 +18,7 @@ from tests.process.daemon_process import Client, DaemonProcess, written
 from tests.process.web.on_page import (
     OBJECT_MM,
     button,
+    called_well,
     enable,
     fact,
     grasp,
@@ -79,7 +80,7 @@ def test_what_is_held_is_last_known_once_nothing_measures_it(
         held, slider, health = (part(tab, name) for name in ("held", "slider-text", "health-text"))
         expect(held).to_have_text("object detected")
         expect(slider).to_have_text("something is held")
-        expect(health).to_have_text("Healthy")
+        expect(health).to_have_text(called_well())
         lamp, jaws = part(tab, "lamp"), tab.locator(".jaws .jaw")
         drawing = tab.locator(".jaws")
         expect(drawing).to_have_css("user-select", "none")
@@ -90,7 +91,7 @@ def test_what_is_held_is_last_known_once_nothing_measures_it(
         with frozen(daemon.process):
             expect(held).to_have_text("object detected, last known")
             expect(slider).to_have_text("held, last known")
-            expect(health).to_have_text("Healthy, last known")
+            expect(health).to_have_text(called_well(", last known"))
             assert held.evaluate(COLOR, "::before") == held.evaluate(COLOR, None) != green
             assert lamp.evaluate(COLOR, "::before") != well
             daemon.kill()
