@@ -166,7 +166,8 @@ class GripperConfig(ConfigNames):
             """Set a field, unless the object is the daemon's: then the program's own may be set."""
             if name in _OWN and not isinstance(value, UnsetFloat):
                 value = number(name, value)
-            self._check_name(name)
+            if not self._is_settable(name):
+                raise self._no_attribute(name)
             own = getattr(self, "own", None)
             if own is not None:
                 if name not in _OWN:

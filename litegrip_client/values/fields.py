@@ -47,14 +47,16 @@ class Hinting:
 
         def __getattr__(self, name):
             """Raise the error; the fields of a `state` are looked through as well."""
+            raise self._no_attribute(name)
+
+        def _no_attribute(self, name):
             from litegrip_client.values.voices import no_attribute  # noqa: PLC0415 - an error
 
-            raise no_attribute(self, name, self._beyond())
+            return no_attribute(self, name, self._beyond())
 
-        def _check_name(self, name):
-            """Raise the error for what cannot be assigned; a subclass may have more."""
-            if not hasattr(type(self), name) and not hasattr(self, "__dict__"):
-                self.__getattr__(name)
+        def _is_settable(self, name):
+            """Return whether a name can be assigned; a subclass may have more."""
+            return hasattr(type(self), name) or hasattr(self, "__dict__")
 
         def _beyond(self):
             return {}

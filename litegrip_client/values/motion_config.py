@@ -86,7 +86,8 @@ class MotionConfig(Hinting):
 
         def __setattr__(self, name, value):
             """Check what is set; `CommandError` says what is wrong with it."""
-            self._check_name(name)
+            if not self._is_settable(name):
+                raise self._no_attribute(name)
             if name in _DEFAULTS:
                 value = _checked(name, value)
             if name not in _ONE:

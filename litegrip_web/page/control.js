@@ -11,7 +11,7 @@ const RENEW_EVERY_MS = 1000;
 const CONTINUOUS_N = 20; // the vendor's recommendation
 const NEAR_MM = 1; // what the keys chose stays: steps of them add up
 const GREY = "button:disabled, [type=range]:disabled";
-const MOVES = ["enable", "open", "close", "hold", "grasp", "set-force", "zero", "teach", "play"];
+const MOVES = ["open", "close", "hold", "grasp", "set-force", "teach", "play"];
 const TRAJECTORY_NAME = /^(?![.\s])[^/\\\p{C}]{1,64}(?<!\s)$/u;
 
 /* By the reason of a refusal, whether a state shows that it is over. */
@@ -23,6 +23,14 @@ const OVER = {
   busy: ({ job }) => job === null,
   sent_before_stop: ({ stop }) => stop === null,
 };
+/* What bars an act that needs this, the worst first. */
+const BARS = {
+  control: [],
+  enable: ["silent", "stop"],
+  release: ["silent", "off"],
+  motion: ["silent", "stop", "off"],
+};
+const NEEDS = { enable: "enable", zero: "enable", release: "release", "clear-fault": "control" }; // all else "motion"
 const LEASE = { ttl_s: TTL_S, purpose: "the page in a browser", on_lost: "hold" };
 
 /* How control was lost, and by whom. */
@@ -48,7 +56,7 @@ export class Control {
   #slides = 0; // motions of the slider that run
   #isHolding = false;
   #isHoldKnown = true;
-  #barred = null; // what nothing can move behind: a stop, or a motor that is silent
+  #bars = {}; // what bars what, by its name in BARS
   #isRenewing = false;
   #isTaken = false; // by another program
   #mayReplace = null;
@@ -138,7 +146,7 @@ export class Control {
   press(key) {
     const name = { e: "enable", o: "open", c: "close", g: "grasp", h: "hold" }[key];
     if (name === undefined || this.#panel.state === null) return false;
-    const why = this.whyNot("motion");
+    const why = this.whyNot(NEEDS[name] ?? "motion");
     if (why === null) this.#panel.node(name).click();
     else this.#refuse(name, why);
     return true;
@@ -157,17 +165,17 @@ export class Control {
     if (grey === undefined) return;
     const slider = this.#panel.node("slider");
     const name = grey === slider ? "move" : grey.textContent.replace(" …", "").toLowerCase();
-    const isFault = grey === this.#panel.node("clear-fault");
-    const other = isFault ? "the motor reports no fault" : "something is held, which it would drop";
-    this.#refuse(name, this.whyNot(isFault ? "control" : "motion") ?? other);
+    const other = grey === slider ? "something is held, which it would drop" : "the motor reports no fault";
+    this.#refuse(name, this.whyNot(NEEDS[grey.dataset.do] ?? "motion") ?? other);
   }
 
-  /* Why what needs "motion", or "control" alone, would do nothing now; null if it would do something. */
+  /* Why what needs one of BARS would do nothing now; null if it would do something. */
   whyNot(needs) {
     if (this.#panel.state === null) return "the gripper is not connected";
     if (!this.#operates) return "this page looks and stops only";
     if (!this.#has) return `press “${this.#panel.node(this.#isTaken ? "take-over" : "take").textContent}” first`;
-    return needs === "motion" ? this.#barred : null;
+    const bar = BARS[needs].find((name) => this.#bars[name]);
+    return bar === undefined ? null : this.#bars[bar];
   }
 
   /* Do `act` with the numbers in fields, each by its parameter; an empty or a wrong one is said, and is not 0. */
@@ -191,25 +199,31 @@ export class Control {
     if (opening !== null && !isBusy && !this.#isChosen) slider.value = opening;
     this.#isHolding = state.is_grasped !== false;
     this.#isHoldKnown = state.is_grasped !== null;
-    this.#barred = null;
     const { textContent: clear } = this.#panel.node("clear");
-    if (state.stop !== null) this.#barred = `a stop is latched, “${clear}” first`;
-    if (this.#panel.isSilent) this.#barred = "the motor does not answer";
+    this.#bars = {
+      silent: this.#panel.isSilent && "the motor does not answer",
+      stop: state.stop !== null && `a stop is latched, “${clear}” first`,
+      off: !state.enabled && (state.mode === "fault" ? "a fault: “Enable” again" : "“Enable” first"),
+    };
     if (this.#recording === "on" && state.job?.kind !== "record") this.#askRecording();
     this.#allow();
     this.showTarget();
     this.#panel.node("clear-fault").disabled = state.mode !== "fault";
   }
 
-  /* Let be pressed what would do something now: behind a stop, or without a motor, nothing that moves, and no
-     opening is chosen while something is held, which it would drop. */
+  /* Let be pressed what would do something now, and say beside the buttons why all else would not; no opening is
+     chosen while something is held, which it would drop. */
   #allow() {
-    const isBarred = this.whyNot("motion") !== null;
+    const why = this.whyNot("motion");
     const lacksControl = this.whyNot("control") !== null;
+    const isFree = this.#panel.state !== null && !this.#has;
+    const toUse = this.#panel.node("to-use");
+    const told = isFree ? "to use what is below" : why ?? "";
+    if (toUse.textContent !== told) toUse.textContent = told;
     this.#panel.node("motions").disabled = lacksControl;
-    for (const name of MOVES) this.#panel.node(name).disabled = isBarred;
-    this.#panel.node("release").disabled = this.#panel.isSilent;
-    this.#panel.node("slider").disabled = isBarred || this.#isHolding;
+    for (const name of MOVES) this.#panel.node(name).disabled = why !== null;
+    for (const name of ["enable", "zero", "release"]) this.#panel.node(name).disabled = this.whyNot(NEEDS[name]) !== null;
+    this.#panel.node("slider").disabled = why !== null || this.#isHolding;
     this.#panel.node("rescale").disabled = lacksControl;
     this.#panel.dispatchEvent(new Event("allowed"));
   }
@@ -226,7 +240,6 @@ export class Control {
     this.#panel.node("take").hidden = this.#has || isTaken;
     this.#panel.node("take-over").hidden = !isTaken;
     this.#panel.node("give").hidden = !this.#has;
-    this.#panel.node("to-use").hidden = this.#has;
   }
 
   #showForce() {
@@ -324,6 +337,7 @@ export class Control {
       this.#set(false);
       this.#panel.complain(lossOfControl(error), "control");
     } else if (error.reason === "stopped") this.#panel.tell(text);
+    else if (error.reason === "motor_fault") this.#panel.complain(text, "fault", OVER.motor_fault);
     else if (error.reason !== "replaced") this.#panel.complain(text, name, OVER[error.reason]);
   }
 
@@ -442,7 +456,7 @@ export class Control {
       const { trajectories } = await this.#panel.wire.call("trajectory.list");
       list.replaceChildren(...trajectories.map(({ name }) => new Option(name)));
     } catch (error) {
-      this.#wrong("list the trajectories", error);
+      if (this.#panel.state !== null) this.#wrong("list the trajectories", error);
     }
   }
 }

@@ -51,10 +51,17 @@ function way({ article, channel }) {
   return button;
 }
 
-/* Say in the bar, which is always in sight, what is wrong with each gripper. */
+/* Say in the bar, which is always in sight, what is wrong with each gripper; what all have is said once. */
 function showAlarms(panels) {
-  const wrong = panels.filter(({ alarms }) => alarms.length);
-  const told = wrong.map((panel) => [...(panels.length > 1 ? [way(panel), ": "] : []), ...between(panel.alarms.map(badge), ", ")]);
+  const isShared = (alarm) => panels.length > 1 && panels.every(({ alarms }) => alarms.includes(alarm));
+  const listed = (alarms) => between(alarms.map(badge), ", ");
+  const told = [];
+  for (const panel of panels) {
+    const own = panel.alarms.filter((alarm) => !isShared(alarm));
+    if (own.length) told.push([...(panels.length > 1 ? [way(panel), ": "] : []), ...listed(own)]);
+  }
+  const shared = panels[0].alarms.filter(isShared);
+  if (shared.length) told.push(["all: ", ...listed(shared)]);
   $("alarm").replaceChildren(...between(told, "; ").flat());
   $("alarm").hidden = told.length === 0;
   $("stop").classList.toggle("unreached", panels.every(({ alarms, state }) => alarms.length && !state));

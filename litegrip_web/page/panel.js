@@ -63,6 +63,7 @@ export class Panel extends EventTarget {
   #before = null; // what was so when the connection ended
   #gone = new Map(); // what of that is no more, and has not been read
   #weak = null; // the event of a motor that is weak
+  #fault = null; // the event of the fault that the motor reported last
   #isMissed = false; // by a STOP that was pressed on the page
   #isLate = false;
   #operates = false;
@@ -183,6 +184,7 @@ export class Panel extends EventTarget {
       for (const event of events.events) {
         this.#noteLoss(event);
         this.#noteWeak(event);
+        this.#noteFault(event);
       }
       const states = await this.wire.call("state.subscribe", { hz: HZ });
       this.#hush();
@@ -302,6 +304,7 @@ export class Panel extends EventTarget {
     this.events.add(event, this.#offsetS);
     this.#noteLoss(event);
     this.#noteWeak(event);
+    this.#noteFault(event);
     if (isMotion(event)) this.forgive("motion");
     if (OVERTAKES.has(event.kind) && this.#isOver && event.monotonic_s > this.#toldS) this.#hush();
     if (event.kind === "lease" || event.kind === "lease_lost") await this.#look();
@@ -346,6 +349,7 @@ export class Panel extends EventTarget {
     this.#isPast = false;
     this.#toldLoss = "";
     this.forgive("let go");
+    if (lost?.kind === "released_by_fault") this.forgive("fault");
     this.#showLoss();
     this.#showAlarms();
   }
@@ -404,6 +408,22 @@ export class Panel extends EventTarget {
     this.#weak = event.data.weak ? event : null;
     this.#showHeld();
     this.#showAlarms();
+  }
+
+  /* Say in the bar what to do about a fault, until a state shows that it is over. */
+  #noteFault(event) {
+    const { kind, data, monotonic_s: faultS } = event;
+    if (kind !== "motor" || data.phase !== "fault" || !data.status) return;
+    this.#fault = data;
+    if (this.#lost?.kind === "released_by_fault") return; // which says it, too
+    const isOver = ({ mode, monotonic_s: atS }) => atS > faultS && mode !== "fault";
+    toast(this.channel, capital(this.#faultText(data.status)), "fault", { isOver, atS: faultS + this.#offsetS });
+  }
+
+  /* Which fault the motor reports, and what to do about it if that was told. */
+  #faultText(status) {
+    const remedy = this.#fault?.status === status ? inPageWords(this.#fault.hint, this.#fault.terms?.hint) : "";
+    return `the motor reports ${status.replaceAll("_", " ")}${remedy && `: ${remedy}`}`;
   }
 
   get #isWeak() {
@@ -550,7 +570,7 @@ export class Panel extends EventTarget {
   #reason(state) {
     const parts = [];
     if (state.bus !== "up") parts.push(`bus: ${state.bus.replaceAll("_", " ")}`);
-    if (state.mode === "fault") parts.push(`the motor reports ${state.status.replaceAll("_", " ")}`);
+    if (state.mode === "fault") parts.push(this.#faultText(state.status));
     else if (state.stale) parts.push("the motor does not answer: what is shown is its last report");
     if (!state.calibrated) parts.push("not calibrated");
     if (state.job) parts.push(`by ${owner(state.job.owner)}`);

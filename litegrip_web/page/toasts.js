@@ -16,7 +16,9 @@ export function toast(channel, text, about, options) {
   const line = document.createElement("li");
   const words = document.createElement("span");
   const whose = channel !== null && document.body.classList.contains("several") ? `${channel}: ` : "";
-  words.textContent = `${atS === null ? "" : `${time(atS)}  `}${whose}${text}`;
+  const when = document.createElement("time");
+  when.textContent = atS === null ? "" : `${time(atS)}  `;
+  words.append(when, `${whose}${text}`);
   const close = document.createElement("button");
   close.type = "button";
   close.textContent = "Read";

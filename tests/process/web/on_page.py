@@ -43,13 +43,14 @@ def fact(tab: Tab, name: str) -> Locator:
 
 def take_control(tab: Tab) -> None:
     button(tab, "Take control").click()
-    expect(button(tab, "Open")).to_be_enabled()
+    expect(button(tab, "Disable")).to_be_enabled()
 
 
 def enable(tab: Tab, client: Client) -> None:
     take_control(tab)
     button(tab, "Enable").click()
     client.until(lambda state: bool(state["enabled"]))
+    expect(button(tab, "Open")).to_be_enabled()
 
 
 def grasp(client: Client, force_n: float = 10.0) -> None:

@@ -238,21 +238,21 @@ def test_of_two_grippers_nothing_is_covered_by_what_has_to_be_done_now(
         expect(alarm).to_have_text(f"{left}: MOTOR SILENT")
         tab.keyboard.press("Escape")
         expect(notice).to_have_text(f"Stop latched, but {left} does not answer: cut its power.")
-        expect(alarm).to_contain_text(f"{right}: STOPPED")
+        expect(alarm).to_have_text(f"{left}: MOTOR SILENT; all: STOPPED")
         assert tab.evaluate(COVERED_BY_NOTICE) == []
         clients[1].result("sim.fault", name="silent")
         expect(notice).to_have_text("Stop latched, but the motors do not answer: cut their power.")
-        expect(alarm).to_contain_text(f"{right}: MOTOR SILENT")
+        expect(alarm).to_have_text("all: MOTOR SILENT, STOPPED")
         assert tab.evaluate(COVERED_BY_NOTICE) == []
         assert bar.bounding_box() == before
         daemons[0].kill()
-        expect(alarm).to_contain_text(f"{left}: NO DAEMON")
+        expect(alarm).to_have_text(f"{left}: NO DAEMON; {right}: MOTOR SILENT, STOPPED")
         tab.keyboard.press("Escape")
         cut = f"STOP did not reach {left} (no daemon answers). Cut the motor's power."
         expect(notice).to_have_text(cut)
         assert tab.evaluate(COVERED_BY_NOTICE) == []
         daemons[1].kill()
-        expect(alarm).to_contain_text(f"{right}: NO DAEMON")
+        expect(alarm).to_have_text("all: NO DAEMON")
         tab.keyboard.press("Escape")
         expect(notice).to_have_text(cut.replace(left, f"{left}, {right}"))
         assert tab.evaluate(COVERED_BY_NOTICE) == []
@@ -262,6 +262,35 @@ CUT_OFF = """
 () => [...document.querySelectorAll("#alarm, #toasts li:last-child span")]
   .filter((node) => node.scrollHeight > node.clientHeight)
   .map((node) => node.outerHTML)
+"""
+
+
+def test_of_two_grippers_a_stop_is_seen_beside_a_fault_that_let_go(
+    window: BrowserContext, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with two_grippers(window, tmp_path, monkeypatch) as (tab, _daemons, clients):
+        bar = tab.locator("header").bounding_box()
+        alarm, seen = tab.locator("#alarm"), tab.locator("#toasts li").filter(visible=True)
+        grasp(clients[0])
+        clients[0].result("sim.fault", name="overload")
+        expect(seen).to_contain_text(["LET GO: what was held"])
+        for client in clients:
+            client.result("stop", level="hold")
+        left = f"left-{os.getpid()}"
+        expect(alarm).to_have_text(f"{left}: LET GO, FAULT: overload; all: STOPPED")
+        expect(alarm.get_by_text("STOPPED")).to_be_in_viewport(ratio=1)
+        assert not alarm.evaluate("(node) => node.scrollHeight > node.clientHeight")
+        clears = tab.locator("#clears button")
+        expect(clears).to_have_text([f"Clear {left}", f"Clear right-{os.getpid()}"])
+        boxes = [one.bounding_box() for one in (*clears.all(), seen, tab.locator("#stop"))]
+        assert tab.evaluate(MEET, boxes) == []
+        assert tab.locator("header").bounding_box() == bar
+
+
+MEET = """
+(boxes) => boxes.flatMap((one, at) => boxes.slice(at + 1).filter((other) =>
+  one.x < other.x + other.width && other.x < one.x + one.width &&
+  one.y < other.y + other.height && other.y < one.y + one.height))
 """
 
 
@@ -448,17 +477,23 @@ def test_what_went_wrong_covers_no_controls_and_moves_none(
     tab = at_the_controls(window, operating)
     before = aims(tab)
     toasts = tab.locator("#toasts li")
-    for count, key in enumerate("ocg", start=1):
-        tab.keyboard.press(key)
-        expect(toasts).to_have_count(count)
-    expect(toasts.last).to_contain_text("grasp: the motor is not enabled")
+    tab.keyboard.press("e")
+    expect(button(tab, "Open")).to_be_enabled()
+    press = "(node) => node.click()"  # without a look at where it is
+    button(tab, "Replay").evaluate(press)  # of what there is not
+    expect(toasts).to_have_count(1)
+    button(tab, "Grasp").evaluate(press)  # of nothing
+    expect(toasts).to_have_count(2)
+    client.result("sim.fault", name="overload")
+    expect(toasts).to_have_count(3)
+    expect(toasts.last).to_contain_text("The motor reports overload")
     expect(toasts.last).to_be_in_viewport(ratio=1)
     assert tab.evaluate(COVERED) == []
     assert aims(tab) == before
     toasts.last.locator("span").click()  # all of them, as long as somebody wants to
     expect(toasts.first).to_be_in_viewport(ratio=1)
-    tab.keyboard.press("e")  # now all of it is over
-    expect(toasts).to_have_count(0)
+    tab.keyboard.press("e")  # now the fault is over
+    expect(toasts).to_have_count(2)
 
 
 def test_a_daemon_and_a_page_server_that_are_gone_are_said_where_the_buttons_are(

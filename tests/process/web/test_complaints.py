@@ -4,11 +4,12 @@ import re
 from typing import Any
 
 import pytest
-from playwright.sync_api import Locator, expect
+from playwright.sync_api import BrowserContext, Locator, expect
 from playwright.sync_api import Page as Tab
 
 from tests.process.daemon_process import Client
-from tests.process.web.on_page import OBJECT_MM, button, enable, part, take_control
+from tests.process.web.on_page import OBJECT_MM, button, enable, opened, part, take_control
+from tests.process.web.page_process import Page
 
 SAMPLES = 30
 
@@ -19,18 +20,12 @@ def toasts(tab: Tab) -> Any:
 
 def test_what_is_over_is_said_no_more(operated: Tab, client: Client) -> None:
     take_control(operated)
-    button(operated, "Open").click()
-    expect(toasts(operated)).to_contain_text(["open: the motor is not enabled"])
-    button(operated, "Enable").click()
-    expect(toasts(operated)).to_have_count(0)
     client.result("lease.take", why="my turn")
     expect(toasts(operated)).to_contain_text(["python took control: my turn"])
     button(operated, "Take it over").click()
     expect(toasts(operated)).to_have_count(0)
     client.result("sim.fault", name="overload")
-    expect(part(operated, "mode")).to_have_text("fault")
-    button(operated, "Open").click()
-    expect(toasts(operated)).to_contain_text(["open: "])
+    expect(toasts(operated)).to_contain_text(["The motor reports overload: "])
     button(operated, "Clear the fault").click()
     expect(toasts(operated)).to_have_count(0)
 
@@ -70,7 +65,7 @@ def test_a_key_that_does_nothing_says_why(operated: Tab, client: Client) -> None
     take_control(operated)
     expect(toasts(operated)).to_have_count(0)
     client.result("stop", level="hold")
-    expect(button(operated, "Open")).to_be_disabled()
+    expect(part(operated, "to-use")).to_contain_text("a stop is latched")
     operated.keyboard.press("o")
     expect(outcome).to_have_text("open: a stop is latched, “Clear the stop” first")
     client.result("stop.clear")
@@ -112,6 +107,49 @@ def test_what_is_grey_says_why_when_it_is_clicked(operated: Tab, client: Client)
     click(operated, part(operated, "slider"))
     expect(outcome).to_have_text("move: something is held, which it would drop")
     assert client.result("state.get")["is_grasped"]
+
+
+def test_what_needs_an_enabled_motor_is_grey_without_one_and_says_so(
+    operated: Tab, client: Client
+) -> None:
+    take_control(operated)
+    why, outcome = part(operated, "to-use"), part(operated, "outcome")
+    expect(why).to_have_text("“Enable” first")
+    for name in ("Open", "Grasp", "Let go", "Replay"):
+        expect(button(operated, name)).to_be_disabled()
+        click(operated, button(operated, name))
+        expect(outcome).to_have_text(f"{name.lower()}: “Enable” first")
+    operated.keyboard.press("e")
+    client.until(lambda state: bool(state["enabled"]))
+    expect(button(operated, "Open")).to_be_enabled()
+    expect(why).to_have_text("")
+    client.result("stop", level="hold")
+    expect(why).to_have_text("a stop is latched, “Clear the stop” first")
+    expect(why).to_be_in_viewport(ratio=1)
+    expect(button(operated, "Let go")).to_be_enabled()
+    expect(button(operated, "Enable")).to_be_disabled()
+    button(operated, "Clear the stop").click()
+    expect(why).to_have_text("")
+
+
+def test_what_to_do_about_a_fault_is_said_in_the_bar_until_it_is_over(
+    operated: Tab, client: Client, window: BrowserContext, operating: Page
+) -> None:
+    enable(operated, client)
+    client.result("sim.fault", name="overload")
+    text = "he motor reports overload: remove what loads the jaws, then enable again (“Enable”)"
+    expect(toasts(operated)).to_contain_text([f"T{text}"])
+    expect(part(operated, "said")).to_contain_text(f"t{text}")
+    expect(part(operated, "to-use")).to_have_text("a fault: “Enable” again")
+    operated.keyboard.press("o")
+    expect(part(operated, "outcome")).to_have_text("open: a fault: “Enable” again")
+    expect(toasts(operated)).to_have_count(1)
+    other = opened(window, operating)
+    expect(toasts(other)).to_contain_text([f"T{text}"])
+    operated.bring_to_front()
+    operated.keyboard.press("e")
+    for tab in (operated, other):
+        expect(toasts(tab)).to_have_count(0)
 
 
 def test_a_trajectory_that_is_taught_is_no_longer_said_to_be_missing(

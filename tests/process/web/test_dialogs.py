@@ -7,7 +7,7 @@ from playwright.sync_api import Locator, expect
 from playwright.sync_api import Page as Tab
 
 from tests.process.daemon_process import Client
-from tests.process.web.on_page import OBJECT_MM, button, enable, part, take_control, teach
+from tests.process.web.on_page import OBJECT_MM, button, enable, part, teach
 
 SAMPLES = 30
 STOPPED = "Not now: a stop is latched, “Clear the stop” first."
@@ -21,17 +21,19 @@ def zero_dialog(tab: Tab) -> Locator:
 
 
 @pytest.mark.parametrize(
-    ("begin", "why", "end"),
+    ("begin", "why", "end", "then"),
     [
         (
             lambda client: client.result("stop", level="hold", why="lunch"),
             STOPPED,
             lambda client: client.result("stop.clear"),
+            "",
         ),
         (
             lambda client: client.result("sim.fault", name="silent"),
             "Not now: the motor does not answer.",
             lambda client: client.result("sim.fault", name="none"),
+            "Not now: “Enable” first.",
         ),
     ],
     ids=["stop", "silent"],
@@ -42,6 +44,7 @@ def test_what_moves_in_a_dialog_is_grey_where_nothing_moves(
     begin: Callable[[Client], object],
     why: str,
     end: Callable[[Client], object],
+    then: str,
 ) -> None:
     enable(operated, client)
     dialog = zero_dialog(operated)
@@ -56,8 +59,8 @@ def test_what_moves_in_a_dialog_is_grey_where_nothing_moves(
     expect(button(operated, "Correct the scale only")).to_be_enabled()  # it moves nothing
     assert move.bounding_box() == place
     end(client)
-    expect(move).to_be_enabled()
-    expect(dialog).not_to_contain_text("Not now")
+    expect(dialog.locator(".barred")).to_have_text(then)
+    expect(move).to_be_enabled(enabled=not then)
 
 
 def test_without_control_a_dialog_changes_nothing(operated: Tab, client: Client) -> None:
@@ -133,7 +136,7 @@ def test_what_is_not_measured_is_closed_and_not_done(operated: Tab, client: Clie
 
 def test_nothing_stops_measuring_before_it_can_be_stopped(operated: Tab, client: Client) -> None:
     """“Stop measuring” never closes the dialog while the jaws go on."""
-    take_control(operated)
+    enable(operated, client)
     zero_dialog(operated)
     operated.evaluate(
         """() => {

@@ -93,7 +93,9 @@ def test_a_loss_is_seen_in_the_place_of_what_a_key_was_refused_for_later(
     expect(seen).to_contain_text(["LET GO: what was held"])
     take_control(operated)
     expect(toasts(operated)).to_have_count(1)
-    button(operated, "Open").click()
+    button(operated, "Enable").click()
+    part(operated, "name").fill("a/b")  # no name
+    button(operated, "Teach").click()
     expect(toasts(operated)).to_have_count(2)
     expect(seen).to_contain_text(["LET GO: what was held"])
     expect(seen).to_have_css(

@@ -84,17 +84,17 @@ def test_who_only_looks_finds_nothing_to_act_with_but_the_stop(shown: Tab, clien
 
 
 def test_control_is_taken_kept_and_given_back(operated: Tab, client: Client) -> None:
-    expect(button(operated, "Open")).to_be_disabled()
-    expect(part(operated, "to-use")).to_be_visible()
+    expect(button(operated, "Disable")).to_be_disabled()
+    expect(part(operated, "to-use")).to_have_text("to use what is below")
     take_control(operated)
-    expect(part(operated, "to-use")).to_be_hidden()
+    expect(part(operated, "to-use")).to_have_text("“Enable” first")
     owner = client.result("lease.get")["owner"]
     assert owner["purpose"] == "the page in a browser"
     assert owner["ttl_s"] == 3
     assert client.refusal("motor.enable") == "lease_held"
     expect(fact(operated, "Lease")).to_contain_text("the page in a browser")
     button(operated, "Give control back").click()
-    expect(button(operated, "Open")).to_be_disabled()
+    expect(button(operated, "Disable")).to_be_disabled()
     expect(fact(operated, "Lease")).to_have_text("free")
     assert client.result("lease.get")["owner"] is None
 
@@ -118,10 +118,10 @@ def test_control_of_another_program_can_be_taken_over(operated: Tab, client: Cli
     expect(fact(operated, "Lease")).to_contain_text("a script")
     expect(button(operated, "Take control")).to_be_hidden()
     button(operated, "Take it over").click()
-    expect(button(operated, "Open")).to_be_enabled()
+    expect(button(operated, "Disable")).to_be_enabled()
     assert client.refusal("motion.hold") == "lease_lost"
     client.result("lease.take", why="I need it")
-    expect(button(operated, "Open")).to_be_disabled()
+    expect(button(operated, "Disable")).to_be_disabled()
     for told in (part(operated, "outcome"), operated.locator("#toasts")):
         expect(told).to_contain_text(re.compile(r"python took control: I need it(Read)?$"))
     operated.keyboard.press("o")  # with the words of the button that there is
