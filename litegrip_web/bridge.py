@@ -298,7 +298,8 @@ async def _from_daemon(outbox: Outbox, daemon: asyncio.StreamReader) -> str:
             else:
                 await outbox.put(line.decode())
     except (OSError, ValueError) as error:  # the latter: a line without end
-        return getattr(error, "strerror", None) or str(error)
+        why = getattr(error, "strerror", None) or str(error)
+        return f"the connection to the daemon is lost: {why}"
     return "the daemon has closed the connection"
 
 

@@ -31,6 +31,8 @@ const BARS = {
   motion: ["silent", "stop", "off"],
 };
 const NEEDS = { enable: "enable", zero: "enable", release: "release", "clear-fault": "control" }; // all else "motion"
+/* What the bar says already of these reasons, by the kind of the event. */
+const ABOUT = { motor_fault: "motor", motor_silent: "bus" };
 const LEASE = { ttl_s: TTL_S, purpose: "the page in a browser", on_lost: "hold" };
 
 /* How control was lost, and by whom. */
@@ -153,7 +155,7 @@ export class Control {
   }
 
   #refuse(name, why) {
-    if (this.#panel.state !== null && this.#operates && !this.#has) this.#panel.complain(`${name}: ${why}`, "control");
+    if (this.#panel.state !== null && this.#operates && !this.#has) this.#panel.complain(`${name}: ${why}`, "lack");
     else this.#panel.tell(`${name}: ${why}`);
   }
 
@@ -252,7 +254,9 @@ export class Control {
     const isOld = this.#panel.isLastKnown || !this.#isHoldKnown;
     let text = figure(this.#panel.state === null ? null : Number(slider.value), 1, "mm");
     const tellsHold = this.#isHolding && (this.#has || this.#panel.state === null);
-    if (tellsHold) text = isOld ? "held, last known" : "something is held";
+    const isUnknown = !this.#isHoldKnown && !this.#panel.isLastKnown;
+    if (tellsHold && isUnknown) text = "held or not?";
+    else if (tellsHold) text = isOld ? "held, last known" : "something is held";
     this.#panel.node("slider-text").textContent = text;
     this.#panel.node("slider-text").classList.toggle("last-known", isOld && tellsHold);
     slider.setAttribute("aria-valuetext", text);
@@ -263,7 +267,7 @@ export class Control {
     this.#allow();
     this.#panel.article.classList.toggle("controlled", this.#has);
     if (!this.#has) return;
-    this.#panel.forgive("control");
+    for (const about of ["control", "lack"]) this.#panel.forgive(about);
     this.#panel.regain("control");
   }
 
@@ -337,8 +341,7 @@ export class Control {
       this.#set(false);
       this.#panel.complain(lossOfControl(error), "control");
     } else if (error.reason === "stopped") this.#panel.tell(text);
-    else if (error.reason === "motor_fault") this.#panel.complain(text, "fault", OVER.motor_fault);
-    else if (error.reason !== "replaced") this.#panel.complain(text, name, OVER[error.reason]);
+    else if (error.reason !== "replaced") this.#panel.complain(text, ABOUT[error.reason] ?? name, OVER[error.reason]);
   }
 
   /* Return whether a trajectory may be kept under the name in the field; ask before one is replaced, by what `needs`

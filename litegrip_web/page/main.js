@@ -81,7 +81,7 @@ function start() {
   // The whole address, opened where the page is shown already, loads nothing by itself.
   addEventListener("hashchange", () => location.hash && location.reload());
   if (!token) {
-    withoutStop("the whole address again: what started the page has printed it");
+    withoutStop("the whole address again");
     $("grippers").append($("secretless").content.cloneNode(true));
     $("unit-address").textContent = `echo "${location.origin}/#$(cat /run/litegripd-web/token)"`;
     return;

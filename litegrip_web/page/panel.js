@@ -19,6 +19,7 @@ const JUST_S = 1;
 const HEALTH = { ok: "Healthy", degraded: "Degraded", down: "Down" };
 const HAND_OVER_MS = 1500;
 const DEAD = "no daemon: what was held must be taken for let go: a motor without commands lets go by itself";
+const START_IT = "Start the daemon ('litegripctl doctor' says what is wrong): the page connects by itself.";
 const LOSSES = { object_lost: "OBJECT LOST", released_by_fault: "LET GO" };
 const MOVELESS = new Set(["enable", "disable", "clear_fault", "hold", "set_force", "zero_gravity", "set_zero"]);
 const STILL = "still"; // with nothing between the jaws
@@ -40,6 +41,22 @@ function doing({ mode, job, is_grasped: isGrasped }) {
   if (mode === "moving" && Object.hasOwn(JOBS, kind)) return `${JOBS[kind]}${named}`;
   return `${mode}: ${kind}${named}`;
 }
+
+/* Of the data of events that may report a trouble: the words for it, with what to do, and in which states it is so. */
+const TROUBLES = {
+  motor({ phase, status, hint, terms }) {
+    if (phase !== "fault" || !status) return null;
+    const text = `the motor reports ${status.replaceAll("_", " ")}: ${inPageWords(hint, terms?.hint)}`;
+    return { text, isIn: (state) => state.mode === "fault" && state.status === status };
+  },
+  bus({ state: name, error, hint, terms, at_rest: isAtRest }) {
+    if (name === "up" || isAtRest) return null;
+    const why = error === null ? [] : [inPageWords(error, terms?.error)];
+    const remedy = hint === null || name === "motor_silent" ? [] : [hint]; // of silence the error says it
+    const bus = name === "motor_silent" ? [] : [`the CAN bus is ${name.replaceAll("_", " ")}`];
+    return { text: [...bus, ...why, ...remedy].join(": "), isIn: ({ bus }) => bus === name };
+  },
+};
 
 /* Whether an event begins what moves the jaws. */
 function isMotion({ kind, data }) {
@@ -63,7 +80,7 @@ export class Panel extends EventTarget {
   #before = null; // what was so when the connection ended
   #gone = new Map(); // what of that is no more, and has not been read
   #weak = null; // the event of a motor that is weak
-  #fault = null; // the event of the fault that the motor reported last
+  #troubles = new Map(); // of motor and bus, by the event's kind
   #isMissed = false; // by a STOP that was pressed on the page
   #isLate = false;
   #operates = false;
@@ -184,7 +201,7 @@ export class Panel extends EventTarget {
       for (const event of events.events) {
         this.#noteLoss(event);
         this.#noteWeak(event);
-        this.#noteFault(event);
+        this.#noteTrouble(event);
       }
       const states = await this.wire.call("state.subscribe", { hz: HZ });
       this.#hush();
@@ -216,7 +233,7 @@ export class Panel extends EventTarget {
     if (this.isSilent) alarms.push(motor === "silent" ? "MOTOR SILENT" : "NO MOTOR");
     if (this.#isLate) alarms.push("LATE");
     if (stop !== null) alarms.push("STOPPED");
-    if (this.#isWeak) alarms.push(`WEAK MOTOR${force === null ? "" : ": holds with less than was asked for"}`);
+    if (this.#isWeak) alarms.push(`WEAK MOTOR${force === null ? "" : ": makes less than was asked for"}`);
     this.#alarm(alarms);
   }
 
@@ -250,7 +267,7 @@ export class Panel extends EventTarget {
     this.#lease = this.#health = null;
     this.#nodes.mode.textContent = `no ${lacks}`;
     this.#nodes.mode.dataset.mode = "offline";
-    this.#nodes.why.textContent = message;
+    this.#nodes.why.textContent = lacks === "daemon" ? `${START_IT} ${capital(message)}.` : message;
     this.#nodes.stopped.hidden = this.#nodes.clear.hidden = this.#nodes.doubted.hidden = true;
     this.#showLoss();
     this.#doubt = undefined;
@@ -304,7 +321,7 @@ export class Panel extends EventTarget {
     this.events.add(event, this.#offsetS);
     this.#noteLoss(event);
     this.#noteWeak(event);
-    this.#noteFault(event);
+    this.#noteTrouble(event);
     if (isMotion(event)) this.forgive("motion");
     if (OVERTAKES.has(event.kind) && this.#isOver && event.monotonic_s > this.#toldS) this.#hush();
     if (event.kind === "lease" || event.kind === "lease_lost") await this.#look();
@@ -349,7 +366,7 @@ export class Panel extends EventTarget {
     this.#isPast = false;
     this.#toldLoss = "";
     this.forgive("let go");
-    if (lost?.kind === "released_by_fault") this.forgive("fault");
+    if (lost?.kind === "released_by_fault") for (const kind of Object.keys(TROUBLES)) this.forgive(kind);
     this.#showLoss();
     this.#showAlarms();
   }
@@ -410,20 +427,21 @@ export class Panel extends EventTarget {
     this.#showAlarms();
   }
 
-  /* Say in the bar what to do about a fault, until a state shows that it is over. */
-  #noteFault(event) {
-    const { kind, data, monotonic_s: faultS } = event;
-    if (kind !== "motor" || data.phase !== "fault" || !data.status) return;
-    this.#fault = data;
-    if (this.#lost?.kind === "released_by_fault") return; // which says it, too
-    const isOver = ({ mode, monotonic_s: atS }) => atS > faultS && mode !== "fault";
-    toast(this.channel, capital(this.#faultText(data.status)), "fault", { isOver, atS: faultS + this.#offsetS });
+  /* Say in the bar what to do about a trouble of motor or bus, until a state shows that it is over. */
+  #noteTrouble({ kind, data, monotonic_s: beganS }) {
+    if (!Object.hasOwn(TROUBLES, kind)) return;
+    const trouble = TROUBLES[kind](data);
+    if (trouble === null) return this.#troubles.delete(kind);
+    this.#troubles.set(kind, trouble);
+    if (this.#lost?.kind === "released_by_fault" && !this.#isPast) return; // which says it, too
+    const isOver = (state) => state.monotonic_s > beganS && !trouble.isIn(state);
+    toast(this.channel, capital(trouble.text), kind, { isOver, atS: beganS + this.#offsetS });
   }
 
-  /* Which fault the motor reports, and what to do about it if that was told. */
-  #faultText(status) {
-    const remedy = this.#fault?.status === status ? inPageWords(this.#fault.hint, this.#fault.terms?.hint) : "";
-    return `the motor reports ${status.replaceAll("_", " ")}${remedy && `: ${remedy}`}`;
+  /* What is known of the trouble that a state has; otherwise its bare name. */
+  #troubleText(state, kind, bare) {
+    const trouble = this.#troubles.get(kind);
+    return trouble?.isIn(state) ? trouble.text : `${bare}`.replaceAll("_", " ");
   }
 
   get #isWeak() {
@@ -505,6 +523,7 @@ export class Panel extends EventTarget {
     this.#isGrasped = state.is_grasped;
     this.#showHeld();
     this.#showLoss();
+    const isCleared = !stopped.hidden && state.stop === null;
     stopped.hidden = state.stop === null;
     clear.hidden = stopped.hidden || !this.#operates;
     this.#showAlarms();
@@ -522,7 +541,8 @@ export class Panel extends EventTarget {
       mode.textContent = does;
       why.textContent = this.#lost === null ? this.#reason(state) : capital(this.#reason(state));
     }
-    if (state.stop === null) return this.#showWhole(false);
+    if (isCleared) this.#showWhole(false);
+    if (state.stop === null) return;
     const { by, why: reason, since_s: since, level } = state.stop;
     const who = `(${level}) at ${time(since + this.#offsetS)} by ${by ?? "somebody unknown"}`;
     const how = this.#operates ? "" : " ('litegripctl clear')";
@@ -569,9 +589,9 @@ export class Panel extends EventTarget {
 
   #reason(state) {
     const parts = [];
-    if (state.bus !== "up") parts.push(`bus: ${state.bus.replaceAll("_", " ")}`);
-    if (state.mode === "fault") parts.push(this.#faultText(state.status));
-    else if (state.stale) parts.push("the motor does not answer: what is shown is its last report");
+    if (state.bus !== "up") parts.push(this.#troubleText(state, "bus", `bus: ${state.bus}`));
+    if (state.mode === "fault") parts.push(this.#troubleText(state, "motor", `the motor reports ${state.status}`));
+    else if (state.stale) parts.push("what is shown is the motor's last report");
     if (!state.calibrated) parts.push("not calibrated");
     if (state.job) parts.push(`by ${owner(state.job.owner)}`);
     if (state.is_grasped === null) parts.push(state.motor === "silent" ? "something was held: whether it still is, is not known"

@@ -1,8 +1,10 @@
 /* STOP: said at once, and said again with what came of it; whoever presses it is never left to guess. */
 
 const CONFIRMED_WITHIN_MS = 500;
+const EARLY_MS = 5; // as timers may be
 const FRESH_MS = 4000; // before that nothing stands in the place of what came of a STOP
 const CUT = "Cut the motor's power.";
+const CUT_ALL = "Cut the motors' power.";
 const STOPPED = "Stopped. Nothing moves until it is cleared.";
 
 export class Stop {
@@ -11,6 +13,7 @@ export class Stop {
   #place;
   #open = new Set(); // the panels that have not answered the latest STOP
   #missed = new Map(); // those that it has not reached, and why
+  #pressedMs = 0;
   #toldMs = 0;
   #aging = 0;
 
@@ -27,7 +30,7 @@ export class Stop {
   press() {
     const open = new Set(this.#panels);
     const missed = new Map();
-    [this.#open, this.#missed] = [open, missed];
+    [this.#open, this.#missed, this.#pressedMs] = [open, missed, performance.now()];
     const show = () => open === this.#open && this.#show();
     this.#tell("STOP sent …", "sent");
     const timer = setTimeout(show, CONFIRMED_WITHIN_MS);
@@ -48,9 +51,16 @@ export class Stop {
     const reasons = [...new Set(this.#missed.values())];
     const whose = (why) => this.#panels.filter((panel) => this.#missed.get(panel) === why);
     const missed = reasons.map((why) => `${names(whose(why))} (${why})`);
-    if (missed.length) this.#tell(`STOP did not reach ${missed.join(", ")}. ${CUT}`, "failed");
-    else if (this.#open.size) this.#tell(`STOP not confirmed by ${names([...this.#open])}. ${CUT}`, "failed");
-    else this.#tell(...this.#latched());
+    const isDue = performance.now() - this.#pressedMs > CONFIRMED_WITHIN_MS - EARLY_MS;
+    const failed = [];
+    if (missed.length) failed.push(`STOP did not reach ${missed.join(", ")}`);
+    if (this.#open.size && (isDue || !missed.length)) failed.push(`STOP not confirmed by ${names([...this.#open])}`);
+    if (!failed.length) return this.#tell(...this.#latched());
+    const isDeaf = (panel) => panel.isSilent && !this.#missed.has(panel) && !this.#open.has(panel);
+    const deaf = this.#panels.filter(isDeaf);
+    if (deaf.length) failed.push(`no answer from the motor of ${names(deaf)}`);
+    const cut = failed.length > 1 || names([...this.#missed.keys(), ...this.#open]).includes(", ") ? CUT_ALL : CUT;
+    this.#tell(`${failed.join("; ")}. ${cut}`, "failed");
   }
 
   /* What a stop that is latched is good for, and of which kind that is: a motor that is silent does not hear of it. */

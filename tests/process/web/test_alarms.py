@@ -24,10 +24,7 @@ from tests.process.web.on_page import (
 from tests.process.web.page_process import Page, page
 
 CUT = "Stop latched, but the motor does not answer: cut its power."
-DOES_NOTHING = (
-    "STOP does nothing here: cut the motor's power. Then open the whole address again: "
-    "what started the page has printed it."
-)
+DOES_NOTHING = "STOP does nothing here: cut the motor's power. Then open the whole address again."
 RED = "rgb(179, 20, 30)"
 SCREENS = {"wide": (1400, 900), "phone": (390, 844), "phone, on its side": (844, 390)}
 
@@ -254,7 +251,8 @@ def test_of_two_grippers_nothing_is_covered_by_what_has_to_be_done_now(
         daemons[1].kill()
         expect(alarm).to_have_text("all: NO DAEMON")
         tab.keyboard.press("Escape")
-        expect(notice).to_have_text(cut.replace(left, f"{left}, {right}"))
+        both = f"STOP did not reach {left}, {right} (no daemon answers). Cut the motors' power."
+        expect(notice).to_have_text(both)
         assert tab.evaluate(COVERED_BY_NOTICE) == []
 
 

@@ -137,7 +137,7 @@ def test_a_weak_motor_is_said_while_it_lasts_and_its_hold_is_not_green(
     expect(mode).to_have_css("color", green)
     client.result("sim.fault", name="weak")
     for shown in (tab, opened(window, looking)):
-        told = "WEAK MOTOR: holds with less than was asked for"
+        told = "WEAK MOTOR: makes less than was asked for"
         expect(alarm(shown)).to_have_text(told)
         expect(part(shown, "mode")).not_to_have_css("color", green)
         assert part(shown, "held").evaluate(MARK) != green
