@@ -23,6 +23,8 @@ const OVER = {
   busy: ({ job }) => job === null,
   sent_before_stop: ({ stop }) => stop === null,
 };
+const CUT_OFF = new Set(["no_daemon", "connection_lost"]);
+
 /* What bars an act that needs this, the worst first. */
 const BARS = {
   control: [],
@@ -295,8 +297,9 @@ export class Control {
     try {
       await this.#panel.wire.call("lease.renew");
     } catch (error) {
+      if (CUT_OFF.has(error.reason)) return; // the connection's end says it
       this.#set(false);
-      if (this.#panel.state !== null) this.#panel.complain(lossOfControl(error), "control");
+      this.#panel.complain(lossOfControl(error), "control");
     } finally {
       this.#isRenewing = false;
     }

@@ -4,7 +4,7 @@ const CONFIRMED_WITHIN_MS = 500;
 const EARLY_MS = 5; // as timers may be
 const FRESH_MS = 4000; // before that nothing stands in the place of what came of a STOP
 const CUT = "Cut the motor's power.";
-const CUT_ALL = "Cut the motors' power.";
+const CUT_ALL = "Cut their power.";
 const STOPPED = "Stopped. Nothing moves until it is cleared.";
 
 export class Stop {
@@ -58,7 +58,7 @@ export class Stop {
     if (!failed.length) return this.#tell(...this.#latched());
     const isDeaf = (panel) => panel.isSilent && !this.#missed.has(panel) && !this.#open.has(panel);
     const deaf = this.#panels.filter(isDeaf);
-    if (deaf.length) failed.push(`no answer from the motor of ${names(deaf)}`);
+    if (deaf.length) failed.push(`${names(deaf)} ${deaf.length > 1 ? "are" : "is"} silent`);
     const cut = failed.length > 1 || names([...this.#missed.keys(), ...this.#open]).includes(", ") ? CUT_ALL : CUT;
     this.#tell(`${failed.join("; ")}. ${cut}`, "failed");
   }

@@ -128,7 +128,7 @@ def test_a_loss_and_a_fault_are_said_where_the_buttons_are(
     client.result("sim.object")
     expect(alarm).to_have_text("OBJECT LOST")
     expect(alarm).to_be_in_viewport(ratio=1)
-    expect(alarm.locator("span")).to_have_css("background-color", RED)
+    expect(alarm.locator("span").first).to_have_css("background-color", RED)
     tab.keyboard.press("Escape")
     expect(alarm).to_have_text("OBJECT LOST, STOPPED")
     clear = button(tab, "Clear the stop")
@@ -245,13 +245,14 @@ def test_of_two_grippers_nothing_is_covered_by_what_has_to_be_done_now(
         daemons[0].kill()
         expect(alarm).to_have_text(f"{left}: NO DAEMON; {right}: MOTOR SILENT, STOPPED")
         tab.keyboard.press("Escape")
-        cut = f"STOP did not reach {left} (no daemon answers). Cut the motor's power."
-        expect(notice).to_have_text(cut)
+        cut = f"STOP did not reach {left} (no daemon answers)"
+        deaf = f"{cut}; {right} is silent. Cut their power."
+        expect(notice).to_have_text(deaf)
         assert tab.evaluate(COVERED_BY_NOTICE) == []
         daemons[1].kill()
         expect(alarm).to_have_text("all: NO DAEMON")
         tab.keyboard.press("Escape")
-        both = f"STOP did not reach {left}, {right} (no daemon answers). Cut the motors' power."
+        both = f"STOP did not reach {left}, {right} (no daemon answers). Cut their power."
         expect(notice).to_have_text(both)
         assert tab.evaluate(COVERED_BY_NOTICE) == []
 
@@ -285,6 +286,29 @@ def test_of_two_grippers_a_stop_is_seen_beside_a_fault_that_let_go(
         assert tab.locator("header").bounding_box() == bar
 
 
+def test_a_second_click_at_the_same_place_clears_no_other_stop(
+    window: BrowserContext, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with two_grippers(window, tmp_path, monkeypatch) as (tab, _daemons, clients):
+        tab.keyboard.press("Escape")
+        names = [f"left-{os.getpid()}", f"right-{os.getpid()}"]
+        left, right = (button(tab, f"Clear {name}") for name in names)
+        expect(right).to_be_visible()
+        for name in names:
+            panel = tab.get_by_role("article", name=f"Gripper {name}")
+            panel.get_by_role("button", name="Take control").click()
+        place, other = left.bounding_box(), right.bounding_box()
+        assert place is not None
+        left.click()
+        clients[0].until(lambda state: state["stop"] is None)
+        expect(left).to_be_hidden()
+        assert right.bounding_box() == other
+        tab.mouse.click(place["x"] + place["width"] / 2, place["y"] + place["height"] / 2)
+        assert clients[1].result("state.get")["stop"] is not None
+        right.click()
+        expect(tab.locator("#clears")).to_be_hidden()
+
+
 MEET = """
 (boxes) => boxes.flatMap((one, at) => boxes.slice(at + 1).filter((other) =>
   one.x < other.x + other.width && other.x < one.x + one.width &&
@@ -316,7 +340,7 @@ def test_a_stop_that_was_missed_is_as_loud_as_a_loss_once_the_daemon_answers(
         client = stack.enter_context(run().connect())
         alarm, toasts = tab.locator("#alarm"), tab.locator("#toasts li")
         expect(alarm).to_have_text("NOT STOPPED")
-        expect(alarm.locator("span")).to_have_css("background-color", RED)
+        expect(alarm.locator("span").first).to_have_css("background-color", RED)
         expect(toasts.last).to_have_text(re.compile("^NOT STOPPED: press STOP again. "))
         expect(toasts.last).to_have_css("background-color", RED)
         expect(toasts.last).to_be_in_viewport(ratio=1)
@@ -419,6 +443,13 @@ def test_what_has_to_be_done_now_covers_nothing_of_a_dialog_and_moves_nothing_in
     assert tab.evaluate(UNCOVERED)
 
 
+BROKEN_FIGURES = """
+() => [...document.querySelectorAll("dd:not(.wide)")]
+  .filter((node) => node.clientHeight > 2.5 * parseFloat(getComputedStyle(node).lineHeight))
+  .map((node) => node.outerHTML)
+"""
+
+
 def test_the_figures_of_a_silent_motor_are_last_known(
     window: BrowserContext, operating: Page, client: Client
 ) -> None:
@@ -435,6 +466,7 @@ def test_the_figures_of_a_silent_motor_are_last_known(
         expect(fact(tab, name)).to_have_css("color", grey)
     expect(fact(tab, "On the object")).to_have_text(re.compile("^--$|, last known$"))
     wait_until_it_fits(tab)
+    assert tab.evaluate(BROKEN_FIGURES) == []
     client.result("sim.fault", name="none")
     for name in figures:
         expect(fact(tab, name)).not_to_have_css("color", grey)

@@ -152,6 +152,30 @@ def test_what_to_do_about_a_fault_is_said_in_the_bar_until_it_is_over(
         expect(toasts(tab)).to_have_count(0)
 
 
+def test_what_to_do_about_a_silent_motor_is_said_in_the_bar_and_the_head(
+    operated: Tab, client: Client
+) -> None:
+    enable(operated, client)
+    client.result("sim.fault", name="silent")
+    text = "he motor does not answer: check its 24 V supply, the CAN wiring and its id"
+    expect(toasts(operated)).to_contain_text([f"T{text}"])
+    expect(part(operated, "said")).to_have_text(
+        re.compile(rf"^\s*t{text}; what is shown is the motor's last report")
+    )
+    client.result("sim.fault", name="none")
+    expect(toasts(operated)).to_have_count(0)
+
+
+def test_who_took_control_is_said_beside_what_a_key_lacks(operated: Tab, client: Client) -> None:
+    take_control(operated)
+    client.result("lease.take", why="my turn")
+    expect(toasts(operated)).to_contain_text(["python took control: my turn"])
+    operated.keyboard.press("o")
+    expect(toasts(operated)).to_have_count(2)
+    button(operated, "Take it over").click()
+    expect(toasts(operated)).to_have_count(0)
+
+
 def test_a_trajectory_that_is_taught_is_no_longer_said_to_be_missing(
     operated: Tab, client: Client
 ) -> None:

@@ -103,6 +103,23 @@ def test_a_loss_is_seen_in_the_place_of_what_a_key_was_refused_for_later(
     )
 
 
+def test_what_has_no_room_in_the_head_is_shown_as_long_as_somebody_wants_to_read_it(
+    window: BrowserContext, looking: Page, client: Client
+) -> None:
+    grasp(client)
+    tab = opened(window, looking)
+    client.result("sim.fault", name="silent")
+    said = part(tab, "said")
+    expect(said).to_contain_text("must be taken for let go")
+    said.click()
+    expect(said).to_have_attribute("aria-expanded", "true")
+    later_s = client.result("state.get")["monotonic_s"] + 0.5
+    client.until(lambda state: bool(state["monotonic_s"] > later_s))
+    expect(said).to_have_attribute("aria-expanded", "true", timeout=1)
+    said.click()
+    expect(said).to_have_attribute("aria-expanded", "false")
+
+
 def test_of_a_lost_object_no_hold_is_claimed_once_the_motor_is_off(
     window: BrowserContext, looking: Page, client: Client
 ) -> None:
