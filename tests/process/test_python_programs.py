@@ -18,7 +18,8 @@ from tests.process.daemon_process import DEADLINE_S, DaemonProcess, configured, 
 
 PAGE = Path(__file__).parents[2] / "docs" / "python-programs.md"
 CHANNEL = f"page{os.getpid()}"
-BLOCKS = re.findall(r"^```python\n(.*?)^```$", PAGE.read_text("utf-8"), re.MULTILINE | re.DOTALL)
+FENCE = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+BLOCKS: list[str] = FENCE.findall(PAGE.read_text("utf-8"))
 
 ENDS = {
     "gripper.jobs()": r"open +done +python .*\n(.*\n)*open done python\n(ok|degraded) \[.*\]\n$",
