@@ -13,8 +13,9 @@ from tests.sdk.readme import blocks
 BLOCKS = [
     (name, code)
     for name in NAMES
-    # These blocks need daemons of their own: tests/process/test_testing.py, test_two_grippers.py.
-    if name not in ("docs/simulator.md", "docs/two-grippers.md")
+    # These blocks need daemons of their own: tests/process/test_testing.py, test_two_grippers.py,
+    # test_python_programs.py.
+    if name not in ("docs/simulator.md", "docs/two-grippers.md", "docs/python-programs.md")
     for code in re.findall(r"^```python\n(.*?)^```$", text_of(name), re.MULTILINE | re.DOTALL)
 ]
 
