@@ -212,18 +212,7 @@ class DaemonSession:
         """
         if self.is_open:
             return
-        wire = await self._connect()
-        wire.connection.voice = self.voice
-        try:
-            hello = await wire.call("hello", {"client": _program()})
-            wire.connection.accept(hello)
-            self._check(hello, wire.connection.socket_path)
-            await begin(wire)
-        except GeneratorExit:
-            raise
-        except BaseException:
-            await wire.close()
-            raise
+        wire = await self.connect_apart(begin)
         old = self._wire
         if old is not None and not old.connection.closed:  # another task was faster
             await wire.close()
@@ -234,6 +223,23 @@ class DaemonSession:
         self._leases, self._grant = 0, None
         if old is not None:
             await old.close()
+
+    async def connect_apart(self, begin: Callable[[Wire], Awaitable[None]] | None = None) -> Wire:
+        """Return a connection of its own, with which `begin` has begun; raises as `open` does."""
+        wire = await self._connect()
+        wire.connection.voice = self.voice
+        try:
+            hello = await wire.call("hello", {"client": _program()})
+            wire.connection.accept(hello)
+            self._check(hello, wire.connection.socket_path)
+            if begin is not None:
+                await begin(wire)
+        except GeneratorExit:
+            raise
+        except BaseException:
+            await wire.close()
+            raise
+        return wire
 
     def _check(self, hello: Mapping[str, Any], path: str) -> None:
         try:

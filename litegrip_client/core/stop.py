@@ -5,6 +5,7 @@ It is a software stop all the same: no replacement for the switch that cuts the 
 
 from __future__ import annotations
 
+import contextlib
 import json
 import socket
 from collections.abc import Mapping
@@ -88,7 +89,8 @@ def _result(received: bytes) -> dict[str, Any]:
 async def stop(session: DaemonSession, params: dict[str, str]) -> dict[str, Any]:
     """Stop; return the latched level, the generation and the state after it.
 
-    The session's next requests know of the stop, whichever socket it went by. Raises
+    Where the session's connection has ended, as by a restart of the daemon, the stop connects
+    anew. The session's next requests know of it, whichever socket it went by. Raises
     `LiteGripError` if both sockets fail, or if the stop is in force and the state cannot be read,
     `CANTimeoutError` if it is latched, but the motor does not answer.
     """
@@ -96,9 +98,14 @@ async def stop(session: DaemonSession, params: dict[str, str]) -> dict[str, Any]
     result: dict[str, Any] = {}
 
     async def give() -> None:
-        result.update(
-            await _by_stop_socket(session, wire, params) or await session.ask("stop", params)
-        )
+        try:
+            result.update(
+                await _by_stop_socket(session, wire, params) or await session.ask("stop", params)
+            )
+        except ConnectError:
+            if not wire.connection.closed:
+                raise
+            result.update(await _anew(session, params))
         wire.connection.note_stops(result)
 
     await wire.finish(give())  # who cancels a stop on its way has stopped all the same
@@ -112,6 +119,18 @@ async def stop(session: DaemonSession, params: dict[str, str]) -> dict[str, Any]
         text = f"a stop ({result['level']}) is latched, but {NOT_REACHED}"
         raise CANTimeoutError(text, reason="motor_silent")
     return result
+
+
+async def _anew(session: DaemonSession, params: dict[str, str]) -> dict[str, Any]:
+    """Stop by a connection of its own; return what came of it, and the state."""
+    apart = await session.connect_apart()
+    try:
+        result = await apart.call("stop", params)
+        with contextlib.suppress(LiteGripError):  # who asks for it then, says so
+            result["state"] = await apart.call("state.get")
+        return result
+    finally:
+        await apart.close()
 
 
 async def _by_stop_socket(

@@ -127,6 +127,30 @@ def test_the_daemon_of_another_gripper_at_that_path_is_not_stopped_for_this_one(
         assert line_of(another) == "nothing"
 
 
+@pytest.mark.parametrize("is_known", [True, False], ids=["after a call that failed", "at once"])
+def test_after_a_restart_a_stop_connects_by_itself_and_nothing_else_does(
+    tmp_path: Path, kind: Kind, is_known: bool
+) -> None:
+    path = tmp_path / "restarted"
+    first = FakeDaemon(path)
+    with kind.gripper(None, socket_path=first.path) as gripper:
+        first.close()
+        path.unlink()
+        if is_known:
+            with pytest.raises(ConnectError):
+                gripper.get_state()
+        with pytest.raises(ConnectError):
+            gripper.software_stop()
+        with FakeDaemon(path) as second:
+            name_stop_socket(second, None)
+            state = gripper.software_stop("relax")
+            assert (state.stop or {})["level"] == "relax"
+            assert second.methods() == ["hello", "stop", "state.get"]
+            with pytest.raises(ConnectError):
+                gripper.hold()
+            assert second.methods() == ["hello", "stop", "state.get"]
+
+
 @pytest.mark.parametrize("level", ["slack", 5, None, ["hold"]])
 def test_a_level_that_is_none_stops_with_hold_before_that_is_said(
     daemon: FakeDaemon, stops: FakeDaemon, kind: Kind, level: Any
