@@ -1,9 +1,9 @@
 """Tracebacks of errors that leave the API, and of Ctrl-C in it: the user's lines and one of ours.
 
 What lies below a method is the same for each of its errors, and tells a user nothing. Lines of the
-user's below it, of a callback, stay. A call with arguments that a method does not have is the
-user's line alone; one that was to stop the gripper stops it first. With `python -X dev` tracebacks
-are whole.
+user's below it, of a callback, stay. Other errors are defects of ours, and shown whole. A call with
+arguments that a method does not have is the user's line alone; one that was to stop the gripper
+stops it first. With `python -X dev` tracebacks are whole.
 """
 
 from __future__ import annotations
@@ -142,8 +142,8 @@ def _mended(
     named: dict[str, Any],
 ) -> bool:
     """Shorten the traceback of an error; return True if it means a stop that did not stop."""
-    cancelled = getattr(sys.modules.get("asyncio"), "CancelledError", ())
-    if isinstance(error, rules.errors) or isinstance(error, cancelled):
+    cancelled = getattr(sys.modules.get("asyncio"), "CancelledError", LiteGripError)
+    if isinstance(error, (*rules.errors, cancelled)):
         _shorten(error, rules.hidden)
     elif isinstance(error, Exception):
         if _is_of_a_callback(error, rules.hidden):
