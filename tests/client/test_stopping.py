@@ -131,7 +131,7 @@ def test_the_daemon_of_another_gripper_at_that_path_is_not_stopped_for_this_one(
 def test_a_level_that_is_none_stops_with_hold_before_that_is_said(
     daemon: FakeDaemon, stops: FakeDaemon, kind: Kind, level: Any
 ) -> None:
-    with pytest.raises(CommandError, match="level must be 'hold' or 'relax' or 'disable', and why"):
+    with pytest.raises(CommandError, match="it must be 'hold' or 'relax' or 'disable'; the"):
         stop(kind, daemon, level)
     assert [(one.method, one.params) for one in stops.requests] == [("stop", {"level": "hold"})]
     assert "stop" not in daemon.methods()

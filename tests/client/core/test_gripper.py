@@ -618,6 +618,10 @@ def test_a_name_that_hands_type_is_hinted_at(
         (lambda g: g.opne, "'opne': did you mean 'open'?"),
         (lambda g: g.opening_mm, "'opening_mm': did you mean 'get_state().opening_mm'?"),
         (lambda g: g.get_state().opening, "'opening': did you mean 'opening_mm'?"),
+        (lambda g: g.get_state().width, "'width': did you mean 'opening_mm'?"),
+        (lambda g: g.get_state().widht, "'widht': did you mean 'opening_mm'?"),
+        (lambda g: g.goto(30).width, "'width': did you mean 'state.opening_mm'?"),
+        (lambda g: g.grasp(5).widht, "'widht': did you mean 'width_mm'?"),
         (lambda g: g.goto(30).opening_mm, "'opening_mm': did you mean 'state.opening_mm'?"),
         (lambda g: setattr(g, "speed", 5), "'speed': did you mean 'motion_config.speed_mm_s'?"),
         (

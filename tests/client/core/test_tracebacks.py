@@ -226,6 +226,12 @@ def test_a_stop_with_wrong_arguments_stops_before_it_says_so(
     assert stopped is not None
     assert stopped["level"] == level
     assert str(caught.value).count(STOPPED_ALL_THE_SAME) == 1
+    if wrong is CommandError:
+        is_level = "level" in call or "soft'" in call or "hand')" in call
+        assert ("level is" in str(caught.value), "why is" in str(caught.value)) == (
+            is_level,
+            not is_level,
+        )
 
 
 def test_an_object_with_wrong_arguments_is_not_made(kind: Kind) -> None:
