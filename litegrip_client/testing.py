@@ -31,6 +31,7 @@ from typing import Any
 from litegrip_client.line.connection import Connection
 from litegrip_client.threads.gripper import LiteGrip
 from litegrip_client.values.errors import ConnectError
+from litegrip_client.values.tracebacks import shortened
 
 _CONFIG = """\
 [bus]
@@ -51,6 +52,7 @@ _END_WITHIN_S = 10.0
 _numbers = itertools.count(1)
 
 
+@shortened
 class SimulatedDaemon:
     """A running daemon, and the world around its gripper's jaws.
 

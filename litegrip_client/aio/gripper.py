@@ -243,7 +243,7 @@ class Connection(Exchange):
         """Return the daemon's refusal of a `notify_guarded` request, or None."""
         self._check_usable()
         await asyncio.sleep(0)  # so that what has come is read, and other tasks have their turn
-        self._router.check()
+        self._router.check(is_asked_late=True)
         return self._newest_refusal()
 
     async def finish(self, coroutine: Coroutine[Any, Any, None]) -> None:
@@ -288,7 +288,11 @@ class Connection(Exchange):
             with contextlib.suppress(ConnectError):
                 self.post(*feed.ending())
         else:
-            await self.call(*feed.ending())
+            try:
+                await self.call(*feed.ending())
+            except ConnectError as error:
+                if error.reason != "closed":  # by another task meanwhile, which ends it, too
+                    raise
 
     # The connection itself
 
@@ -299,7 +303,7 @@ class Connection(Exchange):
 
     def check_open(self) -> None:
         """Raise `ConnectError` when nothing more can come here."""
-        self._router.check()
+        self._router.check(is_asked_late=True)
 
     @property
     def daemon_pid(self) -> int:
@@ -329,7 +333,7 @@ class Connection(Exchange):
 
     def _check_usable(self) -> None:
         self._check_loop()
-        self._router.check()
+        self._router.check(is_asked_late=True)
 
     def _check_loop(self) -> None:
         if asyncio.get_running_loop() is not self._loop:
@@ -363,6 +367,7 @@ class Connection(Exchange):
         That is, by `timeout_s` after `since_s` (now), or when `watch` says so.
         """
         self._check_loop()
+        is_late = self._router.ending is not None
 
         def ready() -> bool:
             return came() or self._router.ending is not None
@@ -378,7 +383,7 @@ class Connection(Exchange):
                 raise no_answer(f"the daemon did not answer {what}", timeout_s)
             watch.look()
         if not came():
-            self._router.check()
+            self._router.check(is_asked_late=is_late)
 
     def _on_lines(self, lines: list[bytes]) -> None:
         complaint = self._router.take(lines)

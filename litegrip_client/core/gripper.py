@@ -198,15 +198,16 @@ class Gripper(GripperActions):
         not: then nothing reaches it, so cut its power. Wrong arguments raise their error after the
         gripper was stopped ("hold").
         """
-        if level in STOP_LEVELS and (why is None or isinstance(why, str)):
+        levels = " or ".join(map(repr, STOP_LEVELS))
+        wrong = [] if level in STOP_LEVELS else [f"level is {level!r:.60}, it must be {levels}"]
+        reason: object = why
+        if not isinstance(reason, str | None):
+            wrong.append(f"why is {reason!r:.60}, it must be text")
+        if not wrong:
             return state_of(await stop(self._session, stop_params(level, why)))
         await stop(self._session, stop_params("hold", None))
-        levels = " or ".join(map(repr, STOP_LEVELS))
-        raise ParameterError(
-            f"level is {level!r:.60}, why is {why!r:.60}: level must be {levels}, and why a text;"
-            f" {STOPPED_ALL_THE_SAME}",
-            reason="invalid_params",
-        )
+        text = "; ".join((*wrong, STOPPED_ALL_THE_SAME))
+        raise ParameterError(text, reason="invalid_params")
 
     async def clear_stop(self) -> GripperState:
         """Clear a stop: the motor may then be enabled and moved again. Moves nothing.

@@ -506,9 +506,12 @@ def naming_the_danger() -> Iterator[None]:
 
 
 async def _release(wire: Wire) -> None:
-    """Give the lease back, unless it is lost already."""
-    with contextlib.suppress(LeaseError):
+    """Give the lease back, unless it is lost already, or by a closing of the connection."""
+    try:
         await wire.call("lease.release")
+    except (LeaseError, ConnectError) as error:
+        if isinstance(error, ConnectError) and error.reason != "closed":
+            raise
 
 
 def _program() -> str:

@@ -225,7 +225,7 @@ class Multiplexer:
                 data={"hint": "connect again in the child"},
             )
         if self._router.ending is not None:
-            self._router.check()
+            self._router.check(is_asked_late=True)
 
     def check_usable(self) -> None:
         """Raise when this thread must not wait here, or cannot any more."""
@@ -324,7 +324,7 @@ class Multiplexer:
                 self._read(0.0)
         finally:
             self._stop_leading(me)
-        self._router.check()
+        self._router.check(is_asked_late=True)
 
     def _may_lead(self, me: int) -> bool:
         with self._lock:
@@ -522,8 +522,8 @@ class Connection(Exchange):
         try:
             if feed.key in self._router.listeners and not self.closed:
                 (self.post if is_silent else self.call)(*feed.ending())
-        except ConnectError:
-            if not is_silent:
+        except ConnectError as error:
+            if not is_silent and error.reason != "closed":  # by another thread meanwhile
                 raise
         finally:
             self._router.listeners.pop(feed.key, None)

@@ -163,19 +163,23 @@ class Router:
     Listeners are held weakly, so that a subscription that nobody has any more can be ended:
     `on_orphan` is called with the key of one for which something came. `refusal` is the newest
     that a request without an answer got, until somebody takes it. `ending` says why nothing
-    more can come, once that is so. `is_silent` is true from a time-out on until
-    something comes, `is_danger_told` if somebody was told meanwhile to cut the motor's power.
+    more can come, once that is so; `how_to_go_on` returns the hint to that. `is_silent` is true
+    from a time-out on until something comes, `is_danger_told` if somebody was told meanwhile to
+    cut the motor's power.
 
     Routing a line twice does no harm, so that a reader may be interrupted in between.
     """
 
-    def __init__(self, on_orphan: Callable[[Key], None]) -> None:
+    def __init__(
+        self, on_orphan: Callable[[Key], None], how_to_go_on: Callable[[], str | None]
+    ) -> None:
         self.calls: dict[int, Call] = {}
         self.listeners: dict[Key, ref[Listener]] = {}
         self.refusal: Message | None = None
         self.ending: ConnectError | None = None
         self.is_silent = self.is_danger_told = False
         self._on_orphan = on_orphan
+        self._how_to_go_on = how_to_go_on
         self._parting_error: Any = None
 
     def take(self, lines: Iterable[bytes]) -> str | None:
@@ -199,16 +203,22 @@ class Router:
         if self.ending is None:
             self.ending = ConnectError(message, reason=reason, code=code, data=data)
 
-    def check(self) -> None:
-        """Raise `ConnectError` when nothing more can come."""
-        if self.ending is not None:
-            # A new object for each raise: a traceback belongs to one thread or task.
-            raise ConnectError(
-                self.ending.message,
-                reason=self.ending.reason,
-                code=self.ending.code,
-                data=self.ending.data,
-            )
+    def check(self, *, is_asked_late: bool = False) -> None:
+        """Raise `ConnectError` when nothing more can come.
+
+        What is asked after the end, `is_asked_late`, cannot succeed here.
+        """
+        if self.ending is None:
+            return
+        data = dict(self.ending.data)
+        if is_asked_late:
+            data["retryable"] = False
+        if "hint" not in data and (hint := self._how_to_go_on()) is not None:
+            data["hint"] = hint
+        # A new object for each raise: a traceback belongs to one thread or task.
+        raise ConnectError(
+            self.ending.message, reason=self.ending.reason, code=self.ending.code, data=data
+        )
 
     def _route(self, message: Message) -> None:
         if "method" in message:
@@ -384,7 +394,8 @@ class Exchange:
         self.daemon_version: str | None = None
         self.has_clock = True
         self.voice: Voice | None = None
-        self._router = Router(self._end_orphan)
+        self._is_accepted = False
+        self._router = Router(self._end_orphan, self._how_to_connect)
         self._ids = itertools.count(1)
 
     @property
@@ -490,6 +501,18 @@ class Exchange:
             if call.result is not None:
                 take_back(call.result)
 
+    def _how_to_connect(self) -> str | None:
+        """Return how to go on after the end, None where the reader cannot, or never was here."""
+        from litegrip_client.values.terms import Called  # noqa: PLC0415 - an error, as the next
+        from litegrip_client.values.voices import in_python  # noqa: PLC0415
+
+        voice = self.voice or in_python
+        connect = voice(Called("hello", "connect"), None, None) if self._is_accepted else None
+        if connect is None:
+            return None
+        enable = voice("motor.enable", None, None)
+        return f"{connect} connects again" + (f", then: {enable}" if enable else "")
+
     # Answers
 
     def accept(self, hello: Mapping[str, Any]) -> None:
@@ -500,6 +523,7 @@ class Exchange:
                 reason="wrong_protocol",
                 data={"hint": "install the litegrip_client of the daemon's version"},
             )
+        self._is_accepted = True
         version = hello.get("version")
         self.daemon_version = version if isinstance(version, str) else None
         client = hello.get("client")

@@ -128,7 +128,7 @@ class StateNames(Hinting):
 
     @property
     def is_moving(self) -> bool:
-        """True if the jaws move by 0.05 rad/s (4 mm/s) or more."""
+        """True if the jaws move by 0.05 rad/s (2.6 mm/s at 52.69 mm/rad) or more."""
         return self.velocity_rad_s is not None and abs(self.velocity_rad_s) >= STILL_RAD_S
 
 

@@ -33,6 +33,7 @@ from litegrip_client.values.errors import (
     TrajectoryFormatError,
     TrajectoryNotFoundError,
 )
+from litegrip_client.values.tracebacks import shortened
 from litegrip_client.values.trajectory_format import (
     ENDING,
     GRIP_ENDING,
@@ -72,6 +73,7 @@ class TrajectorySample(NamedTuple):
     torque_nm: float
 
 
+@shortened
 @dataclass(slots=True)
 class Trajectory:
     """A motion of the jaws, and the gripper that it was recorded on.
@@ -176,7 +178,7 @@ class Trajectory:
         try:
             trajectory = cls.from_bytes(content)
         except CommandError as error:
-            raise TrajectoryFormatError(f"{path_of(name)}: {error.message}") from error
+            raise TrajectoryFormatError(f"{path_of(name)}: {error.message}") from None
         try:
             return trajectory.with_grips(content, read_grips(name))
         except CommandError as error:
@@ -407,7 +409,7 @@ def write_file(name: str | os.PathLike[str], content: bytes, grips: bytes = b"")
             f"the trajectory cannot be written to {path}: {why_not_written(error, path)}",
             reason="not_saved",
             data={"path": str(path)},
-        ) from error
+        ) from None
     return str(path)
 
 

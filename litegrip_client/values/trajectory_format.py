@@ -119,8 +119,9 @@ def read_header(content: memoryview) -> Header:
 def parse_header(content: memoryview) -> Header:
     """Return the header, ignoring what follows; raises `TrajectoryFormatError` with the reason."""
     if len(content) < HEADER.size:
-        text = f"{len(content)} bytes are too few for a header, which has {HEADER.size}"
-        raise TrajectoryFormatError(text)
+        raise TrajectoryFormatError(
+            f"{len(content)} bytes are too few for a header, which has {HEADER.size}: no .lgt file"
+        )
     magic, version, samples, *figures, can_id, padded = HEADER.unpack_from(content)
     if magic != MAGIC:
         raise TrajectoryFormatError(

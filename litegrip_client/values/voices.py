@@ -235,6 +235,9 @@ MEANT: Mapping[str, str] = {
 }
 """By a name that users look for in `LiteGrip`: what does that there."""
 
+_FIELDS: Mapping[str, str] = {"width": "opening_mm"}
+"""By a name that users look for in a state or a result: the field, unless one begins with it."""
+
 
 _UNITS = frozenset(("mm", "mm_s", "rad", "rad_s", "nm", "nm_rad", "n", "n_s", "s", "ms", "hz", "c"))
 _CLOSE = 0.7
@@ -268,7 +271,15 @@ def _hint(kind: type, name: str, beyond: Mapping[str, type]) -> str:
     import difflib  # noqa: PLC0415 - an error
 
     close = difflib.get_close_matches(name.lower(), _public(kind), 1, _CLOSE)
-    return f": did you mean {close[0]!r}?" if close else ""
+    if close:
+        return f": did you mean {close[0]!r}?"
+    for sought in difflib.get_close_matches(name.lower(), _FIELDS, 1, _CLOSE):
+        for path, place in {"": kind, **beyond}.items():
+            names = _public(place)
+            like = _with_unit(sought, names) or _FIELDS[sought]
+            if like in names:
+                return f": did you mean {path + like!r}?"
+    return ""
 
 
 def _public(kind: type) -> list[str]:

@@ -1,4 +1,5 @@
 import copy
+import inspect
 import pickle
 import time
 from dataclasses import FrozenInstanceError
@@ -18,6 +19,8 @@ from litegrip_client import (
     SetZeroResult,
 )
 from litegrip_client.aio import LiteGrip as AioLiteGrip
+from litegrip_client.values.calibration import NOMINAL_RAD_TO_MM
+from litegrip_client.values.fields import STILL_RAD_S
 from litegrip_client.values.results import NEWER_FIELDS
 from tests.client.fake_daemon import GRASP, MOVE, STATE
 
@@ -178,3 +181,9 @@ def test_the_time_of_a_state_and_of_an_event_is_also_the_time_of_day() -> None:
     event = Event(1, now_s - 5, "motor", "", {})
     for timestamp in (state.timestamp, event.timestamp):
         assert timestamp == pytest.approx(time.time() - 5, abs=1)
+
+
+@pytest.mark.parametrize("kind", [GripperState, LiteGrip])
+def test_what_counts_as_moving_is_told_in_the_scale_that_ships(kind: type) -> None:
+    told = f"{STILL_RAD_S:g} rad/s ({STILL_RAD_S * NOMINAL_RAD_TO_MM:.1f} mm/s at"
+    assert told in str(inspect.getdoc(kind.is_moving))  # type: ignore[attr-defined]

@@ -155,7 +155,7 @@ def test_after_a_restart_a_stop_connects_by_itself_and_nothing_else_does(
 def test_a_level_that_is_none_stops_with_hold_before_that_is_said(
     daemon: FakeDaemon, stops: FakeDaemon, kind: Kind, level: Any
 ) -> None:
-    with pytest.raises(CommandError, match="level must be 'hold' or 'relax' or 'disable', and why"):
+    with pytest.raises(CommandError, match="it must be 'hold' or 'relax' or 'disable'; the"):
         stop(kind, daemon, level)
     assert [(one.method, one.params) for one in stops.requests] == [("stop", {"level": "hold"})]
     assert "stop" not in daemon.methods()

@@ -121,7 +121,7 @@ def test_a_file_that_is_cut_off_anywhere_is_rejected() -> None:
     for length in range(len(whole)):
         text = refusal(whole[:length])
         if length < HEADER_BYTES:
-            assert text == f"{length} bytes are too few for a header, which has 66"
+            assert text == f"{length} bytes are too few for a header, which has 66: no .lgt file"
         else:
             assert text.startswith(f"{length} bytes, but 5 samples make {len(whole)}")
 

@@ -26,7 +26,8 @@ from litegrip_client import (
     StoppedError,
     aio,
 )
-from litegrip_client.values.voices import MEANT
+from litegrip_client.values.terms import Voice
+from litegrip_client.values.voices import MEANT, in_shell
 from litegripd.model.sentence import method_name, with_terms
 from tests.client.rig import (
     GUARDS,
@@ -128,8 +129,27 @@ def test_a_daemon_that_went_is_noticed_and_connecting_again_works(
     assert not gripper.is_connected
     with pytest.raises(ConnectError):
         gripper.get_state()
+    with pytest.raises(ConnectError) as again:
+        gripper.get_state()
+    assert not again.value.retryable
+    call = f"{kind.awaits}gripper."
+    assert again.value.hint == f"{call}connect() connects again, then: {call}enable()"
     gripper.connect()
     assert gripper.get_state().calibrated
+
+
+@pytest.mark.parametrize("voice", [in_shell, lambda *_: None], ids=["shell", "none"])
+def test_a_reader_who_calls_nothing_is_told_no_call_when_the_daemon_went(
+    daemon: Heard, kind: Kind, voice: Voice
+) -> None:
+    gripper = kind.gripper(voice=voice)
+    gripper.connect()
+    daemon.hang_up()
+    kind.pause(0.01)
+    for _ in range(2):
+        with pytest.raises(ConnectError) as caught:
+            gripper.get_state()
+        assert caught.value.hint is None
 
 
 def test_an_interrupted_connecting_leaves_nothing(daemon: Heard, kind: Kind) -> None:
@@ -598,6 +618,10 @@ def test_a_name_that_hands_type_is_hinted_at(
         (lambda g: g.opne, "'opne': did you mean 'open'?"),
         (lambda g: g.opening_mm, "'opening_mm': did you mean 'get_state().opening_mm'?"),
         (lambda g: g.get_state().opening, "'opening': did you mean 'opening_mm'?"),
+        (lambda g: g.get_state().width, "'width': did you mean 'opening_mm'?"),
+        (lambda g: g.get_state().widht, "'widht': did you mean 'opening_mm'?"),
+        (lambda g: g.goto(30).width, "'width': did you mean 'state.opening_mm'?"),
+        (lambda g: g.grasp(5).widht, "'widht': did you mean 'width_mm'?"),
         (lambda g: g.goto(30).opening_mm, "'opening_mm': did you mean 'state.opening_mm'?"),
         (lambda g: setattr(g, "speed", 5), "'speed': did you mean 'motion_config.speed_mm_s'?"),
         (

@@ -105,8 +105,40 @@ def test_a_daemon_that_ends_ends_the_iteration_by_an_error(
     gripper.connect()
     with BOTH[what](gripper) as items:
         site.after(0.1, daemon.hang_up)
-        with pytest.raises(ConnectError, match="ended the connection"):
+        with pytest.raises(ConnectError, match="ended the connection") as caught:
             list(items)
+        assert "gripper.connect() connects again" in str(caught.value)
+        assert caught.value.retryable
+        with pytest.raises(ConnectError) as caught:
+            next(iter(items))
+        assert "gripper.connect() connects again" in str(caught.value)
+        assert not caught.value.retryable
+
+
+@pytest.mark.parametrize("within", ["events", "lease"])
+def test_a_block_that_a_closed_connection_ends_says_nothing(
+    daemon: Heard, tasks: Asyncio, within: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """As Ctrl-C in `examples/aio_watch.py`: one task's end closes what the other still uses."""
+
+    async def watch(gripper: aio.LiteGrip) -> None:
+        block: Any = gripper.events() if within == "events" else gripper.lease()
+        async with block:
+            await asyncio.sleep(9.0)
+
+    async def main() -> None:
+        async with aio.LiteGrip() as gripper:
+            task = asyncio.create_task(watch(gripper))
+            await asyncio.sleep(0.1)
+            daemon.late[f"{within}.unsubscribe"] = daemon.late[f"{within}.release"] = 1.0
+            task.cancel()
+            await asyncio.sleep(0.1)
+        with pytest.raises(asyncio.CancelledError):
+            await task
+
+    tasks.run(main())
+    assert {f"{within}.unsubscribe", f"{within}.release"} & set(daemon.methods())
+    assert not caplog.records
 
 
 @pytest.mark.parametrize("what", BOTH)

@@ -6,15 +6,17 @@ import re
 import subprocess
 import sys
 import traceback
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 import litegrip_client
-from litegrip_client import CommandError, ConnectError, LiteGrip, LiteGripError, aio
+from litegrip_client import CommandError, ConnectError, LiteGrip, LiteGripError, Trajectory, aio
+from litegrip_client.testing import SimulatedDaemon
 from litegrip_client.values.tracebacks import STOPPED_ALL_THE_SAME
 from tests.client.fake_daemon import FakeDaemon
-from tests.client.rig import Bench, Heard, Kind, Refuse, Threads
+from tests.client.rig import Asyncio, Bench, Heard, Kind, Refuse, Threads
 
 OURS = Path(litegrip_client.__file__).parent
 
@@ -61,12 +63,14 @@ def test_a_traceback_ends_at_the_method_that_was_called(site: Bench, daemon: Hea
 
 
 @pytest.mark.parametrize(
-    "raised", [CommandError("mine", reason="invalid_params"), KeyboardInterrupt()], ids=type
+    "raised",
+    [CommandError("mine", reason="invalid_params"), KeyboardInterrupt(), ZeroDivisionError()],
+    ids=type,
 )
 def test_a_traceback_keeps_what_a_callback_has_called(
     site: Bench, daemon: Heard, raised: BaseException
 ) -> None:
-    """As if somebody had typed Ctrl-C there, for one of them."""
+    """As if somebody had typed Ctrl-C there, for one of them; another is the user's own."""
 
     def report(_progress: object) -> None:
         raise raised
@@ -78,6 +82,107 @@ def test_a_traceback_keeps_what_a_callback_has_called(
     assert frames_of(caught.value) == [*WRAPPER, "open"]
     names = [frame.name for frame in traceback.extract_tb(caught.value.__traceback__)]
     assert names[-1] == "report"
+
+
+def test_a_defect_of_ours_is_shown_whole(
+    site: Bench, daemon: Heard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with Threads(site).gripper() as gripper, monkeypatch.context() as broken:
+        broken.setattr(gripper._session, "_wire", 3)
+        with pytest.raises(AttributeError) as caught:
+            gripper.health()
+    assert len(frames_of(caught.value)) > 2
+
+
+@pytest.mark.parametrize("call", ["enable", "move_at_speed", "states"])
+def test_a_cancelled_task_shows_one_line_of_ours(
+    site: Bench, daemon: Heard, tasks: Asyncio, call: str
+) -> None:
+    """The very exception that asyncio has thrown goes on, and cancels the task."""
+    thrown: list[BaseException] = []
+
+    async def use(gripper: aio.LiteGrip) -> None:
+        try:
+            if call == "enable":
+                daemon.late["motor.enable"] = 1.0
+                await gripper.enable()
+            elif call == "move_at_speed":
+                await gripper.move_at_speed(5, 5)
+            else:
+                async for _ in gripper.states(5):
+                    pass
+        except asyncio.CancelledError as error:
+            thrown.append(error)
+            raise
+
+    async def main() -> None:
+        async with aio.LiteGrip() as gripper:
+            await gripper.enable()
+            task = asyncio.create_task(use(gripper))
+            await asyncio.sleep(0.3)
+            task.cancel("by the test")
+            with pytest.raises(asyncio.CancelledError) as caught:
+                await task
+            assert task.cancelled()
+            assert caught.value is thrown[0]
+            assert str(thrown[0]) == "by the test"
+
+    tasks.run(main())
+    name = "__anext__" if call == "states" else call
+    named = [frame.name for frame in traceback.extract_tb(thrown[0].__traceback__)]
+    ours = ["call_and_wait"] if WRAPPER else []
+    assert [one for one in named if one in (name, "call_and_wait", "run")] == [*ours, name]
+
+
+MADE_FIRST = r"^LiteGrip is the class: make an object first, as `gripper = LiteGrip\('can0'\)`$"
+
+
+@pytest.mark.parametrize("call", ["enable()", "goto(40)", "open(20)", "software_stop()", "jobs()"])
+def test_a_call_of_the_class_says_that_an_object_is_missing(call: str) -> None:
+    with pytest.raises(TypeError, match=MADE_FIRST) as caught:
+        eval(f"LiteGrip.{call}")
+    assert caught.value.__suppress_context__
+    with pytest.raises(TypeError, match=MADE_FIRST):
+        asyncio.run(eval(f"aio.LiteGrip.{call}"))
+
+
+def test_each_class_is_named_by_a_call_of_it() -> None:
+    with pytest.raises(TypeError, match=r"^Trajectory is the class: make an object first$"):
+        Trajectory.save("pick")  # type: ignore[call-arg,arg-type]
+
+
+def test_a_traceback_of_what_is_no_method_of_a_gripper_has_one_line_of_ours(
+    site: Bench, daemon: Heard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("LITEGRIP_TRAJ_DIR", str(tmp_path))
+    (tmp_path / "bad.lgt").write_text("hello")
+
+    def shown(call: Callable[[], object], text: str) -> list[str]:
+        with pytest.raises(LiteGripError, match=text) as caught:
+            call()
+        assert caught.value.__context__ is None or caught.value.__suppress_context__
+        return frames_of(caught.value)
+
+    assert shown(lambda: Trajectory.load("bad"), "no .lgt file$") == [*WRAPPER, "load"]
+    assert shown(lambda: Trajectory.load("nothere"), "nothere") == [*WRAPPER, "load"]
+    assert shown(lambda: Trajectory().save(""), "must be text") == [*WRAPPER, "save"]
+    (tmp_path / "full.lgt").mkdir()
+    assert shown(lambda: Trajectory().save("full"), "cannot be written") == [*WRAPPER, "save"]
+    gripper = Threads(site).gripper()
+
+    def set_speed() -> None:
+        gripper.motion_config.speed_mm_s = "fast"  # type: ignore[assignment]
+
+    assert shown(set_speed, "must be a number") == [*WRAPPER, "__setattr__"]
+
+
+def test_a_traceback_of_a_simulated_daemon_has_one_line_of_ours(tmp_path: Path) -> None:
+    with FakeDaemon(tmp_path / "can0.sock") as fake:
+        fake.handlers["sim.fault"] = lambda request: request.fail("invalid_params", -32602)
+        daemon = SimulatedDaemon("can0", str(fake.path))
+        with pytest.raises(CommandError) as caught:
+            daemon.fault("nonsense")
+    assert frames_of(caught.value) == [*WRAPPER, "fault"]
 
 
 MISUSED = {
@@ -121,6 +226,12 @@ def test_a_stop_with_wrong_arguments_stops_before_it_says_so(
     assert stopped is not None
     assert stopped["level"] == level
     assert str(caught.value).count(STOPPED_ALL_THE_SAME) == 1
+    if wrong is CommandError:
+        is_level = "level" in call or "soft'" in call or "hand')" in call
+        assert ("level is" in str(caught.value), "why is" in str(caught.value)) == (
+            is_level,
+            not is_level,
+        )
 
 
 def test_an_object_with_wrong_arguments_is_not_made(kind: Kind) -> None:
