@@ -123,20 +123,6 @@ def test_an_operators_program_that_is_frozen_loses_what_it_had(
         stays_relaxed(local)
 
 
-def test_a_program_that_hangs_loses_a_lease_with_a_time_to_live_of_its_own(
-    lab: Fleet, gripper: DaemonProcess
-) -> None:
-    """Its portal shows that the process lives; whether it still does its work, it alone can."""
-    with gripper.connect() as local, Client(lab.socket_path()) as client:
-        client.result("lease.acquire")
-        begun_s = local.result("state.get")["monotonic_s"]
-        local.until(lambda state: bool(state["monotonic_s"] > begun_s + 2.0))  # twice the portal's
-        assert local.result("lease.get")["owner"] is not None
-        client.result("lease.acquire", ttl_s=1.0)
-        local.until(lambda _state: local.result("lease.get")["owner"] is None)
-        assert client.result("state.get")["bus"] == "up"  # the session has not ended by that
-
-
 def test_whoever_is_cut_off_is_told_and_gets_in_again(
     lab: Fleet, gripper: DaemonProcess, operator: "subprocess.Popen[str]"
 ) -> None:

@@ -159,3 +159,18 @@ def test_a_second_portal_for_a_gripper_leaves_the_first_ones_socket(lab: Fleet) 
     assert "lab.left.sock cannot be made: it belongs to another process" in done.stderr
     with Client(lab.socket_path()) as client:
         assert client.result("hello")["channel"] == "lab.left"
+
+
+def test_a_program_that_hangs_loses_a_lease_with_a_time_to_live_of_its_own(
+    lab: Fleet, gripper: DaemonProcess
+) -> None:
+    """Its portal shows that the process lives; whether it still does its work, it alone can."""
+    with gripper.connect() as local, Client(lab.socket_path()) as client:
+        client.result("lease.acquire")
+        begun_s = local.result("state.get")["monotonic_s"]
+        longer_s = begun_s + 6.0  # than the portal's
+        local.until(lambda state: bool(state["monotonic_s"] > longer_s))
+        assert local.result("lease.get")["owner"] is not None
+        client.result("lease.acquire", ttl_s=1.0)
+        local.until(lambda _state: local.result("lease.get")["owner"] is None)
+        assert client.result("state.get")["bus"] == "up"  # the session has not ended by that
