@@ -137,10 +137,10 @@ def test_a_connection_lives_through_loss_and_disorder(two: Machines) -> None:
 
 
 def left_of(prefix: str) -> list[Path]:
-    left = []
+    left: list[Path] = []
     for place in (Path("/run/netns"), Path("/etc/netns")):
         with contextlib.suppress(FileNotFoundError):  # another test has ended with it
-            left += [place / name for name in os.listdir(place) if name.startswith(f"{prefix}-")]
+            left += list(place.glob(f"{prefix}-*"))
     return left
 
 
