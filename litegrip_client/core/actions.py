@@ -983,8 +983,18 @@ class GripperActions:
         positions: list[float] = []
 
         def report(data: dict[str, Any]) -> None:
-            if progress is not None:
+            if progress is None:
+                return
+            try:
                 progress(MoveProgress.from_wire(data, positions))
+            except TypeError as error:
+                if error.__traceback__ is None or error.__traceback__.tb_next is not None:
+                    raise  # of its own
+                raise ParameterError(
+                    f"progress must be a function of a MoveProgress: {error}",
+                    reason="invalid_params",
+                    data={"parameter": "progress"},
+                ) from None
 
         await self._end_frames()
         return await Motion(self._session.wire, method, params, report).run()

@@ -185,10 +185,16 @@ class DaemonSession:
     def wire(self) -> Wire:
         """The connection; raises `ConnectError` when there is none."""
         if self._wire is None:
+            from litegrip_client.values.terms import Called  # noqa: PLC0415 - an error, as the next
+            from litegrip_client.values.voices import in_python  # noqa: PLC0415
+
+            connect = (self.voice or in_python)(Called("hello", "connect"), None, None)
+            is_awaited = connect is not None and connect.startswith("await ")
+            block = f"'{'async ' if is_awaited else ''}with LiteGrip(...) as gripper:'"
             raise ConnectError(
                 f"not connected to the daemon of channel {self.channel}",
                 reason="not_connected",
-                data={"hint": "call connect() first, or use 'with LiteGrip(...) as gripper:'"},
+                data={"hint": f"call {connect or 'connect()'} first, or use {block}"},
             )
         return self._wire
 

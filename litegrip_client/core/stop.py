@@ -89,26 +89,30 @@ def _result(received: bytes) -> dict[str, Any]:
 async def stop(session: DaemonSession, params: dict[str, str]) -> dict[str, Any]:
     """Stop; return the latched level, the generation and the state after it.
 
-    Where the session's connection has ended, as by a restart of the daemon, the stop connects
-    anew. The session's next requests know of it, whichever socket it went by. Raises
+    Where the session has no connection, as after a restart of the daemon, the stop connects by
+    itself. The session's next requests know of it, whichever socket it went by. Raises
     `LiteGripError` if both sockets fail, or if the stop is in force and the state cannot be read,
     `CANTimeoutError` if it is latched, but the motor does not answer.
     """
-    wire = session.wire
     result: dict[str, Any] = {}
+    if session.is_open:
+        wire = session.wire
 
-    async def give() -> None:
-        try:
-            result.update(
-                await _by_stop_socket(session, wire, params) or await session.ask("stop", params)
-            )
-        except ConnectError:
-            if not wire.connection.closed:
-                raise
-            result.update(await _anew(session, params))
-        wire.connection.note_stops(result)
+        async def give() -> None:
+            try:
+                result.update(
+                    await _by_stop_socket(session, wire, params)
+                    or await session.ask("stop", params)
+                )
+            except ConnectError:
+                if not wire.connection.closed:
+                    raise
+            else:
+                wire.connection.note_stops(result)
 
-    await wire.finish(give())  # who cancels a stop on its way has stopped all the same
+        await wire.finish(give())  # who cancels a stop on its way has stopped all the same
+    if not result:
+        result = await _anew(session, params)
     if "state" not in result:
         try:
             result["state"] = await session.ask("state.get")
@@ -123,14 +127,23 @@ async def stop(session: DaemonSession, params: dict[str, str]) -> dict[str, Any]
 
 async def _anew(session: DaemonSession, params: dict[str, str]) -> dict[str, Any]:
     """Stop by a connection of its own; return what came of it, and the state."""
-    apart = await session.connect_apart()
+    result: dict[str, Any] = {}
     try:
-        result = await apart.call("stop", params)
+        apart = await session.connect_apart()
+    except ConnectError as error:
+        error.message = f"the stop is not confirmed, cut the motor's power: {error.message}"
+        raise
+
+    async def give() -> None:
+        result.update(await apart.call("stop", params))
         with contextlib.suppress(LiteGripError):  # who asks for it then, says so
             result["state"] = await apart.call("state.get")
-        return result
+
+    try:
+        await apart.finish(give())
     finally:
         await apart.close()
+    return result
 
 
 async def _by_stop_socket(

@@ -998,8 +998,8 @@ class BlockingGripper(GripperActions):
         `level` is "hold", "relax" or "disable". Any thread may call it, and also a signal
         handler while its thread waits for a motion. The stop uses the daemon's stop socket, which
         other requests cannot delay; there a reason is cut to 80 characters. Without that socket it
-        is sent as a usual request. This is a software stop: it does not replace the switch that
-        cuts the power.
+        is sent as a usual request; without a connection it connects by itself. This is a software
+        stop: it does not replace the switch that cuts the power.
 
         Raises `CANTimeoutError` if the stop is latched, but the motor does not answer, enabled or
         not: then nothing reaches it, so cut its power. Wrong arguments raise their error after the

@@ -39,7 +39,7 @@ const LEASE = { ttl_s: TTL_S, purpose: "the page in a browser", on_lost: "hold" 
 
 /* How control was lost, and by whom. */
 function lossOfControl({ message, data: { cause, by, why } }) {
-  if (cause === "expired") return "You no longer have control: the page was hidden or cut off";
+  if (cause === "expired") return "You no longer have control: the page was hidden or cut off, or the daemon stood still";
   if (cause !== "taken" || !by) return `You no longer have control: ${message}`;
   const who = by.program === "litegripd-web" ? "Another page" : by.program;
   return `${who} took control${why ? `: ${why}` : ""}`;
@@ -63,6 +63,7 @@ export class Control {
   #bars = {}; // what bars what, by its name in BARS
   #isRenewing = false;
   #isTaken = false; // by another program
+  #isLate = false; // what comes from the daemon
   #mayReplace = null;
   #recording = null; // "on", "ending", or "ended" by itself; null without one
   #job = null;
@@ -85,7 +86,9 @@ export class Control {
     on("open", () => this.#with(pace, (params) => this.#move("open", "motion.open", params)));
     on("close", () => this.#with(pace, (params) => this.#move("close", "motion.close", params)));
     on("hold", () => this.#do("hold", "motion.hold"));
-    on("release", () => this.#move("let go", "motion.zero_gravity"));
+    on("release", async () => {
+      if (await this.#move("let go", "motion.zero_gravity")) this.#panel.forgive("motion"); // which may have advised it
+    });
     on("grasp", () =>
       this.#with({ force_n: "force", ...pace }, (params) =>
         this.#move("grasp", "motion.grasp", { until: "verdict", ...params })));
@@ -140,6 +143,7 @@ export class Control {
 
   /* It has ended, and the lease with it. */
   end() {
+    this.#isLate = false;
     this.#set(false);
     this.showLease(null);
     this.#showRecording(null);
@@ -222,7 +226,8 @@ export class Control {
     const lacksControl = this.whyNot("control") !== null;
     const isFree = this.#panel.state !== null && !this.#has;
     const toUse = this.#panel.node("to-use");
-    const told = isFree ? "to use what is below" : why ?? "";
+    const late = this.#isLate ? "late: what is pressed may act later" : "";
+    const told = isFree ? "to use what is below" : why ?? late;
     if (toUse.textContent !== told) toUse.textContent = told;
     this.#panel.node("motions").disabled = lacksControl;
     for (const name of MOVES) this.#panel.node(name).disabled = why !== null;
@@ -239,6 +244,7 @@ export class Control {
     const isTaken = Boolean(lease?.owner) && !lease.mine;
     if (isTaken !== this.#isTaken) {
       this.#isTaken = isTaken;
+      this.#panel.forgive("lack"); // it named another button
       this.#allow();
     }
     this.#panel.node("take").hidden = this.#has || isTaken;
@@ -248,6 +254,12 @@ export class Control {
 
   #showForce() {
     this.#panel.node("force-note").hidden = Number(this.#panel.node("force").value) <= CONTINUOUS_N;
+  }
+
+  /* Show whether what is pressed may act late. */
+  showLate(isLate) {
+    this.#isLate = isLate;
+    this.#allow();
   }
 
   /* Show where the slider goes to; or that something is held, which is so or was. */

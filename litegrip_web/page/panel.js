@@ -314,6 +314,7 @@ export class Panel extends EventTarget {
     this.#showMode(this.state, age);
     this.#showJaws(this.state);
     this.control.showTarget();
+    this.control.showLate(isLate);
     this.#showFacts();
   }
 
@@ -379,7 +380,7 @@ export class Panel extends EventTarget {
   }
 
   #showLack() {
-    this.#alarm([...(this.#lost?.isDead ? [LOSSES[this.#lost.kind]] : []), `NO ${this.#lacks.toUpperCase()}`]);
+    this.#alarm([...(this.#lost === null ? [] : [LOSSES[this.#lost.kind]]), `NO ${this.#lacks.toUpperCase()}`]);
   }
 
   /* Say what is gone that was before the connection ended: with another daemon all of it, otherwise the control. */
@@ -478,7 +479,7 @@ export class Panel extends EventTarget {
   #showLoss() {
     this.#tellLoss();
     const { lost, "lost-text": text } = this.#nodes;
-    const isLost = this.#lost !== null && (this.state !== null || this.#lost.isDead);
+    const isLost = this.#lost !== null; // also while there is no connection
     const [name, told] = isLost ? [LOSSES[this.#lost.kind], this.#lossText()] : ["", ""];
     lost.hidden = !isLost;
     this.article.classList.toggle("has-lost", isLost);
@@ -531,7 +532,8 @@ export class Panel extends EventTarget {
       mode.dataset.mode = "late";
       mode.textContent = "late";
       const seconds = age === null ? "more than 1" : age.toFixed(1);
-      why.textContent = `No newer state has come for ${seconds} s: all that is shown was then.`;
+      const held = state.is_grasped === false ? "" : " What was held may be let go: a motor without commands lets go by itself.";
+      why.textContent = `No newer state has come for ${seconds} s: the daemon stands still, or the link is slow.${held}`;
     } else if (state.stop !== null) {
       mode.dataset.mode = isFault ? "fault" : "stopped";
       mode.textContent = isFault ? "fault, STOPPED" : "STOPPED";

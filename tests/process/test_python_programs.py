@@ -25,6 +25,7 @@ ENDS = {
     "gripper.jobs()": r"open +done +python .*\n(.*\n)*open done python\n(ok|degraded) \[.*\]\n$",
     "pool.submit": r"60\.\d+\n(.*\n)+reached\n$",
     "threading.Timer": r"^not there after 2 s: the jaws hold\n$",
+    "except LeaseError": "^$",
     "motion_config": r"^reached\n$",
     "asyncio.timeout": r"60\.\d+\n(.*\n)+not there after 2 s: the jaws hold\n$",
 }
@@ -72,6 +73,16 @@ def test_it_runs_to_its_end(part: str, tmp_path: Path) -> None:
         assert (done.returncode, done.stderr) == (0, "")
         assert re.search(ENDS[part], done.stdout), done.stdout
         client.until(lambda state: bool(state["motor"] == "disabled"))
+
+
+def test_who_has_the_lease_is_printed(tmp_path: Path) -> None:
+    with configured(tmp_path, CHANNEL) as daemon, daemon.connect() as client:
+        client.result("lease.acquire", purpose="packing")
+        done = ran(sys.executable, "-c", block("except LeaseError"), env=at(daemon))
+        assert (done.returncode, done.stderr) == (0, "")
+        assert re.search("has the gripper for packing.*'purpose': 'packing'", done.stdout), (
+            done.stdout
+        )
 
 
 def test_the_thread_hears_of_the_loss(tmp_path: Path) -> None:

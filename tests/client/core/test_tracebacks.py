@@ -254,11 +254,19 @@ def test_the_other_client_is_named_where_a_block_is_of_the_wrong_kind(site: Benc
     assert frames_of(caught.value) == [*WRAPPER, "__enter__"]
 
 
-def test_a_callback_with_wrong_arguments_is_the_users_own(site: Bench, daemon: Heard) -> None:
+def test_a_callback_with_wrong_arguments_is_named(site: Bench, daemon: Heard) -> None:
+    told = r"progress must be a function of a MoveProgress: .* takes 0 positional arguments but 1"
     with Threads(site).gripper() as gripper:
         gripper.enable()
-        with pytest.raises(TypeError, match=r"takes 0 positional arguments but 1 was given$"):
+        with pytest.raises(CommandError, match=told) as caught:
             gripper.open(progress=lambda: None)  # type: ignore[misc,arg-type]
+        assert frames_of(caught.value) == [*WRAPPER, "open"]
+
+        def wrong(_progress: object) -> None:
+            len(3)  # type: ignore[arg-type]
+
+        with pytest.raises(TypeError, match=r"^object of type 'int' has no len\(\)$"):
+            gripper.open(progress=wrong)
 
 
 THREADS = """

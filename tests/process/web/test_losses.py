@@ -281,6 +281,23 @@ def test_control_that_ended_with_litegripd_web_is_said_to_be_gone(
         expect(toasts(tab)).to_have_count(0)
 
 
+def test_a_loss_is_said_while_litegripd_web_is_gone(
+    window: BrowserContext, client: Client, place: Path
+) -> None:
+    with page("--socket", str(place), "--operate") as running:
+        tab = opened(window, running)
+        grasp(client)
+        client.result("sim.object")
+        expect(part(tab, "lost")).to_have_text("OBJECT LOST")
+    expect(part(tab, "mode")).to_have_text("no connection")
+    expect(part(tab, "lost")).to_have_text("OBJECT LOST")
+    expect(alarm(tab)).to_have_text("OBJECT LOST, NO CONNECTION")
+    tried = "() => new Promise((done) => setTimeout(done, 2500))"  # to connect again
+    tab.evaluate(tried)
+    expect(part(tab, "lost")).to_be_visible(timeout=1)
+    expect(tab.locator("article")).to_have_class(re.compile("has-lost"), timeout=1)
+
+
 def test_a_daemon_that_was_restarted_while_the_jaws_hold_has_let_go_of_nothing(
     window: BrowserContext, tmp_path: Path
 ) -> None:
