@@ -23,7 +23,14 @@ from litegrip_client.core.expected import expectations
 from litegrip_client.core.gripper import Gripper, no_member
 from litegrip_client.core.session import DaemonSession
 from litegrip_client.line.connection import SLICE_S, peer_pid
-from litegrip_client.line.exchange import DEFAULT_TIMEOUT_S, Call, Exchange, Watch, no_answer
+from litegrip_client.line.exchange import (
+    DEFAULT_TIMEOUT_S,
+    Call,
+    Exchange,
+    Watch,
+    no_answer,
+    or_closed,
+)
 from litegrip_client.line.feeds import Event, EventFeed, Feed, StateFeed, some_fields, whole_state
 from litegrip_client.line.latest import BaseLatest, NewestFeed
 from litegrip_client.values.calibration import GripperConfig
@@ -288,11 +295,8 @@ class Connection(Exchange):
             with contextlib.suppress(ConnectError):
                 self.post(*feed.ending())
         else:
-            try:
+            with or_closed():
                 await self.call(*feed.ending())
-            except ConnectError as error:
-                if error.reason != "closed":  # by another task meanwhile, which ends it, too
-                    raise
 
     # The connection itself
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
 from weakref import WeakSet
 
 from litegrip_client.core.discovery import chosen_channel
-from litegrip_client.line.exchange import LEFT_ALONE, SEE_DOCTOR
+from litegrip_client.line.exchange import LEFT_ALONE, SEE_DOCTOR, or_closed
 from litegrip_client.values.checks import given_numbers, integer
 from litegrip_client.values.errors import (
     CommandError,
@@ -513,11 +513,8 @@ def naming_the_danger() -> Iterator[None]:
 
 async def _release(wire: Wire) -> None:
     """Give the lease back, unless it is lost already, or by a closing of the connection."""
-    try:
+    with contextlib.suppress(LeaseError), or_closed():
         await wire.call("lease.release")
-    except (LeaseError, ConnectError) as error:
-        if isinstance(error, ConnectError) and error.reason != "closed":
-            raise
 
 
 def _program() -> str:

@@ -13,6 +13,7 @@ nobody sleeps longer than a slice without looking around for itself.
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import select
@@ -33,6 +34,7 @@ from litegrip_client.line.exchange import (
     Watch,
     answer_in,
     no_answer,
+    or_closed,
     request_line,
 )
 from litegrip_client.values.errors import CommandError, ConnectError, LiteGripError
@@ -520,11 +522,9 @@ class Connection(Exchange):
         """
         is_silent = self.is_silent
         try:
-            if feed.key in self._router.listeners and not self.closed:
-                (self.post if is_silent else self.call)(*feed.ending())
-        except ConnectError as error:
-            if not is_silent and error.reason != "closed":  # by another thread meanwhile
-                raise
+            with contextlib.suppress(ConnectError) if is_silent else or_closed():
+                if feed.key in self._router.listeners and not self.closed:
+                    (self.post if is_silent else self.call)(*feed.ending())
         finally:
             self._router.listeners.pop(feed.key, None)
 

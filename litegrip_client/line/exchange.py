@@ -6,12 +6,13 @@ module must not know what the methods do.
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import json
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from json import scanner
 from weakref import ref
 
@@ -155,6 +156,16 @@ _UNSUBSCRIBING = {
 _scan = scanner.make_scanner(json.JSONDecoder())  # type: ignore[arg-type]
 _VIOLATIONS = (StopIteration, ValueError, KeyError, TypeError, AttributeError)
 """What comes of lines that are not the protocol; the first is of `_scan`."""
+
+
+@contextlib.contextmanager
+def or_closed() -> Iterator[None]:
+    """Take it for an end when another thread or task closes the connection meanwhile."""
+    try:
+        yield
+    except ConnectError as error:
+        if error.reason != "closed":
+            raise
 
 
 class Router:

@@ -11,7 +11,7 @@ const RENEW_EVERY_MS = 1000;
 const CONTINUOUS_N = 20; // the vendor's recommendation
 const NEAR_MM = 1; // what the keys chose stays: steps of them add up
 const GREY = "button:disabled, [type=range]:disabled";
-const MOVES = ["open", "close", "hold", "grasp", "set-force", "teach", "play"];
+const MOVES = ["enable", "open", "close", "hold", "release", "grasp", "set-force", "zero", "teach", "play"];
 const TRAJECTORY_NAME = /^(?![.\s])[^/\\\p{C}]{1,64}(?<!\s)$/u;
 
 /* By the reason of a refusal, whether a state shows that it is over. */
@@ -63,7 +63,6 @@ export class Control {
   #bars = {}; // what bars what, by its name in BARS
   #isRenewing = false;
   #isTaken = false; // by another program
-  #isLate = false; // what comes from the daemon
   #mayReplace = null;
   #recording = null; // "on", "ending", or "ended" by itself; null without one
   #job = null;
@@ -143,7 +142,6 @@ export class Control {
 
   /* It has ended, and the lease with it. */
   end() {
-    this.#isLate = false;
     this.#set(false);
     this.showLease(null);
     this.#showRecording(null);
@@ -182,8 +180,7 @@ export class Control {
     if (this.#panel.state === null) return "the gripper is not connected";
     if (!this.#operates) return "this page looks and stops only";
     if (!this.#has) return `press “${this.#panel.node(this.#isTaken ? "take-over" : "take").textContent}” first`;
-    const bar = BARS[needs].find((name) => this.#bars[name]);
-    return bar === undefined ? null : this.#bars[bar];
+    return BARS[needs].map((name) => this.#bars[name]).find(Boolean) ?? null;
   }
 
   /* Do `act` with the numbers in fields, each by its parameter; an empty or a wrong one is said, and is not 0. */
@@ -226,12 +223,11 @@ export class Control {
     const lacksControl = this.whyNot("control") !== null;
     const isFree = this.#panel.state !== null && !this.#has;
     const toUse = this.#panel.node("to-use");
-    const late = this.#isLate ? "late: what is pressed may act later" : "";
+    const late = this.#panel.isLate ? "late: what is pressed may act later" : "";
     const told = isFree ? "to use what is below" : why ?? late;
     if (toUse.textContent !== told) toUse.textContent = told;
     this.#panel.node("motions").disabled = lacksControl;
-    for (const name of MOVES) this.#panel.node(name).disabled = why !== null;
-    for (const name of ["enable", "zero", "release"]) this.#panel.node(name).disabled = this.whyNot(NEEDS[name]) !== null;
+    for (const name of MOVES) this.#panel.node(name).disabled = this.whyNot(NEEDS[name] ?? "motion") !== null;
     this.#panel.node("slider").disabled = why !== null || this.#isHolding;
     this.#panel.node("rescale").disabled = lacksControl;
     this.#panel.dispatchEvent(new Event("allowed"));
@@ -257,8 +253,7 @@ export class Control {
   }
 
   /* Show whether what is pressed may act late. */
-  showLate(isLate) {
-    this.#isLate = isLate;
+  showLate() {
     this.#allow();
   }
 

@@ -169,6 +169,10 @@ export class Panel extends EventTarget {
     return this.state === null || Boolean(this.state.stale) || this.#isLate;
   }
 
+  get isLate() {
+    return this.#isLate;
+  }
+
   get isSilent() {
     return this.state?.mode === "offline";
   }
@@ -314,7 +318,7 @@ export class Panel extends EventTarget {
     this.#showMode(this.state, age);
     this.#showJaws(this.state);
     this.control.showTarget();
-    this.control.showLate(isLate);
+    this.control.showLate();
     this.#showFacts();
   }
 
@@ -442,7 +446,7 @@ export class Panel extends EventTarget {
   /* What is known of the trouble that a state has; otherwise its bare name. */
   #troubleText(state, kind, bare) {
     const trouble = this.#troubles.get(kind);
-    return trouble?.isIn(state) ? trouble.text : `${bare}`.replaceAll("_", " ");
+    return trouble?.isIn(state) ? trouble.text : bare.replaceAll("_", " ");
   }
 
   get #isWeak() {
