@@ -59,10 +59,14 @@ unexport PYTHONDONTWRITEBYTECODE
 unexport PYTHONUNBUFFERED
 
 # Tests in virtual time come first, then real processes, five at a time, since they wait a lot; last
-# what has to be alone.
+# what has to be alone. A process of five may be kept off its processor for seconds: what failed
+# then has failed if it fails without the others, too.
 PYTEST = $(BIN)/python -m pytest --durations 15
+PROCESSES = -m 'not alone' tests/process tests/io
+FAILED_ALONE = test $$? -eq 1 && echo "Once more, without the others, what has failed:" && \
+	$(PYTEST) --last-failed --last-failed-no-failures none --maxfail 1 $(PROCESSES)
 TESTS = $(PYTEST) --numprocesses auto --dist worksteal --ignore tests/process --ignore tests/io && \
-	$(PYTEST) --numprocesses 5 --dist worksteal -m 'not alone' tests/process tests/io && \
+	{ $(PYTEST) --numprocesses 5 --dist worksteal $(PROCESSES) || { $(FAILED_ALONE); }; } && \
 	$(PYTEST) -m alone tests/process tests/io
 
 # All clients through a portal.

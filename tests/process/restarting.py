@@ -74,6 +74,20 @@ class Restartable:
             os.kill(self.pid, signal.SIGTERM)
             wait_for_end(self.pid)
         self.first.kill()
+        for pid in self._followers():  # of whom a test that failed has not heard
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+            wait_for_end(pid)
+
+    def _followers(self) -> list[int]:
+        """Return who runs with this configuration: a terminal's next user cannot share it."""
+        named = os.fsencode(self.config)
+        found = []
+        for folder in Path("/proc").glob("[0-9]*"):
+            with contextlib.suppress(FileNotFoundError, ProcessLookupError, PermissionError):
+                if named in (folder / "cmdline").read_bytes().split(b"\0"):
+                    found.append(int(folder.name))
+        return found
 
 
 @contextlib.contextmanager

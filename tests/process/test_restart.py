@@ -47,6 +47,7 @@ def lasting(line: Restartable) -> Restartable:
     """The newest of a line of daemons, with the first configuration, enabled, stopped by nobody."""
     line.configure()
     with line.connect() as client:
+        line.pid = client.result("hello")["pid"]  # whatever the test before has missed
         if client.result("state.get")["stop"] is not None:
             client.result("stop.clear")
         client.despite_silence("motor.enable")
@@ -165,7 +166,8 @@ def test_a_configuration_that_does_not_fit_leaves_everything_as_it_was(
 
 def begin_restart(asker: Client, client: Client) -> tuple[int, int]:
     """Ask for a restart; return the request, and the successor, which is a child of the helper."""
-    helper = client.result("health")["helper"]["pid"]
+    health = client.until_health(lambda health: health["helper"]["pid"] is not None)
+    helper = health["helper"]["pid"]
     children = Path(f"/proc/{helper}/task/{helper}/children")
     ends_s = time.monotonic() + DEADLINE_S
     number = asker.send("daemon.restart", hold_through_restart=True)
