@@ -51,6 +51,9 @@ def main() -> None:
                 for pid, earlier_s in zip(pids, before_s, strict=True)
             )
             control = client.result("health")["control"]
+            state = client.result("state.get")
+    if state["mode"] != "holding":
+        sys.exit(f"the jaws do not hold any more ({state['mode']}): this tells nothing")
     print(
         f"holding: daemon {daemon_share:.1%}, pump {pump_share:.1%} of a processor;"
         f" a tick takes {control['tick_cost']['p50_us']:.0f} µs,"

@@ -460,7 +460,7 @@ class Motor:
 
     def _fault(self) -> Refusal | None:
         feedback = self._feedback if self._phase in FAULTY else None
-        return None if feedback is None else fault_refusal(feedback, self._stood_still_s)
+        return None if feedback is None else fault_refusal(feedback.status, self._stood_still_s)
 
     def _latched(self) -> int | None:
         """Return the status of `RESTING` that a motor at rest reports, or None."""
@@ -481,7 +481,7 @@ class Motor:
         if is_cleared or clearing.has_failed(now_s):
             self._fault_clearing = None
             if feedback is not None and not is_cleared:
-                self._failure = fault_refusal(feedback)
+                self._failure = fault_refusal(feedback.status)
             return self._traffic.poll(now_s)
         return clearing.step(now_s)
 

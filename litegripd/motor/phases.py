@@ -2,10 +2,11 @@
 
 from collections.abc import Mapping
 from enum import Enum, auto
+from functools import lru_cache
 from types import MappingProxyType
 
 from litegripd.model.errors import Refusal
-from litegripd.model.motor import Feedback, MotorPhase, Status, status_name
+from litegripd.model.motor import MotorPhase, Status, status_name
 from litegripd.model.sentence import Sentence, sentence
 
 REMEDIES: Mapping[int, Sentence] = {
@@ -54,14 +55,15 @@ _STOOD_STILL = sentence(
 )
 
 
-def fault_refusal(feedback: Feedback, stood_still_s: float | None = None) -> Refusal:
-    """Return a refusal that names the reported fault, and what to do about it.
+@lru_cache(maxsize=8)
+def fault_refusal(status: int, stood_still_s: float | None = None) -> Refusal:
+    """Return a refusal that names the reported fault, and what to do about it; asked each tick.
 
     `stood_still_s` is how long the daemon itself sent nothing before the fault; None if it did
     send.
     """
-    name = status_name(feedback.status)
-    if feedback.status == Status.COMMUNICATION_LOST and stood_still_s is not None:
+    name = status_name(status)
+    if status == Status.COMMUNICATION_LOST and stood_still_s is not None:
         return Refusal(
             "motor_fault",
             sentence(
@@ -72,7 +74,7 @@ def fault_refusal(feedback: Feedback, stood_still_s: float | None = None) -> Ref
             ),
             {"status": name, "hint": _STOOD_STILL, "stood_still_s": stood_still_s},
         )
-    remedy = REMEDIES.get(feedback.status, "see the motor's manual")
+    remedy = REMEDIES.get(status, "see the motor's manual")
     return Refusal(
         "motor_fault",
         sentence(

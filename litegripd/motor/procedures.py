@@ -146,7 +146,7 @@ class Arming:
         faulty = feedback is not None and is_fault(feedback.status)
         if now_s - self._began_s > self._request.tries * self._request.interval_s:
             silent = self._not_confirmed() if self.tries else SILENT
-            self.failure = fault_refusal(feedback) if feedback and faulty else silent
+            self.failure = fault_refusal(feedback.status) if feedback and faulty else silent
             return []
         if faulty:
             self._outstanding += 1

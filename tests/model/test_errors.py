@@ -3,7 +3,7 @@
 import pytest
 
 from litegripd.model.errors import ERROR_TABLE, ERRORS, Refusal
-from litegripd.model.motor import Feedback, Status, is_fault, status_name
+from litegripd.model.motor import Status, is_fault, status_name
 from litegripd.motor.phases import REMEDIES, fault_refusal
 
 
@@ -23,7 +23,7 @@ def test_a_refusal_has_a_reason_of_the_table() -> None:
 def test_every_status_has_a_name_and_every_fault_a_remedy(code: int) -> None:
     assert is_fault(code) == (code not in (0, 1))
     if is_fault(code):
-        refusal = fault_refusal(Feedback(code, 0.0, 0.0, 0.0, 30, 30, 0.0))
+        refusal = fault_refusal(code)
         assert refusal.reason == "motor_fault"
         assert refusal.data["status"] == status_name(code)
         assert refusal.data["hint"]
