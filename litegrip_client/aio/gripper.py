@@ -570,7 +570,8 @@ def _in_asyncio(method: str | None, parameter: str | None, asked: str | None) ->
     said = in_python(method, parameter, asked)
     before, dot, call = (said or "").partition("gripper.")
     name, bracket, _ = call.partition("(")
-    if not dot or not inspect.iscoroutinefunction(getattr(LiteGrip, name, None)):
+    is_awaited = inspect.iscoroutinefunction(getattr(LiteGrip, name, None))
+    if not dot or not (is_awaited or call.endswith(".acquire()")):  # that of a lease
         return said
     return f"{before}await {dot}{call}{'' if bracket else '()'}"
 

@@ -186,6 +186,11 @@ def in_python(method: str | None, parameter: str | None, asked: str | None) -> s
     return call.replace("()", f"({name}={value})", 1) if call and call.endswith("()") else None
 
 
+def connecting(voice: Voice | None) -> str | None:
+    """Name the call that connects; None where the reader has none."""
+    return (voice or in_python)(Called("hello", "connect"), None, None)
+
+
 def in_shell(method: str | None, parameter: str | None, asked: str | None) -> str | None:
     """Name a command of `litegripctl` or an option."""
     if method is None:
