@@ -12,7 +12,7 @@ import os
 import time
 from collections.abc import Awaitable, Callable, Mapping
 
-from litegrip_client.core.session import DaemonSession, own_jobs
+from litegrip_client.core.session import AsyncBlock, DaemonSession, own_jobs
 from litegrip_client.line.exchange import (
     ENDS_DISABLED,
     FOREVER_S,
@@ -152,7 +152,7 @@ _EXPIRED = "set_point_expired"
 
 
 @shortened
-class SetpointStream:
+class SetpointStream(AsyncBlock):
     """A stream of targets for the jaws: `async with gripper.stream() as stream:`.
 
     The latest target wins. When none comes for `valid_s`, and at the end of the block, the jaws

@@ -30,7 +30,7 @@ from litegrip_client.values.warn import leave, warn
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from collections.abc import Awaitable
-    from typing import Any, Protocol, TypeVar
+    from typing import Any, NoReturn, Protocol, TypeVar
 
     from litegrip_client.line.exchange import Call, Exchange
     from litegrip_client.values.terms import Voice
@@ -386,8 +386,19 @@ class DaemonSession:
         self.keeps_lease = True
 
 
+class AsyncBlock:
+    """What is for `async with`, and says so to who writes `with`."""
+
+    if not TYPE_CHECKING:  # else a type checker would allow it
+
+        def __enter__(self) -> NoReturn:
+            raise TypeError(f"this {type(self).__name__} is for asyncio: `async with`")
+
+        __exit__ = __enter__
+
+
 @shortened
-class Lease:
+class Lease(AsyncBlock):
     """The lease of one gripper, for `async with`: taken at the start, returned at the end.
 
     Without a block, `acquire` and `release` do the same. It is kept while another block, or

@@ -764,6 +764,12 @@ def test_jobs_print_as_a_table(enabled: LiteGrip) -> None:
     assert re.fullmatch(r"2 +open +done +\S+ \(pid \d+\) +\d\.\d s +pressed home", lines[2])
 
 
+def test_the_prompt_shows_jobs_and_health_as_they_print(enabled: LiteGrip) -> None:
+    for shown in (enabled.jobs(), enabled.health()):
+        assert repr(shown) == str(shown)
+        assert not repr(shown).startswith(("[", "{"))
+
+
 def test_a_notebook_shows_jobs_as_a_table(enabled: LiteGrip) -> None:
     shown: list[str] = []
     jobs: Any = enabled.jobs()
