@@ -370,9 +370,9 @@ def _meant(method: str, message: str) -> str:
     from litegrip_client.values.voices import did_you_mean  # noqa: PLC0415
 
     found = re.match(_NO_VALUE, message)
-    return (
-        "" if found is None else did_you_mean(found[2], METHODS.get(method, {}).get(found[1], ()))
-    )
+    if found is None:
+        return ""
+    return did_you_mean(found[2], METHODS.get(method, {}).get(found[1], ()))
 
 
 def _older_daemon(

@@ -283,9 +283,7 @@ def test_an_async_callback_is_refused_before_anything_moves(
     with kind.gripper() as gripper:
         gripper.enable()
         for move in (gripper.open, gripper.zero):
-            with pytest.raises(
-                CommandError, match="^progress is an async function, .* and not awaited$"
-            ):
+            with pytest.raises(CommandError, match=r"^progress is an async .* and not awaited$"):
                 move(progress=wrap(report))
     assert not {"motion.open", "calibration.zero"} & set(daemon.methods())
 
