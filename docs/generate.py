@@ -16,6 +16,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
+import litegrip_client  # noqa: E402
 from docs.blocking_client import blocking_client  # noqa: E402
 from docs.configuration_page import configuration_page, default_file  # noqa: E402
 from docs.protocol_fields import (  # noqa: E402
@@ -28,7 +29,7 @@ from docs.protocol_fields import (  # noqa: E402
     teleop_section,
 )
 from litegrip_client.ctl.render import WHY_NOT  # noqa: E402
-from litegrip_client.values.errors import OWN_REASONS  # noqa: E402
+from litegrip_client.values.errors import OWN_REASONS, LiteGripError  # noqa: E402
 from litegrip_client.values.fields import SPAN_INSET_MM  # noqa: E402
 from litegrip_client.values.severity import (  # noqa: E402
     EXCUSE,
@@ -170,6 +171,15 @@ def page_motions() -> str:
     )
 
 
+def _exceptions(kind: type[LiteGripError], indent: str) -> Iterator[str]:
+    """Yield a line for each of the client's exceptions, behind that of its first base."""
+    others = [base.__name__ for base in kind.__bases__[1:]]
+    yield f"{indent}{kind.__name__}" + (f" (also a {', '.join(others)})" if others else "")
+    for one in kind.__subclasses__():
+        if one.__name__ in litegrip_client.__all__ and one.__bases__[0] is kind:
+            yield from _exceptions(one, f"{indent}    ")
+
+
 def errors_page() -> str:
     """Make the page on errors."""
     rows = (
@@ -185,7 +195,7 @@ def errors_page() -> str:
         (
             "# Errors",
             "",
-            "<!-- Made by docs/generate.py from two tables of the code; not to be edited. -->",
+            "<!-- Made by docs/generate.py from the code; not to be edited. -->",
             "",
             "Every error on the wire carries a number for JSON-RPC, a message for a person and,",
             "in `data`, a `reason` that does not change. `litegrip_client` raises the exception",
@@ -197,6 +207,12 @@ def errors_page() -> str:
             "`litegrip_client` name its calls, and `litegripctl`, also with `--json`, its commands",
             "and options (`litegrip_client/values/voices.py` is the table). What users have said",
             "stays as it is, and so do messages of an older daemon without `terms`.",
+            "",
+            "The exceptions: what catches one catches those below it, too.",
+            "",
+            "```",
+            *_exceptions(LiteGripError, ""),
+            "```",
             "",
             "| reason | code | exception | exit code | retryable | meaning |",
             "| --- | --- | --- | --- | --- | --- |",

@@ -21,7 +21,7 @@ from litegrip_client.core.actions import GripperActions
 from litegrip_client.core.discovery import reach
 from litegrip_client.core.expected import expectations
 from litegrip_client.core.gripper import Gripper, no_member
-from litegrip_client.core.session import DaemonSession
+from litegrip_client.core.session import AsyncBlock, DaemonSession
 from litegrip_client.line.connection import SLICE_S, peer_pid
 from litegrip_client.line.exchange import (
     DEFAULT_TIMEOUT_S,
@@ -408,7 +408,7 @@ _Item = TypeVar("_Item")
 _FeedT = TypeVar("_FeedT", bound=Feed[Any])
 
 
-class _BegunLate(Generic[_FeedT]):
+class _BegunLate(AsyncBlock, Generic[_FeedT]):
     """What subscribes when somebody first waits for it, and again if that has failed."""
 
     _connection: Connection
@@ -570,7 +570,8 @@ def _in_asyncio(method: str | None, parameter: str | None, asked: str | None) ->
     said = in_python(method, parameter, asked)
     before, dot, call = (said or "").partition("gripper.")
     name, bracket, _ = call.partition("(")
-    if not dot or not inspect.iscoroutinefunction(getattr(LiteGrip, name, None)):
+    is_awaited = inspect.iscoroutinefunction(getattr(LiteGrip, name, None))
+    if not dot or not (is_awaited or call.endswith(".acquire()")):  # that of a lease
         return said
     return f"{before}await {dot}{call}{'' if bracket else '()'}"
 

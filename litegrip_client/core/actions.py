@@ -21,6 +21,7 @@ from litegrip_client.values.results import (
     SetZeroResult,
 )
 from litegrip_client.values.terms import Called
+from litegrip_client.values.tracebacks import IS_COROUTINE
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: what is seldom needed takes its time to import
@@ -980,6 +981,13 @@ class GripperActions:
                 reason="invalid_params",
                 data={"parameter": "progress"},
             )
+        if _is_async(progress):
+            raise ParameterError(
+                "progress is an async function, it must be a plain one of a MoveProgress: it is"
+                " called, and not awaited",
+                reason="invalid_params",
+                data={"parameter": "progress"},
+            )
         positions: list[float] = []
 
         def report(data: dict[str, Any]) -> None:
@@ -1008,6 +1016,12 @@ class GripperActions:
 
     async def _ask(self, method: str, params: dict[str, Any] | None = None) -> dict[str, Any]:
         return await self._session.wire.call(method, params, ACTION_TIMEOUT_S)
+
+
+def _is_async(function: object) -> bool:
+    """Return True for a function that must be awaited, also for a `functools.partial` of one."""
+    code = getattr(getattr(function, "func", function), "__code__", None)
+    return code is not None and bool(code.co_flags & IS_COROUTINE)
 
 
 def state_of(result: dict[str, Any]) -> GripperState:

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Awaitable, Callable, Mapping
 from typing import Any
 
-from litegrip_client.core.session import ACTION_TIMEOUT_S, DaemonSession
+from litegrip_client.core.session import ACTION_TIMEOUT_S, AsyncBlock, DaemonSession
 from litegrip_client.values import calibration_files as files
 from litegrip_client.values.calibration import CALIBRATION_KEYS, CalibrationData
 from litegrip_client.values.errors import BusyError, CommandError, LiteGripError, ParameterError
@@ -118,7 +118,7 @@ async def save_calibration(session: DaemonSession, path: str | os.PathLike[str] 
 
 
 @shortened
-class ManualCalibration:
+class ManualCalibration(AsyncBlock):
     """One calibration by hand, as `async with gripper.manual_calibration() as manual:`.
 
     The motor must be enabled. Push the jaws to each stop, in any order, and call `mark_closed` and

@@ -12,8 +12,15 @@ import os
 import time
 from collections.abc import Awaitable, Callable, Mapping
 
-from litegrip_client.core.session import DaemonSession, own_jobs
-from litegrip_client.line.exchange import FOREVER_S, LEFT_ALONE, Call, Progress, not_answered
+from litegrip_client.core.session import AsyncBlock, DaemonSession, own_jobs
+from litegrip_client.line.exchange import (
+    ENDS_DISABLED,
+    FOREVER_S,
+    LEFT_ALONE,
+    Call,
+    Progress,
+    not_answered,
+)
 from litegrip_client.values.checks import given_numbers, number
 from litegrip_client.values.errors import (
     CancelledError,
@@ -74,6 +81,8 @@ class Motion:
         except GeneratorExit:  # the event loop is gone, and nothing can be awaited
             raise
         except BaseException as error:
+            if isinstance(error, ConnectError) and error.reason == "shutting_down":
+                error.message += f": {ENDS_DISABLED}"
             if call.answered:
                 raise
             if isinstance(error, ConnectError) and error.reason == "connection_lost":
@@ -143,11 +152,12 @@ _EXPIRED = "set_point_expired"
 
 
 @shortened
-class SetpointStream:
+class SetpointStream(AsyncBlock):
     """A stream of targets for the jaws: `async with gripper.stream() as stream:`.
 
     The latest target wins. When none comes for `valid_s`, and at the end of the block, the jaws
-    hold where they are. Each object is for one thread or task.
+    hold where they are. Each object is for one thread or task. Without a block it works until
+    `close`; after that, or the block, `set_target` raises `ConnectError`.
 
     The first target, and one after a pause, waits for the daemon's answer; the others are sent
     without. What the daemon refuses of those is raised by one of the next calls, but for one that
@@ -171,12 +181,14 @@ class SetpointStream:
         self._job: int | None = None
         self._sent_s = -math.inf
         self._cancels = 0
+        self._is_closed = False
 
     def __repr__(self) -> str:
         bounds = (f"{name}={self._limits.get(name)}" for name in ("speed_mm_s", "torque_nm"))
         given = [one for one in bounds if not one.endswith("=None")]
         what = ", ".join([f"valid_s={self._valid_s}", *given])
-        return f"<SetpointStream to {self._session.channel}, {what}>"
+        end = ", closed" if self._is_closed else ""
+        return f"<SetpointStream to {self._session.channel}, {what}{end}>"
 
     async def set_target(
         self,
@@ -200,6 +212,8 @@ class SetpointStream:
         Raises `CommandError` (a target outside the travel, another motion runs, ...) and all that
         motions raise: for the first target at once, for others by one of the next calls.
         """
+        if self._is_closed:
+            raise self._ended()
         target = given_numbers(
             opening_mm=opening_mm, position_rad=position_rad, openness=openness, push_nm=push_nm
         )
@@ -214,6 +228,16 @@ class SetpointStream:
             before, self._before = self._before, None
             await before()
         await self._send({**target, "valid_s": self._valid_s, **limits, **own})
+
+    def _ended(self) -> ConnectError:
+        from litegrip_client.values.voices import in_python  # noqa: PLC0415 - an error
+
+        stream = (self._session.voice or in_python)("stream.set", None, None)
+        return ConnectError(
+            "this stream takes no target: its block has ended, or it was closed",
+            reason="not_connected",
+            data={"hint": f"begin a new one: {stream}"} if stream else {},
+        )
 
     async def _send(self, params: dict[str, Any]) -> None:
         wire = self._session.wire
@@ -240,7 +264,8 @@ class SetpointStream:
         self._sent_s = time.monotonic()
 
     async def close(self) -> None:
-        """End the stream at once, so that the jaws hold; nothing to do when it ended by itself."""
+        """End the stream at once, so that the jaws hold; again does nothing."""
+        self._is_closed = True
         wire, job = self._wire, self._job
         self._wire = self._job = None
         lives = time.monotonic() - self._sent_s < 2.0 * self._valid_s

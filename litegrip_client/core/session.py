@@ -12,7 +12,7 @@ from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
 from weakref import WeakSet
 
 from litegrip_client.core.discovery import chosen_channel
-from litegrip_client.line.exchange import LEFT_ALONE, SEE_DOCTOR, or_closed
+from litegrip_client.line.exchange import ENDS_DISABLED, LEFT_ALONE, SEE_DOCTOR, or_closed
 from litegrip_client.values.checks import given_numbers, integer
 from litegrip_client.values.errors import (
     CommandError,
@@ -30,7 +30,7 @@ from litegrip_client.values.warn import leave, warn
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from collections.abc import Awaitable
-    from typing import Any, Protocol, TypeVar
+    from typing import Any, NoReturn, Protocol, TypeVar
 
     from litegrip_client.line.exchange import Call, Exchange
     from litegrip_client.values.terms import Voice
@@ -70,9 +70,6 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
 
 ACTION_TIMEOUT_S = 30.0
 """For enabling and disabling: retries and register reads included, the daemon is done by then."""
-
-_DISABLES_ITSELF = "and disables it by itself; to be sure, cut the motor's power"
-"""What a daemon that ends does (docs/safety.md)."""
 
 _GONE_WITHIN_S = 2.0
 """So soon the daemon has noticed a connection's end, and disabled the motor if it has to."""
@@ -185,10 +182,9 @@ class DaemonSession:
     def wire(self) -> Wire:
         """The connection; raises `ConnectError` when there is none."""
         if self._wire is None:
-            from litegrip_client.values.terms import Called  # noqa: PLC0415 - an error, as the next
-            from litegrip_client.values.voices import in_python  # noqa: PLC0415
+            from litegrip_client.values.voices import connecting  # noqa: PLC0415 - an error
 
-            connect = (self.voice or in_python)(Called("hello", "connect"), None, None)
+            connect = connecting(self.voice)
             is_awaited = connect is not None and connect.startswith("await ")
             block = f"'{'async ' if is_awaited else ''}with LiteGrip(...) as gripper:'"
             raise ConnectError(
@@ -390,8 +386,19 @@ class DaemonSession:
         self.keeps_lease = True
 
 
+class AsyncBlock:
+    """What is for `async with`, and says so to who writes `with`."""
+
+    if not TYPE_CHECKING:  # else a type checker would allow it
+
+        def __enter__(self) -> NoReturn:
+            raise TypeError(f"this {type(self).__name__} is for asyncio: `async with`")
+
+        __exit__ = __enter__
+
+
 @shortened
-class Lease:
+class Lease(AsyncBlock):
     """The lease of one gripper, for `async with`: taken at the start, returned at the end.
 
     Without a block, `acquire` and `release` do the same. It is kept while another block, or
@@ -483,7 +490,8 @@ async def _disable(wire: Wire, channel: str) -> None:
     except ConnectError as error:
         why = error.message
         if error.reason == "shutting_down":
-            error.message = f"the motor is not known to be off: {why}, {_DISABLES_ITSELF}"
+            danger = "the motor is not known to be off; to be sure, cut its power"
+            error.message = f"{danger}: {why}: {ENDS_DISABLED}"
             raise
         if error.reason == "no_answer":
             why = "the daemon does not answer"

@@ -297,6 +297,9 @@ def not_answered(quiet_s: float) -> str:
     )
 
 
+ENDS_DISABLED = "it disables the motor, and what was held falls"
+"""What a daemon that ends does, see docs/safety.md."""
+
 LEFT_ALONE = "if it is gone, the motor soon lets go by itself, and what was held falls"
 """What a connection's end means for a motor that may be enabled, see docs/motor-watchdog.md."""
 
@@ -514,14 +517,12 @@ class Exchange:
 
     def _how_to_connect(self) -> str | None:
         """Return how to go on after the end, None where the reader cannot, or never was here."""
-        from litegrip_client.values.terms import Called  # noqa: PLC0415 - an error, as the next
-        from litegrip_client.values.voices import in_python  # noqa: PLC0415
+        from litegrip_client.values.voices import connecting, in_python  # noqa: PLC0415 - an error
 
-        voice = self.voice or in_python
-        connect = voice(Called("hello", "connect"), None, None) if self._is_accepted else None
+        connect = connecting(self.voice) if self._is_accepted else None
         if connect is None:
             return None
-        enable = voice("motor.enable", None, None)
+        enable = (self.voice or in_python)("motor.enable", None, None)
         return f"{connect} connects again" + (f", then: {enable}" if enable else "")
 
     # Answers
@@ -579,6 +580,8 @@ class Exchange:
             # A caller that gets this error knows the stop: its next request is meant to come after,
             # and `sent_s` alone guards it until an answer has the new number.
             self.stop_generation = generation_of(error.data)
+        if error.reason == "shutting_down" and (how := self._how_to_connect()) is not None:
+            error.data.setdefault("hint", f"start the daemon again; {how}")
         return error
 
     def _newest_refusal(self) -> LiteGripError | None:

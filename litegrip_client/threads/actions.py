@@ -119,7 +119,8 @@ class SetpointStream:
     """A stream of targets for the jaws: `with gripper.stream() as stream:`.
 
     The latest target wins. When none comes for `valid_s`, and at the end of the block, the jaws
-    hold where they are. Each object is for one thread or task.
+    hold where they are. Each object is for one thread or task. Without a block it works until
+    `close`; after that, or the block, `set_target` raises `ConnectError`.
 
     The first target, and one after a pause, waits for the daemon's answer; the others are sent
     without. What the daemon refuses of those is raised by one of the next calls, but for one that
@@ -168,7 +169,7 @@ class SetpointStream:
         )
 
     def close(self) -> None:
-        """End the stream at once, so that the jaws hold; nothing to do when it ended by itself."""
+        """End the stream at once, so that the jaws hold; again does nothing."""
         complete(self._core.close())
 
     def __enter__(self) -> SetpointStream:

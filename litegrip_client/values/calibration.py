@@ -14,6 +14,7 @@ from litegrip_client.values.fields import (
     CalibrationNames,
     ConfigNames,
 )
+from litegrip_client.values.tracebacks import shortened
 
 NOMINAL_CLOSED_RAD = 0.0
 NOMINAL_OPEN_RAD = -1.651026
@@ -86,6 +87,7 @@ class ReadOnlyError(CommandError, AttributeError):
     """The daemon's configuration cannot be set from here."""
 
 
+@shortened
 @dataclass(slots=True)
 class GripperConfig(ConfigNames):
     """The gripper as the daemon drives it, or as a program expects it.

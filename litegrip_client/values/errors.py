@@ -307,16 +307,18 @@ def from_error_object(
         if isinstance(data.get(name), str):
             data[name] = told(texts, name, voice, method)
     reason, code = data.get("reason"), error.get("code")
+    meant = ""
     if method is not None and reason in ("unknown_method", "invalid_params"):
         lacking = _lacking(method, str(reason), str(texts["message"]), voice)
         if lacking is not None:
             return _older_daemon(lacking, daemon_version, code, data)
+        meant = _meant(method, str(texts["message"]))
     row = REASONS.get(reason) if isinstance(reason, str) else None
     if row is None and isinstance(code, int):
         row = REASONS.get(CODES.get(code, ""))
     kind = _CLASSES.get(row[0], LiteGripError) if row is not None else LiteGripError
     made = kind(
-        told(texts, "message", voice, method),
+        told(texts, "message", voice, method) + meant,
         reason=reason if isinstance(reason, str) else None,
         code=code if isinstance(code, int) else None,
         data=data,
@@ -355,6 +357,22 @@ def _lacking(method: str, reason: str, message: str, voice: Voice) -> str | None
         return None
     what = voice(method, found[1], None) or f"{method} with {found[1]}"
     return what + ("" if value is None else f", {value}") + then
+
+
+def _meant(method: str, message: str) -> str:
+    """Return which of a parameter's values was meant, as an addition to the daemon's refusal.
+
+    The daemon leaves that to its clients: it looks for nothing in the time of its control loop.
+    """
+    import re  # noqa: PLC0415 - only errors need it, as the next
+
+    from litegrip_client.values.method_table import METHODS  # noqa: PLC0415
+    from litegrip_client.values.voices import did_you_mean  # noqa: PLC0415
+
+    found = re.match(_NO_VALUE, message)
+    if found is None:
+        return ""
+    return did_you_mean(found[2], METHODS.get(method, {}).get(found[1], ()))
 
 
 def _older_daemon(

@@ -43,9 +43,12 @@ _HEAD = ("job", "kind", "state", "by", "took", "result")
 
 
 class _Shown:
-    """Shows `str()` in a notebook, too."""
+    """Shows `str()` at Python's prompt and in a notebook, too."""
 
     __slots__ = ()
+
+    def __repr__(self) -> str:
+        return str(self)
 
     def _repr_pretty_(self, printer: Any, _cycle: bool) -> None:
         printer.text(str(self))

@@ -488,11 +488,10 @@ def _not_a_name(name: object, why: str) -> CommandError:
 
 def _unopened(path: Path, error: OSError) -> CommandError:
     if isinstance(error, FileNotFoundError):
-        from difflib import get_close_matches  # noqa: PLC0415 - an error
+        from litegrip_client.values.voices import did_you_mean  # noqa: PLC0415 - an error
 
         names = [other.name.removesuffix(ENDING) for other in path.parent.glob(f"*{ENDING}")]
-        close = get_close_matches(path.name.removesuffix(ENDING), names, 1)
-        meant = f"; did you mean {close[0]!r}?" if close else ""
+        meant = did_you_mean(path.name.removesuffix(ENDING), names)
         text = f"there is no trajectory {path}{meant}"
         return TrajectoryNotFoundError(text, reason="unknown_trajectory")
     return TrajectoryFormatError(f"{path} cannot be read: {error.strerror or error}")

@@ -8,7 +8,7 @@ is decided by this module.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from litegrip_client.values.terms import Called
 
@@ -186,6 +186,11 @@ def in_python(method: str | None, parameter: str | None, asked: str | None) -> s
     return call.replace("()", f"({name}={value})", 1) if call and call.endswith("()") else None
 
 
+def connecting(voice: Voice | None) -> str | None:
+    """Name the call that connects; None where the reader has none."""
+    return (voice or in_python)(Called("hello", "connect"), None, None)
+
+
 def in_shell(method: str | None, parameter: str | None, asked: str | None) -> str | None:
     """Name a command of `litegripctl` or an option."""
     if method is None:
@@ -333,6 +338,14 @@ def _like(wrong: str, names: Sequence[str]) -> str | None:
         if name.partition("_")[0] == stem:
             return name
     return next(iter(difflib.get_close_matches(wrong.lower(), names, 1)), None)
+
+
+def did_you_mean(wrong: str, names: Iterable[str]) -> str:
+    """Return the question, as an addition, if a name comes close to what was given."""
+    import difflib  # noqa: PLC0415 - an error
+
+    close = difflib.get_close_matches(wrong, list(names), 1)
+    return f"; did you mean {close[0]!r}?" if close else ""
 
 
 def _how(parameters: Sequence[Parameter]) -> str:

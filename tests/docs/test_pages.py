@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+import litegrip_client
 from docs.generate import GENERATED, page_motions
 from litegrip_client.ctl.commands import COMMANDS
 from litegrip_client.ctl.parser import parse
@@ -135,6 +136,26 @@ def test_the_index_names_every_page() -> None:
     linked = {target.partition("#")[0] for target in LINK.findall(text_of("docs/README.md"))}
     pages = {path.name for path in (ROOT / "docs").glob("*.md")} - {"README.md"}
     assert pages <= linked
+
+
+def test_the_tree_of_exceptions_has_each_one_below_what_catches_it() -> None:
+    tree = next(body for _, _, body in FENCE.findall(text_of("docs/errors.md")))
+    above: list[type] = []
+    seen = set()
+    for line in tree.rstrip("\n").split("\n"):
+        name = line.split()[0]
+        kind = getattr(litegrip_client, name)
+        del above[(len(line) - len(line.lstrip())) // 4 :]
+        assert all(issubclass(kind, other) for other in above), name
+        above.append(kind)
+        seen.add(name)
+    raised = {
+        name
+        for name in litegrip_client.__all__
+        if isinstance(kind := getattr(litegrip_client, name), type)
+        and issubclass(kind, litegrip_client.LiteGripError)
+    }
+    assert seen == raised
 
 
 def test_troubleshooting_knows_every_reason_that_a_user_can_mend() -> None:

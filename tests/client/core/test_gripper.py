@@ -392,7 +392,7 @@ def test_whom_a_lease_refuses_is_told_a_call_that_waits(daemon: Heard, kind: Kin
     daemon.client(uid=os.getuid()).result("lease.acquire", purpose="picking")
     with kind.gripper() as gripper, pytest.raises(LeaseError) as caught:
         gripper.enable()
-    assert "gripper.lease(wait_s=...).acquire()" in str(caught.value)
+    assert f" ({kind.awaits}gripper.lease(wait_s=...).acquire())" in str(caught.value)
 
 
 def test_a_lease_leaves_what_enable_has_said_of_its_loss(daemon: Heard, gripper: LiteGrip) -> None:
@@ -698,8 +698,7 @@ def test_what_comes_with_a_block_shows_what_it_is(
     with made:
         inside = repr(real)
     assert inside == shown.removesuffix(", not taken>").removesuffix(">") + ">"
-    is_feed = "Lease" not in shown and "Stream" not in shown
-    assert repr(real) == (f"{shown[:-1]}, closed>" if is_feed else shown)
+    assert repr(real) == (shown if "Lease" in shown else f"{shown[:-1]}, closed>")
 
 
 def test_an_asyncio_gripper_has_the_same_hints() -> None:
@@ -763,6 +762,12 @@ def test_jobs_print_as_a_table(enabled: LiteGrip) -> None:
     lines = str(enabled.jobs()).splitlines()
     assert lines[0].split() == ["job", "kind", "state", "by", "took", "result"]
     assert re.fullmatch(r"2 +open +done +\S+ \(pid \d+\) +\d\.\d s +pressed home", lines[2])
+
+
+def test_the_prompt_shows_jobs_and_health_as_they_print(enabled: LiteGrip) -> None:
+    for shown in (enabled.jobs(), enabled.health()):
+        assert repr(shown) == str(shown)
+        assert not repr(shown).startswith(("[", "{"))
 
 
 def test_a_notebook_shows_jobs_as_a_table(enabled: LiteGrip) -> None:

@@ -257,6 +257,27 @@ def test_a_stream_to_a_daemon_that_is_gone_raises(daemon: Heard, kind: Kind) -> 
     stream.close()
 
 
+def test_a_stream_that_has_ended_takes_no_target(
+    daemon: Heard, enabled: LiteGrip, kind: Kind
+) -> None:
+    with enabled.stream() as left:
+        left.set_target(20.0)
+    closed = enabled.stream()  # without a block: until `close`
+    closed.set_target(20.0)
+    kind.pause(0.5)
+    closed.set_target(30.0)
+    closed.close()
+    closed.close()
+    count = len(sent(daemon))
+    for stream in (left, closed):
+        with pytest.raises(ConnectError, match="its block has ended, or it was closed") as caught:
+            stream.set_target(40.0)
+        assert caught.value.reason == "not_connected"
+        assert str(caught.value).endswith("\nbegin a new one: gripper.stream()")
+    assert len(sent(daemon)) == count
+    assert daemon.state.mode == "holding"
+
+
 def test_a_task_that_only_sends_leaves_others_their_turn(daemon: Heard, tasks: Asyncio) -> None:
     async def keep_sending(stream: aio.SetpointStream) -> None:
         while True:

@@ -16,10 +16,8 @@ GONE = (
     f"{NOT_OFF_GONE}: the daemon ended the connection: if it is gone, the motor soon lets go by"
     " itself, and what was held falls"
 )
-ENDING = (
-    "the motor is not known to be off: the daemon is about to end, and disables it by itself; to be"
-    " sure, cut the motor's power"
-)
+NOT_OFF_ENDING = "the motor is not known to be off; to be sure, cut its power"
+ENDING = "the daemon is about to end: it disables the motor, and what was held falls"
 
 
 @pytest.fixture
@@ -176,7 +174,10 @@ def test_a_warning_at_the_end_of_a_block_names_the_danger(
 
 @pytest.mark.parametrize(
     ("end", "told"),
-    [(Heard.hang_up, GONE), (lambda daemon: daemon.controller.shut_down(), ENDING)],
+    [
+        (Heard.hang_up, GONE),
+        (lambda daemon: daemon.controller.shut_down(), f"{NOT_OFF_ENDING}: {ENDING}"),
+    ],
     ids=["killed", "ended"],
 )
 def test_the_end_of_a_block_names_the_danger_when_the_daemon_is_gone(
@@ -199,6 +200,21 @@ def test_a_warning_behind_a_motion_names_the_danger_when_the_daemon_is_gone(
         site.after(0.3, daemon.hang_up)
         gripper.close(speed_mm_s=10.0)
     assert caplog.messages == [NOT_OFF_GONE]
+
+
+def test_who_waits_when_the_daemon_is_ended_is_told_once_what_it_does_and_how_to_go_on(
+    site: Bench, daemon: Heard, kind: Kind, caplog: pytest.LogCaptureFixture
+) -> None:
+    with pytest.raises(ConnectError) as caught, kind.gripper() as gripper:  # noqa: PT012 - as above
+        gripper.enable()
+        site.after(0.3, daemon.controller.shut_down)
+        gripper.goto(5.0, duration=5.0)
+    assert caught.value.message == ENDING
+    call = f"{kind.awaits}gripper."
+    assert caught.value.hint == (
+        f"start the daemon again; {call}connect() connects again, then: {call}enable()"
+    )
+    assert caplog.messages == [NOT_OFF_ENDING]
 
 
 def test_what_is_told_once_is_told_again_of_another_silence(

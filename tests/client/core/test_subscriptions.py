@@ -44,6 +44,23 @@ def test_fields_are_dictionaries_and_calls_between_them_lose_none(
     assert daemon.asked("state.subscribe") == [{"hz": 50.0, "fields": ["seq", "mode"]}]
 
 
+@pytest.mark.parametrize(
+    ("subscribe", "end"),
+    [
+        (lambda g: g.states(5, ["opening"]), "; did you mean 'opening_mm'?"),
+        (lambda g: g.states(5, ["seq", "positon_rad"]), "; did you mean 'position_rad'?"),
+        (lambda g: g.events(["job_end"]), "; did you mean 'job_ended'?"),
+        (lambda g: g.events(["nothing_like_it"]), ", teleop"),
+    ],
+)
+def test_a_wrong_field_or_kind_is_told_the_one_that_was_meant(
+    gripper: LiteGrip, subscribe: Callable[[LiteGrip], Any], end: str
+) -> None:
+    with pytest.raises(CommandError, match="it must be one of: ") as caught, subscribe(gripper):
+        pass
+    assert caught.value.message.endswith(end)
+
+
 Subscribe = Callable[[LiteGrip], Any]
 BOTH: dict[str, Subscribe] = {"state": lambda g: g.states(50), "events": lambda g: g.events()}
 

@@ -1,6 +1,7 @@
 """What a traceback shows: the user's line, and what a callback of the user's has called."""
 
 import asyncio
+import functools
 import os
 import re
 import subprocess
@@ -8,6 +9,7 @@ import sys
 import traceback
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -60,6 +62,23 @@ def test_a_traceback_ends_at_the_method_that_was_called(site: Bench, daemon: Hea
     with pytest.raises(CommandError) as wrong:
         Threads(site).gripper("../can0")
     assert [*WRAPPER, "__init__"] == [name for name in frames_of(wrong.value) if name != "gripper"]
+
+
+@pytest.mark.parametrize(
+    "assign",
+    [
+        lambda gripper: setattr(gripper.motion_config, "force_n", "a"),
+        lambda gripper: setattr(gripper.config, "max_stroke_mm", "85"),
+        lambda gripper: setattr(gripper.config, "kp", 3.0),
+    ],
+    ids=["motion_config", "config", "read_only"],
+)
+def test_a_traceback_of_a_wrong_value_ends_at_the_assignment(
+    site: Bench, daemon: Heard, assign: Callable[[LiteGrip], None]
+) -> None:
+    with Threads(site).gripper() as gripper, pytest.raises(CommandError) as wrong:
+        assign(gripper)
+    assert frames_of(wrong.value) == [*WRAPPER, "__setattr__"]
 
 
 @pytest.mark.parametrize(
@@ -252,6 +271,45 @@ def test_the_other_client_is_named_where_a_block_is_of_the_wrong_kind(site: Benc
     with pytest.raises(TypeError, match=told) as caught, aio.LiteGrip():  # type: ignore[attr-defined]
         pass
     assert frames_of(caught.value) == [*WRAPPER, "__enter__"]
+
+
+@pytest.mark.parametrize("wrap", [lambda function: function, functools.partial])
+def test_an_async_callback_is_refused_before_anything_moves(
+    daemon: Heard, kind: Kind, wrap: Callable[[Any], Any]
+) -> None:
+    async def report(_progress: object) -> None:
+        raise AssertionError
+
+    with kind.gripper() as gripper:
+        gripper.enable()
+        for move in (gripper.open, gripper.zero):
+            with pytest.raises(CommandError, match=r"^progress is an async .* and not awaited$"):
+                move(progress=wrap(report))
+    assert not {"motion.open", "calibration.zero"} & set(daemon.methods())
+
+
+@pytest.mark.parametrize(
+    ("make", "kind"),
+    [
+        (lambda g: g.lease(), "Lease"),
+        (lambda g: g.stream(), "SetpointStream"),
+        (lambda g: g.manual_calibration(), "ManualCalibration"),
+        (lambda g: g.states(), "Subscription"),
+        (lambda g: g.events(), "EventSubscription"),
+        (lambda g: g.latest(), "Latest"),
+    ],
+)
+def test_a_block_in_asyncio_without_async_is_named(
+    daemon: Heard, tasks: Asyncio, make: Callable[[aio.LiteGrip], Any], kind: str
+) -> None:
+    async def main() -> None:
+        async with aio.LiteGrip() as gripper:
+            told = f"^this {kind} is for asyncio: `async with`$"
+            with pytest.raises(TypeError, match=told) as caught, make(gripper):
+                pass
+            assert frames_of(caught.value)[-1:] == ["__enter__"]
+
+    tasks.run(main())
 
 
 def test_a_callback_with_wrong_arguments_is_named(site: Bench, daemon: Heard) -> None:
