@@ -4,7 +4,7 @@
 
 Needs the packages build and shtab. pyproject.toml declares all of them at once, as one project;
 here is only what each takes of it. The same sources make the same bytes: times in the archives are
-SOURCE_DATE_EPOCH, or that of the last commit.
+SOURCE_DATE_EPOCH, or that of the last commit; where there is no git, that of pyproject.toml.
 """
 
 import argparse
@@ -212,7 +212,10 @@ def epoch_s() -> int:
     if given := os.environ.get("SOURCE_DATE_EPOCH"):
         return int(given)
     command = ["git", "-C", str(ROOT), "log", "-1", "--format=%ct"]
-    return int(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    try:
+        return int(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    except (FileNotFoundError, subprocess.CalledProcessError):  # an archive of the sources
+        return int((ROOT / "pyproject.toml").stat().st_mtime)
 
 
 def build(name: str, folder: Path, options: list[str]) -> None:

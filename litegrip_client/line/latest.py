@@ -92,7 +92,7 @@ def not_begun() -> ConnectError:
     return ConnectError(
         "latest() has no state: it has not begun, or was closed",
         reason="not_connected",
-        data={"hint": "read it inside its block: with gripper.latest() as latest"},
+        data={"hint": "read it inside the block of gripper.latest()"},
     )
 
 

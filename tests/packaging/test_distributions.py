@@ -1,6 +1,7 @@
 """The distributions that people can take one of: built, compared, and used by themselves."""
 
 import os
+import runpy
 import shutil
 import subprocess
 import sys
@@ -73,6 +74,15 @@ def test_the_same_sources_make_the_same_bytes(folder: Path, tmp_path: Path) -> N
     assert files == sorted(f"{name}-{VERSION}{kind}" for name in NAMES for kind in kinds)
     for file in files:
         assert (folder / file).read_bytes() == (again / file).read_bytes(), file
+
+
+def test_sources_without_git_have_a_date(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("SOURCE_DATE_EPOCH", raising=False)
+    script = runpy.run_path(str(ROOT / "packaging/distributions.py"))
+    monkeypatch.setitem(script["epoch_s"].__globals__, "ROOT", tmp_path)
+    (tmp_path / "pyproject.toml").touch()
+    os.utime(tmp_path / "pyproject.toml", (int(EPOCH), int(EPOCH)))
+    assert script["epoch_s"]() == int(EPOCH)
 
 
 def test_each_module_is_in_one_wheel_and_each_file_of_the_client_in_both_of_its(
