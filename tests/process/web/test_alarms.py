@@ -173,6 +173,28 @@ def test_a_motor_that_is_silent_is_said_and_what_needs_it_looks_so(
     expect(notice).to_have_text("")
 
 
+def test_a_stop_that_a_silent_motor_does_not_hear_of_is_said_on_each_page(
+    window: BrowserContext, operating: Page, looking: Page, client: Client
+) -> None:
+    pressed, other = opened(window, operating), opened(window, looking)
+    client.result("sim.fault", name="silent")
+    expect(other.locator("#alarm")).to_have_text("MOTOR SILENT")
+    expect(other.locator("#notice")).to_have_text("")
+    pressed.keyboard.press("Escape")
+    for tab in (pressed, other, opened(window, looking)):
+        notice = tab.locator("#notice")
+        expect(notice).to_have_text(CUT)
+        expect(notice).to_have_css("background-color", RED)
+        assert tab.evaluate(COVERED_BY_NOTICE) == []
+    notice = other.locator("#notice")
+    client.result("sim.fault", name="none")
+    expect(notice).to_have_text("Stopped. Nothing moves until it is cleared.")
+    client.result("sim.fault", name="silent")
+    expect(notice).to_have_text(CUT)
+    client.result("stop.clear")
+    expect(notice).to_have_text("")
+
+
 COVERED_BY_NOTICE = """
 () => {
   const rect = (node) => node.getBoundingClientRect();
@@ -272,7 +294,7 @@ def test_of_two_grippers_a_stop_is_seen_beside_a_fault_that_let_go(
         alarm, seen = tab.locator("#alarm"), tab.locator("#toasts li").filter(visible=True)
         grasp(clients[0])
         clients[0].result("sim.fault", name="overload")
-        expect(seen).to_contain_text(["LET GO: what was held"])
+        expect(seen).to_contain_text(["LET GO: the motor reports overload"])
         for client in clients:
             client.result("stop", level="hold")
         left = f"left-{os.getpid()}"
