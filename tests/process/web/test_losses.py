@@ -92,7 +92,7 @@ def test_what_a_fault_lets_go_is_said_until_it_is_read_or_the_next_motion_begins
 
 
 def test_a_replay_that_is_refused_takes_no_loss_away_and_one_that_moves_does(
-    operated: Tab, client: Client
+    window: BrowserContext, operating: Page, operated: Tab, client: Client
 ) -> None:
     teach(operated, client, "part")
     button(operated, "Give control back").click()
@@ -115,6 +115,12 @@ def test_a_replay_that_is_refused_takes_no_loss_away_and_one_that_moves_does(
     button(operated, "Replay").click()
     expect(alarm(operated)).to_be_hidden()
     expect(toasts(operated)).to_have_count(0)
+    assert client.result("state.get")["job"] is not None  # as soon as it moves
+    client.until(lambda state: state["job"] is None)
+    assert client.result("job.list")["jobs"][-1]["state"] == "done"
+    later = opened(window, operating)  # which knows it from the events alone
+    expect(part(later, "held")).to_have_text("nothing held")
+    expect(alarm(later)).to_be_hidden()
 
 
 def test_a_loss_is_seen_in_the_place_of_what_a_key_was_refused_for_later(
