@@ -304,8 +304,8 @@ def released_by_fault(held: HeldObject, motor: MotorView) -> Event:
         )
     data = {"force_n": held.force_n, "width_mm": round(held.width_mm, 2), "certain": is_certain}
     past = f"{what} was let go{_past_cause(why, is_certain=is_certain)}"
-    data |= {"reason": why.reason, "why": why.message, "past": past}
-    return Event("released_by_fault", text, data)
+    told = {"reason": why.reason, "why": why.message, "past": past}
+    return Event("released_by_fault", text, {**data, **told})
 
 
 def _past_cause(why: Refusal, *, is_certain: bool) -> str:
