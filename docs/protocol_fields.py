@@ -47,9 +47,11 @@ PARAMS: Mapping[str, str] = {
     "event": (
         "`subscription`, `seq`, `monotonic_s`, `kind`, `message`, `data` (an object, "
         "other for each kind; `object_moved` has `moved_mm` and `width_mm`, `weak` has `weak`,"
-        " `made_nm` and `commanded_nm`, `pressing` has `pressing_n`, `most_n` (the most so far),"
-        " `kind` (the motion that led the jaws there) and `job` (its number while it runs),"
-        " `released_by_fault` has `past`, what its message says, once the fault is over). `seq`"
+        " `made_nm`, `commanded_nm` and `hint` (what to do, or null), `pressing` has `pressing_n`,"
+        " `most_n` (the most so far), `kind` (the motion that led the jaws there) and `job` (its"
+        " number while it runs),"
+        " `released_by_fault` has `why`, which says what to do, too, and `past`, what its message"
+        " says once the fault is over). `seq`"
         " counts all events since the daemon's start, those of other kinds included. No event is"
         " dropped. The journal, dumps and the page show these kinds as warnings: "
         + ", ".join(f"`{kind}`" for kind in SEVERITIES if kind in WARNINGS)

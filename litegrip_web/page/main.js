@@ -98,7 +98,7 @@ function start() {
   const secret = new Secret(token);
   const panels = channels.map((channel) => new Panel(channel, secret, $("grippers")));
   for (const panel of panels) panel.addEventListener("alarms", () => showAlarms(panels));
-  const stop = new Stop(panels, $("notice"));
+  const stop = new Stop(panels, $("notice"), { tellsAll: true });
   onStop(() => stop.press());
   addEventListener("keydown", (event) => press(event, panels));
   const focus = ({ target }) => {

@@ -58,9 +58,20 @@ const TROUBLES = {
   },
 };
 
-/* Whether an event begins what moves the jaws. */
+/* Whether an event begins what moves the jaws; a replay only loads at first, and may be refused then. */
 function isMotion({ kind, data }) {
-  return kind === "job_started" && !MOVELESS.has(data.kind);
+  return kind === "job_started" && data.kind !== "play" && !MOVELESS.has(data.kind);
+}
+
+/* Whether a replay moves the jaws. */
+function isReplaying({ job }) {
+  return job?.kind === "play" && ![null, "load", "paused"].includes(job.phase);
+}
+
+/* What a fault let go of: first what to do about that, then what it was. */
+function letGo({ data: { why, certain, force_n: force, width_mm: width, terms } }) {
+  const how = certain ? "has been let go" : "must be taken for let go: without power or commands the motor lets go by itself";
+  return `${inPageWords(why, terms?.why)}; what was held with ${force} N, at ${figure(width, 1, "mm")}, ${how}`;
 }
 
 /* Dispatches "state" when a new one has been shown, and "alarms" when other things are wrong. */
@@ -72,6 +83,7 @@ export class Panel extends EventTarget {
   #health = null;
   #lost = null; // the event of an object that was lost, or let go by nobody's wish
   #isPast = false; // what had lost it, which is no longer so
+  #replay = null; // the job of a replay that has begun since, and may not have moved yet
   #toldLoss = ""; // what the bar says of it
   #readS = null;
   #last = null; // the state when the connection ended
@@ -357,17 +369,26 @@ export class Panel extends EventTarget {
 
   /* A lost object is said until the next motion; one that was let go, until that has been read, too. */
   #noteLoss(event) {
-    const { kind, monotonic_s: atS } = event;
-    if (isMotion(event)) {
-      this.#forget();
-      this.#lose(null);
+    const { kind, data, monotonic_s: atS } = event;
+    if (kind === "job_started" && data.kind === "play") this.#replay = data.job;
+    const isReplayed = kind === "job_ended" && data.job === this.#replay && data.reason === null;
+    if (isMotion(event) || isReplayed) {
+      this.#moveOn();
     } else if (kind in LOSSES && atS !== this.#readS) {
       this.#lose(event);
     }
   }
 
+  /* The jaws are moved: what was lost before is said no more. */
+  #moveOn() {
+    this.#replay = null;
+    this.#forget();
+    this.#lose(null);
+  }
+
   #lose(lost) {
     this.#lost = lost;
+    if (lost !== null) this.#replay = null; // that one may have lost it
     this.#isPast = false;
     this.#toldLoss = "";
     this.forgive("let go");
@@ -427,9 +448,13 @@ export class Panel extends EventTarget {
 
   #noteWeak(event) {
     if (event.kind !== "weak") return;
-    this.#weak = event.data.weak ? event : null;
+    const { weak, hint, made_nm: made, commanded_nm: commanded } = event.data;
+    this.#weak = weak ? event : null;
     this.#showHeld();
     this.#showAlarms();
+    if (!weak) return this.forgive("weak");
+    const text = `WEAK MOTOR: ${hint}; it makes ${made.toFixed(2)} of the commanded ${figure(commanded, 2, "N·m")}`;
+    toast(this.channel, text, "weak", { isOver: () => !this.#isWeak, atS: event.monotonic_s + this.#offsetS });
   }
 
   /* Say in the bar what to do about a trouble of motor or bus, until a state shows that it is over. */
@@ -475,6 +500,7 @@ export class Panel extends EventTarget {
     const { data, monotonic_s: atS } = this.#lost;
     this.#isPast ||= this.state?.monotonic_s > atS && !["fault", "offline"].includes(this.state.mode);
     if (this.#isPast && data?.past) return data.past;
+    if (data?.why) return letGo(this.#lost);
     const text = inPageWords(this.#lost.message, this.#lost.terms?.message);
     const holds = this.#lost.kind !== "object_lost" || (this.state?.enabled && this.state.mode !== "relaxed");
     return holds ? text : text.split(": ", 1)[0];
@@ -497,6 +523,10 @@ export class Panel extends EventTarget {
     if (state.stop !== null) {
       this.regain("stop");
       this.miss(false);
+    }
+    if (this.#replay !== null && isReplaying(state)) {
+      this.#moveOn();
+      this.forgive("motion");
     }
     this.article.classList.remove("down");
     this.jaws.setScale(this.travel, state.work_stroke_mm ?? null);

@@ -16,10 +16,13 @@ export class Stop {
   #pressedMs = 0;
   #toldMs = 0;
   #aging = 0;
+  #tellsAll;
 
-  constructor(panels, place) {
+  /* With `tellsAll` it says of each stop, whoever has sent it, that a silent motor does not hear of it. */
+  constructor(panels, place, { tellsAll = false } = {}) {
     this.#panels = panels;
     this.#place = place;
+    this.#tellsAll = tellsAll;
     for (const panel of panels) {
       panel.addEventListener("state", () => this.#compare());
       panel.addEventListener("ended", () => this.#place.dataset.stop === "done" && this.#say("", ""));
@@ -63,9 +66,10 @@ export class Stop {
     this.#tell(`${failed.join("; ")}. ${cut}`, "failed");
   }
 
-  /* What a stop that is latched is good for, and of which kind that is: a motor that is silent does not hear of it. */
-  #latched() {
-    const silent = this.#panels.filter(({ isSilent }) => isSilent).map(({ channel }) => channel);
+  /* What a stop that is latched for `panels` is good for, and of which kind that is: a motor that is silent does not
+     hear of it. */
+  #latched(panels = this.#panels) {
+    const silent = panels.filter(({ isSilent }) => isSilent).map(({ channel }) => channel);
     if (!silent.length) return [STOPPED, "done"];
     let who = "the motor does";
     if (silent.length < this.#panels.length) who = `${silent.join(", ")} does`;
@@ -83,10 +87,13 @@ export class Stop {
   /* Nothing is said any more that a state contradicts. */
   #compare() {
     const kind = this.#place.dataset.stop;
-    if (!["done", "silent", "failed"].includes(kind)) return;
-    if (this.#panels.every((panel) => this.#isStopped(panel))) this.#say(...this.#latched());
-    else if (kind !== "failed" && this.#panels.some((panel) => this.#isStopped(panel) === false)) this.#say("", "");
+    const stopped = this.#panels.filter((panel) => this.#isStopped(panel));
+    const isTold = ["done", "silent", "failed"].includes(kind);
+    if (isTold && stopped.length === this.#panels.length) this.#say(...this.#latched());
     else if (kind === "failed") this.#compareMissed();
+    else if (kind !== "sent" && this.#tellsAll && stopped.some(({ isSilent }) => isSilent)) {
+      this.#say(...this.#latched(stopped));
+    } else if (isTold && this.#panels.some((panel) => this.#isStopped(panel) === false)) this.#say("", "");
   }
 
   /* Whoever was not reached and answers again is stopped, by others, or is not, which is said of each. */

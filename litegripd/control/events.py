@@ -304,7 +304,8 @@ def released_by_fault(held: HeldObject, motor: MotorView) -> Event:
         )
     data = {"force_n": held.force_n, "width_mm": round(held.width_mm, 2), "certain": is_certain}
     past = f"{what} was let go{_past_cause(why, is_certain=is_certain)}"
-    return Event("released_by_fault", text, {**data, "reason": why.reason, "past": past})
+    told = {"reason": why.reason, "why": why.message, "past": past}
+    return Event("released_by_fault", text, {**data, **told})
 
 
 def _past_cause(why: Refusal, *, is_certain: bool) -> str:
@@ -373,16 +374,22 @@ def weak(made: MadeTorque) -> Event:
     """Report that the motor makes less torque than is commanded, or makes it again."""
     data: dict[str, object] = {"weak": made.is_weak}
     data |= {"made_nm": made.made_nm, "commanded_nm": made.commanded_nm, "warning": made.is_weak}
+    data["hint"] = WEAK_HINT if made.is_weak else None
     text = weak_text(made) if made.is_weak else "the motor makes the commanded torque again"
     return Event("weak", text, data)
+
+
+WEAK_HINT = (
+    "check the supply's voltage and current, the motor's registers OC_Value and KT_Value, and its"
+    " winding"
+)
 
 
 def weak_text(made: MadeTorque) -> str:
     """Return what is wrong with a weak motor, and what to do."""
     return (
         f"the motor makes {made.made_nm:.2f} N·m of the commanded {made.commanded_nm:.2f} N·m, by"
-        " its own report: what is held is held by less than was asked for; check the supply's"
-        " voltage and current, the motor's registers OC_Value and KT_Value, and its winding"
+        f" its own report: what is held is held by less than was asked for; {WEAK_HINT}"
     )
 
 

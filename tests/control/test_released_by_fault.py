@@ -75,6 +75,7 @@ def test_a_fault_while_something_is_held_says_once_that_it_is_let_go(
     assert event["message"].startswith("what was held with 10 N, at ")
     assert "has been let go" in event["message"]
     assert why in event["message"]
+    assert why in event["data"]["why"]
     assert event["data"]["certain"] is True
     width_mm = event["message"].split(" mm", maxsplit=1)[0]
     assert event["data"]["past"] == f"{width_mm} mm, was let go{past}"

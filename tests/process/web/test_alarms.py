@@ -13,6 +13,7 @@ from playwright.sync_api import Page as Tab
 from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess, written
 from tests.process.web.on_page import (
     button,
+    enable,
     fact,
     grasp,
     opened,
@@ -173,6 +174,28 @@ def test_a_motor_that_is_silent_is_said_and_what_needs_it_looks_so(
     expect(notice).to_have_text("")
 
 
+def test_a_stop_that_a_silent_motor_does_not_hear_of_is_said_on_each_page(
+    window: BrowserContext, operating: Page, looking: Page, client: Client
+) -> None:
+    pressed, other = opened(window, operating), opened(window, looking)
+    client.result("sim.fault", name="silent")
+    expect(other.locator("#alarm")).to_have_text("MOTOR SILENT")
+    expect(other.locator("#notice")).to_have_text("")
+    pressed.keyboard.press("Escape")
+    for tab in (pressed, other, opened(window, looking)):
+        notice = tab.locator("#notice")
+        expect(notice).to_have_text(CUT)
+        expect(notice).to_have_css("background-color", RED)
+        assert tab.evaluate(COVERED_BY_NOTICE) == []
+    notice = other.locator("#notice")
+    client.result("sim.fault", name="none")
+    expect(notice).to_have_text("Stopped. Nothing moves until it is cleared.")
+    client.result("sim.fault", name="silent")
+    expect(notice).to_have_text(CUT)
+    client.result("stop.clear")
+    expect(notice).to_have_text("")
+
+
 COVERED_BY_NOTICE = """
 () => {
   const rect = (node) => node.getBoundingClientRect();
@@ -272,7 +295,7 @@ def test_of_two_grippers_a_stop_is_seen_beside_a_fault_that_let_go(
         alarm, seen = tab.locator("#alarm"), tab.locator("#toasts li").filter(visible=True)
         grasp(clients[0])
         clients[0].result("sim.fault", name="overload")
-        expect(seen).to_contain_text(["LET GO: what was held"])
+        expect(seen).to_contain_text(["LET GO: the motor reports overload"])
         for client in clients:
             client.result("stop", level="hold")
         left = f"left-{os.getpid()}"
@@ -307,6 +330,65 @@ def test_a_second_click_at_the_same_place_clears_no_other_stop(
         assert clients[1].result("state.get")["stop"] is not None
         right.click()
         expect(tab.locator("#clears")).to_be_hidden()
+
+
+TIGHT = """
+() => [...document.querySelectorAll("#clears button")].filter((node) => {
+  const words = document.createRange();
+  words.selectNodeContents(node);
+  const [label, whole] = [words.getBoundingClientRect(), node.getBoundingClientRect()];
+  return label.top < whole.top + 1.5 || label.bottom > whole.bottom - 1.5
+    || label.left < whole.left + 1.5 || label.right > whole.right - 1.5;
+}).map((node) => node.textContent)
+"""
+
+
+def test_of_two_grippers_what_clears_a_stop_has_room_for_its_words(
+    window: BrowserContext, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with two_grippers(window, tmp_path, monkeypatch) as (tab, _daemons, clients):
+        for client in clients:
+            client.result("stop", level="hold")
+        expect(tab.locator("#clears button").last).to_be_visible()
+        assert tab.evaluate(TIGHT) == []
+
+
+SEEN = """
+(node, part) => {
+  const text = node.lastChild;
+  const words = document.createRange();
+  words.setStart(text, text.data.indexOf(part));
+  words.setEnd(text, text.data.indexOf(part) + part.length);
+  const last = [...words.getClientRects()].at(-1);
+  return last.top + last.height / 2 < node.getBoundingClientRect().bottom;
+}
+"""
+"""Whether a part of what a node says is in sight, and not cut off."""
+
+
+def test_what_to_do_about_a_loss_is_read_without_a_tap_and_all_of_it_with_one(
+    window: BrowserContext, operating: Page, client: Client
+) -> None:
+    grasp(client)
+    tab = opened(window, operating)
+    client.result("sim.fault", name="overload")
+    said = tab.locator("#toasts span")
+    expect(said).to_contain_text("then enable again (“Enable”); what was held with 10 N")
+    assert said.evaluate(SEEN, "remove what loads the jaws, then enable")
+    said.click()
+    assert said.evaluate(SEEN, "has been let go")
+
+
+def test_what_goes_on_is_read_as_a_whole(
+    window: BrowserContext, operating: Page, client: Client
+) -> None:
+    tab = opened(window, operating)
+    enable(tab, client)
+    button(tab, "Teach").click()
+    outcome = part(tab, "outcome")
+    expect(outcome).to_have_text("Recording: move the jaws by hand, then end and keep it.")
+    assert outcome.evaluate("(node) => node.scrollHeight <= node.clientHeight")
+    button(tab, "Discard").click()
 
 
 MEET = """
@@ -526,6 +608,22 @@ def test_what_went_wrong_covers_no_controls_and_moves_none(
     expect(toasts).to_have_count(2)
 
 
+CONTRAST = """
+(node) => {
+  const channels = (color) => color.match(/[0-9.]+/g).slice(0, 3).map((value) => value / 255);
+  const light = (value) => value <= 0.03928 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4;
+  const bright = ([r, g, b]) => 0.2126 * light(r) + 0.7152 * light(g) + 0.0722 * light(b);
+  const back = channels(getComputedStyle(node.closest(".gripper")).backgroundColor);
+  const share = Number(getComputedStyle(node.closest(".body")).opacity);
+  const ink = channels(getComputedStyle(node.querySelector("dt")).color);
+  const seen = ink.map((value, at) => value * share + back[at] * (1 - share));
+  const [dark, lit] = [bright(seen), bright(back)].sort((a, b) => a - b);
+  return (lit + 0.05) / (dark + 0.05);
+}
+"""
+"""How well words are told from what is behind them, 1 to 21."""
+
+
 def test_a_daemon_and_a_page_server_that_are_gone_are_said_where_the_buttons_are(
     window: BrowserContext, tmp_path: Path
 ) -> None:
@@ -545,6 +643,7 @@ def test_a_daemon_and_a_page_server_that_are_gone_are_said_where_the_buttons_are
         expect(tab.locator("#stop")).not_to_have_css("background-color", RED)
         expect(alarm).to_have_text("NO DAEMON")
         expect(alarm).to_be_in_viewport(ratio=1)
+        assert tab.locator("dl").evaluate(CONTRAST) > 3  # of what is last known
     expect(alarm).to_have_text("NO CONNECTION")
     expect(part(tab, "mode")).to_have_text("no connection")
 

@@ -12,7 +12,16 @@ from playwright.sync_api import Page as Tab
 
 from tests.process.daemon_process import Client, DaemonProcess, written
 from tests.process.restarting import held, restartable
-from tests.process.web.on_page import OBJECT_MM, button, grasp, opened, part, take_control
+from tests.process.web.on_page import (
+    OBJECT_MM,
+    button,
+    enable,
+    grasp,
+    opened,
+    part,
+    take_control,
+    teach,
+)
 from tests.process.web.page_process import Page, page
 
 BACK = "(node) => getComputedStyle(node).backgroundColor"
@@ -48,8 +57,9 @@ def test_what_a_fault_lets_go_is_said_until_it_is_read_or_the_next_motion_begins
     tab = opened(window, looking)
     expect(alarm(tab)).to_be_hidden()
     let_go(client)
-    what = r"LET GO: what was held with 10 N, at \d\d\.\d mm, "
-    told = re.compile(f"{what}(has been|must be taken|was let go)")
+    what = r"what was held with 10 N, at \d\d\.\d mm, "
+    advice = r"the motor (reports overload: remove|does not answer: check|reports that it is off)"
+    told = re.compile(rf"LET GO: ({advice}.*; {what}(has been|must be taken)|{what}was let go)")
     past = r"was let go( by a fault \([a-z ]+\)|: the motor (did not answer|was off, which .*))"
     second = opened(window, looking)  # which knows it from the events of before
     for shown in (tab, second):
@@ -71,7 +81,7 @@ def test_what_a_fault_lets_go_is_said_until_it_is_read_or_the_next_motion_begins
     job = client.result("job.list")["jobs"][-1]["job"]
     expect(part(tab, "events")).to_contain_text(f"job {job}, zero_gravity")
     expect(alarm(tab)).to_have_text("LET GO")
-    expect(toasts(tab)).to_have_text([re.compile(f"{what}{past}Read$")])  # and no advice
+    expect(toasts(tab)).to_have_text([re.compile(f"LET GO: {what}{past}Read$")])  # and no advice
     expect(part(tab, "lost-text")).to_have_text(re.compile(f"{past}\\.$"))
     expect(part(tab, "lost")).to_be_visible()
     client.despite_silence("motion.open")
@@ -79,6 +89,38 @@ def test_what_a_fault_lets_go_is_said_until_it_is_read_or_the_next_motion_begins
         expect(alarm(shown)).to_be_hidden()
         expect(toasts(shown)).to_have_count(0)
         expect(part(shown, "lost")).to_be_hidden()
+
+
+def test_a_replay_that_is_refused_takes_no_loss_away_and_one_that_moves_does(
+    window: BrowserContext, operating: Page, operated: Tab, client: Client
+) -> None:
+    teach(operated, client, "part")
+    button(operated, "Give control back").click()
+    expect(button(operated, "Take control")).to_be_visible()
+    grasp(client)
+    client.result("sim.fault", name="overload")
+    expect(alarm(operated)).to_have_text("LET GO, FAULT: overload")
+    client.result("sim.fault", name="none")
+    client.result("sim.object")
+    enable(operated, client)
+    part(operated, "name").fill("there is none")
+    button(operated, "Replay").click()
+    seen = toasts(operated).filter(visible=True)
+    expect(toasts(operated)).to_contain_text(["replay: ", "LET GO: "])
+    expect(part(operated, "events")).to_contain_text("play: ")  # that it was refused
+    expect(seen).to_contain_text(["LET GO: "])
+    expect(alarm(operated)).to_have_text("LET GO")
+    part(operated, "name").fill("part")
+    part(operated, "speed").fill("0.1")
+    button(operated, "Replay").click()
+    expect(alarm(operated)).to_be_hidden()
+    expect(toasts(operated)).to_have_count(0)
+    assert client.result("state.get")["job"] is not None  # as soon as it moves
+    client.until(lambda state: state["job"] is None)
+    assert client.result("job.list")["jobs"][-1]["state"] == "done"
+    later = opened(window, operating)  # which knows it from the events alone
+    expect(part(later, "held")).to_have_text("nothing held")
+    expect(alarm(later)).to_be_hidden()
 
 
 def test_a_loss_is_seen_in_the_place_of_what_a_key_was_refused_for_later(
@@ -90,7 +132,7 @@ def test_a_loss_is_seen_in_the_place_of_what_a_key_was_refused_for_later(
     operated.keyboard.press("o")
     expect(toasts(operated)).to_have_count(2)
     seen = toasts(operated).filter(visible=True)
-    expect(seen).to_contain_text(["LET GO: what was held"])
+    expect(seen).to_contain_text(["LET GO: the motor reports overload"])
     take_control(operated)
     expect(toasts(operated)).to_have_count(1)
     button(operated, "Enable").click()
@@ -118,6 +160,7 @@ def test_what_has_no_room_in_the_head_is_shown_as_long_as_somebody_wants_to_read
     expect(said).to_have_attribute("aria-expanded", "true", timeout=1)
     said.click()
     expect(said).to_have_attribute("aria-expanded", "false")
+    client.result("sim.fault", name="none")
 
 
 def test_of_a_lost_object_no_hold_is_claimed_once_the_motor_is_off(
@@ -139,6 +182,7 @@ def test_of_a_lost_object_no_hold_is_claimed_once_the_motor_is_off(
     )
 
 
+WEAK_FIGURES = re.compile(r"; it makes 0\.\d\d of the commanded \d\.\d\d N·mRead$")
 MARK = "(node) => getComputedStyle(node, '::before').color"
 
 
@@ -156,10 +200,13 @@ def test_a_weak_motor_is_said_while_it_lasts_and_its_hold_is_not_green(
     for shown in (tab, opened(window, looking)):
         told = "WEAK MOTOR: makes less than was asked for"
         expect(alarm(shown)).to_have_text(told)
+        expect(toasts(shown)).to_contain_text(["WEAK MOTOR: check the supply's voltage"])
+        expect(toasts(shown)).to_have_text([WEAK_FIGURES])
         expect(part(shown, "mode")).not_to_have_css("color", green)
         assert part(shown, "held").evaluate(MARK) != green
     client.result("sim.fault", name="none")
     expect(alarm(tab)).to_be_hidden()
+    expect(toasts(tab)).to_have_count(0)
     expect(mode).to_have_css("color", green)
     assert held.evaluate(MARK) == green
 
