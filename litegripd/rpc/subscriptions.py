@@ -334,18 +334,15 @@ class Subscriptions:
         self._events_turn = True
 
     def add_samples(
-        self, session: Session, hz: float, fields: Iterable[str], batch: int, now_s: float
+        self, session: Session, hz: float, fields: Iterable[str], batch: int, first_s: float
     ) -> int | Refusal:
-        """Begin a subscription to the state; its first sample is of one period from now.
+        """Begin a subscription to the state; its first sample is of the first tick after `first_s`.
 
         Return its number, or a refusal if there can be no more.
         """
         number = self._number(session)
         if isinstance(number, int):
-            period_s = 1.0 / hz
-            sub = SampleSubscription(
-                number, session, period_s, tuple(fields), batch, now_s + period_s
-            )
+            sub = SampleSubscription(number, session, 1.0 / hz, tuple(fields), batch, first_s)
             self._samples.add(sub)
         return number
 

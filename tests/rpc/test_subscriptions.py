@@ -212,6 +212,20 @@ def test_a_batch_has_a_header_and_a_row_for_each_sample() -> None:
     assert column([batch], "monotonic_s")[-1] == pytest.approx(world.now_s)
 
 
+@pytest.mark.parametrize("hz", [200, 100, 50])
+@pytest.mark.parametrize("after_s", [0.0, 0.2 * PERIOD_S, 0.9 * PERIOD_S])
+def test_no_sample_is_missing_after_the_state_of_the_answer(hz: float, after_s: float) -> None:
+    """A request comes at any time of a period; ticks come a little early or late."""
+    world, client = found_world()
+    world.now_s += after_s
+    first = client.result("state.subscribe", hz=hz, batch=2, fields=FIELDS)["state"]["seq"]
+    world.now_s -= after_s
+    for number in range(16):
+        world.tick_after(PERIOD_S + (-1) ** number * 0.1 * PERIOD_S)
+    ticks = column(batches(client), "seq")
+    assert ticks[:2] == [first + 200 // hz, first + 2 * 200 // hz]
+
+
 @pytest.mark.parametrize(("hz", "size"), [(200, 2), (200, MAX_BATCH), (50, 7), (33, 3)])
 def test_no_sample_is_missing_between_batches(hz: float, size: int) -> None:
     world = World().start()

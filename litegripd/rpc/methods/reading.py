@@ -217,9 +217,10 @@ class ReadingMethods:
             data = {"parameter": "hz", "requested": hz, "limit": limit_hz}
             raise Refused(Refusal("invalid_params", text, data))
         _check_fields(names, batch)
-        number = accepted(
-            self._subscriptions.add_samples(call.session, hz, names, batch, call.now_s)
-        )
+        # The state of the answer is the first one. Between two ticks, neither is far: one that is
+        # late, or early after that, is still the one that was meant.
+        first_s = self._reporter.state().monotonic_s + 1.0 / hz - 0.5 / limit_hz
+        number = accepted(self._subscriptions.add_samples(call.session, hz, names, batch, first_s))
         return b'{"subscription":%d,"state":%b}' % (number, self._reporter.state_line())
 
     @Method(
