@@ -11,8 +11,11 @@ def main() -> int:
     try:
         from litegrip_web.main import main as serve  # noqa: PLC0415 - what it needs may be missing
     except ModuleNotFoundError as missing:
-        remedy = f"{sys.executable} -m pip install 'litegripd[web]'"
-        sys.stderr.write(f"litegripd-web: {missing.name} is not installed: {remedy}\n")
+        from litegrip_client.ctl.install import requirement  # noqa: PLC0415 - an error
+
+        package = (missing.name or "websockets").partition(".")[0]
+        remedy = f"{sys.executable} -m pip install '{requirement(package)}'"
+        sys.stderr.write(f"litegripd-web: {package} is not installed: {remedy}\n")
         return EXIT_PACKAGES
     return serve()
 

@@ -91,6 +91,11 @@ def running_channels(environment: Mapping[str, str] | None = None) -> list[str]:
     return _channels("listens", environment)
 
 
+def served_channels() -> list[str]:
+    """Return the channels that a daemon serves, also one that does not listen to this user."""
+    return sorted({*running_channels(), *_channels("closed")})
+
+
 def _channels(how: str, environment: Mapping[str, str] | None = None) -> list[str]:
     return sorted({channel for channel, path in _sockets(environment) if _how(path) == how})
 

@@ -343,7 +343,7 @@ def lacking(programs: str) -> list[Lacking]:
     for unit, package, module in _NEEDS:
         if unit not in found and not _is_there(module):
             is_apt = package.startswith("litegrip") and is_of_debian()
-            pip = f"{programs}/python -m pip install '{_requirement(package)}'"
+            pip = f"{programs}/python -m pip install '{requirement(package)}'"
             remedy = f"apt install {package}" if is_apt else pip
             found[unit] = Lacking(unit, package, remedy, is_fleet=unit.endswith("@"))
     return list(found.values())
@@ -356,7 +356,7 @@ def _is_there(module: str) -> bool:
         return False
 
 
-def _requirement(package: str) -> str:
+def requirement(package: str) -> str:
     """Return a package with the versions that this program takes."""
     for name in ("litegripd", "litegrip-web", "litegrip-fleet"):
         with contextlib.suppress(importlib.metadata.PackageNotFoundError):

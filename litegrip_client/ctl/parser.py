@@ -250,6 +250,9 @@ def parse(given: list[str], rows: Sequence[Row]) -> argparse.Namespace:
     if options.command == "grasp" and (options.width is None) != (options.tolerance is None):
         message = "grasp: --width and --tolerance go together: give both"
         raise UsageError(message, parser.format_usage(), options.help_of)
+    if options.command == "stop" and options.all and options.socket:
+        message = "stop: --all is for the grippers of this machine, and takes no --socket"
+        raise UsageError(message, parser.format_usage(), options.help_of)
     try:
         options.channel = check_channel(chosen or DEFAULT_CHANNEL)
     except CommandError as error:
@@ -283,9 +286,11 @@ def meant_stop(given: list[str], rows: Sequence[Row]) -> argparse.Namespace | No
     try:
         known, others = Parser(add_help=False).parse_known_args(behind)
         where = [f"--{name}={value}" for name, value in vars(known).items() if name != "json"]
-        values = (one.rpartition("=")[2].strip("-") for one in others)
+        values = [one.rpartition("=")[2].strip("-") for one in others]
         level = next((one for one in values if one in STOP_LEVELS), "hold")
-        options = parse([*before, *where, "stop", "--level", level], rows)
+        is_one = any(word.startswith("--socket") for word in words)
+        every = ["--all"] if "all" in values and not is_one else []
+        options = parse([*before, *where, "stop", "--level", level, *every], rows)
     except UsageError:
         return None
     options.json = "--json" in given

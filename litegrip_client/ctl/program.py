@@ -1,18 +1,23 @@
 """The whole of `litegripctl`: connect, run one command, and end with the right exit code."""
 
+import json
 import signal
 import sys
 from argparse import Namespace
+from threading import Thread
 
+from litegrip_client.core.discovery import served_channels
 from litegrip_client.ctl.commands import COMMANDS, find, needs_daemon
 from litegrip_client.ctl.commands.state import not_stopped, stop_first, stop_within_s
 from litegrip_client.ctl.parser import UsageError, meant_stop, parse, sounds_like_stop
 from litegrip_client.ctl.render import hint_for, names_remedy
 from litegrip_client.ctl.run import (
     INTERRUPTED,
+    NO_DAEMON,
     NOT_OK,
     OK,
     WRONG_USAGE,
+    KeptOutput,
     Output,
     Run,
     connected,
@@ -35,6 +40,8 @@ def run(given: list[str]) -> int:
 
 def _run(options: Namespace, output: Output) -> int:
     try:
+        if options.command == "stop" and options.all:
+            return _stop_all(options, output)
         if options.command == "stop":
             take_the_only(options)
             code = stop_first(options, output)
@@ -56,6 +63,37 @@ def _run(options: Namespace, output: Output) -> int:
     except KeyboardInterrupt:
         output.end_line()
         return INTERRUPTED
+
+
+def _stop_all(options: Namespace, output: Output) -> int:
+    """Stop each gripper of this machine, at the same time; return the worst of the exit codes."""
+    channels = [name for name in served_channels() if "." not in name]  # those are of others
+    if not channels:
+        text = "STOP reached nothing: no daemon runs on this machine. Cut the motor's power"
+        output.error(CommandError(text, reason="no_daemon"), "")
+        return NO_DAEMON
+    why = [] if options.why is None else [f"--why={options.why}"]
+    kept = [KeptOutput(as_json=output.as_json) for _ in channels]
+    codes: dict[str, int] = {}
+
+    def stop(channel: str, own: Output) -> None:
+        command = ["--channel", channel, "stop", "--level", options.level, *why]
+        codes[channel] = _run(parse(command, COMMANDS), own)
+
+    _raise_interrupts()  # which only the main thread can
+    threads = [Thread(target=stop, args=both) for both in zip(channels, kept, strict=True)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    if output.as_json:
+        told = {name: json.loads(own.written) for name, own in zip(channels, kept, strict=True)}
+        output.result(told, "")
+    else:
+        for name, own in zip(channels, kept, strict=True):
+            output.warn(own.warned)
+            output.write("".join(f"{name}: {line}\n" for line in own.written.splitlines()))
+    return max(codes.get(name, NOT_OK) for name in channels)
 
 
 def _raise_interrupts() -> None:
@@ -81,7 +119,8 @@ def _refuse(wrong: UsageError, given: list[str]) -> int:
         code = _run(stop, output)
         if code not in (OK, NOT_OK):
             return code  # it says what is to be done now
-        wrong.message += f"; {stop.channel} was told to stop ({stop.level}) all the same"
+        whom = "each gripper" if stop.all else stop.channel
+        wrong.message += f"; {whom} was told to stop ({stop.level}) all the same"
     elif sounds_like_stop(given):
         wrong.message += f"; nothing was stopped: say {PROGRAM} stop"
     if not output.as_json:

@@ -116,7 +116,8 @@ def hint_for(error: LiteGripError, options: Namespace) -> str:
         if running and options.channel not in channels_with_socket():
             command = "stop" if stops else "..."
             first = f"litegripctl -c {running[0]} {command}"
-            return f"there are: {', '.join(running)}; name one: {first}"
+            every = ", or stop all: litegripctl stop --all" if stops and len(running) > 1 else ""
+            return f"there are: {', '.join(running)}; name one: {first}{every}"
         if stops:
             return ""  # how to start one is no help now
     if options.command == "clear" and error.reason == "lease_held":

@@ -49,23 +49,23 @@ class Output:
         """Print a result: as it came, or as `text`."""
         self.end_line()
         shown = json.dumps(data, ensure_ascii=False) if self.as_json else text
-        write(f"{shown}\n")
+        self.write(f"{shown}\n")
 
     def line(self, text: str) -> None:
         """Write `text` over the line before, if that was written by this, too."""
-        write(f"\r{text}\x1b[K")
+        self.write(f"\r{text}\x1b[K")
         self._open_line = True
 
     def erase_line(self) -> None:
         """Erase the line that `line` wrote."""
         if self._open_line:
-            write("\r\x1b[K")
+            self.write("\r\x1b[K")
             self._open_line = False
 
     def end_line(self) -> None:
         """Keep the line that `line` wrote, and continue below it."""
         if self._open_line:
-            write("\n")
+            self.write("\n")
             self._open_line = False
 
     def error(self, error: LiteGripError, hint: str, *, is_said: bool = False) -> None:
@@ -76,15 +76,40 @@ class Output:
             if hint:
                 data.setdefault("hint", hint)
             view = {"code": error.code, "message": error.message, "data": data}
-            write(f"{json.dumps({'error': view}, ensure_ascii=False)}\n")
+            self.write(f"{json.dumps({'error': view}, ensure_ascii=False)}\n")
         else:
             self.note(error.message)
             if hint and not is_said and hint not in error.message:
-                print(f"  {one_line(hint)}", file=sys.stderr)
+                self.warn(f"  {one_line(hint)}\n")
 
     def note(self, text: str) -> None:
         """Print something that is not a result, on standard error."""
-        print(f"litegripctl: {one_line(text)}", file=sys.stderr)
+        self.warn(f"litegripctl: {one_line(text)}\n")
+
+    def write(self, text: str) -> None:
+        """Write to standard output."""
+        write(text)
+
+    def warn(self, text: str) -> None:
+        """Write to standard error."""
+        sys.stderr.write(text)
+
+
+class KeptOutput(Output):
+    """Keeps what it is to write, for commands that run at the same time."""
+
+    def __init__(self, *, as_json: bool) -> None:
+        super().__init__(as_json=as_json)
+        self.live = False
+        self.written = self.warned = ""
+
+    def write(self, text: str) -> None:
+        """Keep what is for standard output."""
+        self.written += text
+
+    def warn(self, text: str) -> None:
+        """Keep what is for standard error."""
+        self.warned += text
 
 
 def one_line(text: str) -> str:
@@ -194,6 +219,7 @@ def take_the_only(options: Namespace) -> None:
 OK = 0
 NOT_OK = 1
 WRONG_USAGE = 2
+NO_DAEMON = 3
 INTERRUPTED = 130
 
 ENDING = ("cancelled", "running")

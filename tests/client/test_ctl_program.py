@@ -208,7 +208,8 @@ def test_a_stop_without_a_channel_stops_the_only_gripper_and_asks_which_of_sever
     assert "stop" in sim7.methods()
     with FakeDaemon(Path(sim7.path).with_name("sim8.sock")):
         code, _, err = litegripctl("stop")
-    assert (code, "name one: litegripctl -c sim7 stop\n" in err) == (3, True)
+    hint = "name one: litegripctl -c sim7 stop, or stop all: litegripctl stop --all\n"
+    assert (code, hint in err) == (3, True)
 
 
 def test_a_daemon_that_hangs_is_one_of_them_also_when_its_queue_is_full(

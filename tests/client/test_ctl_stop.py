@@ -254,12 +254,97 @@ def test_a_stop_that_reaches_no_daemon_says_so_and_names_those_that_run(
     monkeypatch.setattr("litegrip_client.core.sockets.SYSTEM_DIRECTORY", str(tmp_path))
     (tmp_path / "xdg/litegripd").mkdir(parents=True)
     folder = tmp_path / "xdg/litegripd"
+    named = "there are: left, right; name one: litegripctl -c left stop"
     with FakeDaemon(folder / "left.sock"), FakeDaemon(folder / "right.sock"):
         for line, whom, hint in (
-            ("stop", "can0", "there are: left, right; name one: litegripctl -c left stop"),
-            ("-c lef stop", "lef", "there are: left, right; name one: litegripctl -c left stop"),
+            ("stop", "can0", f"{named}, or stop all: litegripctl stop --all"),
+            ("-c lef stop", "lef", f"{named}, or stop all: litegripctl stop --all"),
         ):
             code, _, err = litegripctl(*line.split())
             first, second = err.splitlines()
             assert (code, second.strip().startswith(hint)) == (3, True)
             assert first.startswith(f"litegripctl: STOP did not reach {whom}. {FOLLOWS}no daemon")
+
+
+NAMES = ("left", "right")
+CUT = "Cut the motor's power"
+LATCHED = "stopped: {level}, until: litegripctl -c {name} clear"
+
+
+@pytest.fixture
+def machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return where the sockets of a machine of its own are."""
+    monkeypatch.setattr("litegrip_client.core.sockets.SYSTEM_DIRECTORY", str(tmp_path))
+    monkeypatch.setattr("litegrip_client.core.sockets.PORTAL_DIRECTORY", str(tmp_path / "far"))
+    folder = tmp_path / "xdg/litegripd"
+    folder.mkdir(parents=True)
+    return folder
+
+
+@contextmanager
+def stoppable(folder: Path, *names: str) -> Iterator[dict[str, FakeDaemon]]:
+    """Run daemons that can be stopped; yield what listens for stops."""
+    with ExitStack() as stack:
+        found = {}
+        for name in names:
+            stack.enter_context(FakeDaemon(folder / f"{name}.sock"))
+            stops = stack.enter_context(FakeDaemon(folder / f"{name}.stop.sock"))
+            stops.handlers["stop"] = lambda asked: {"level": asked.params["level"], "generation": 1}
+            found[name] = stops
+        yield found
+
+
+@pytest.mark.parametrize(
+    ("line", "code", "level"),
+    [
+        ("stop --all", 0, "hold"),
+        ("-c left stop --all --level relax", 0, "relax"),
+        ("stop --level disable --why hand --all", 0, "disable"),
+        ("stop all", 2, "hold"),
+        ("stopp all relax", 2, "relax"),
+    ],
+)
+def test_all_grippers_of_this_machine_are_stopped(
+    machine: Path, litegripctl: Ctl, line: str, code: int, level: str
+) -> None:
+    with stoppable(machine, *NAMES, "site.far") as stops:
+        done, out, err = litegripctl(*line.split())
+        why = {"why": "hand"} if "hand" in line else {}
+        for name in NAMES:
+            assert [one.params for one in stops[name].requests] == [{"level": level, **why}]
+        assert stops["site.far"].requests == [], "that one is another machine's"
+    told = [one for one in out.splitlines() if "what is squeezed" not in one]
+    assert told == [f"{name}: {LATCHED.format(level=level, name=name)}" for name in NAMES]
+    assert done == code
+    assert (f"each gripper was told to stop ({level}) all the same" in err) == (code == 2)
+
+
+@pytest.mark.usefixtures("quickly")
+def test_a_gripper_that_hangs_keeps_no_other_from_being_stopped(
+    machine: Path, litegripctl: Ctl
+) -> None:
+    with stoppable(machine, "right") as stops, hung(machine / "left.stop.sock"):
+        with hung(machine / "left.sock"):
+            code, out, err = litegripctl("stop", "--all")
+            told = json.loads(litegripctl("stop", "--all", "--json")[1])
+        assert len(stops["right"].requests) == 2
+    latched = f"right: {LATCHED.format(level='hold', name='right')}"
+    assert (code, out.splitlines()[0], "left" in out) == (3, latched, False)
+    assert err.startswith(f"litegripctl: STOP not confirmed by left. {FOLLOWS}")
+    assert told["right"]["level"] == "hold"
+    assert "STOP not confirmed by left" in told["left"]["error"]["message"]
+
+
+def test_where_no_daemon_runs_nothing_was_stopped(machine: Path, litegripctl: Ctl) -> None:
+    (machine / "left.sock").touch()
+    code, out, err = litegripctl("stop", "--all")
+    assert (code, out) == (3, "")
+    assert err == f"litegripctl: STOP reached nothing: no daemon runs on this machine. {CUT}\n"
+
+
+def test_a_socket_that_is_named_is_one_gripper(tmp_path: Path, litegripctl: Ctl) -> None:
+    with stoppable(tmp_path, "x") as stops:
+        code, out, err = litegripctl("--socket", str(tmp_path / "x.sock"), "stop", "--all")
+        assert [one.params for one in stops["x"].requests] == [{"level": "hold"}]
+    assert (code, out.startswith("stopped: hold")) == (2, True)
+    assert "--all is for the grippers of this machine, and takes no --socket" in err

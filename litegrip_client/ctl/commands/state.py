@@ -171,6 +171,9 @@ def stop_options(parser: LateParser) -> None:
         default="hold",
         help="hold the position (default), let go, or disable the motor",
     )
+    parser.add_argument(
+        "--all", action="store_true", help="stop every gripper of this machine, at the same time"
+    )
     parser.add_argument("--why", metavar="TEXT", help="shown to clients that the stop refuses")
 
 
