@@ -143,7 +143,8 @@ def test_a_cancelled_task_shows_one_line_of_ours(
             with pytest.raises(asyncio.CancelledError) as caught:
                 await task
             assert task.cancelled()
-            assert caught.value is thrown[0]
+            if sys.version_info >= (3, 11):  # before, a task makes another one for who waits
+                assert caught.value is thrown[0]
             assert str(thrown[0]) == "by the test"
 
     tasks.run(main())
