@@ -566,8 +566,9 @@ class GripperActions:
     async def play_pause(self) -> dict[str, Any]:
         """Let the replay wait where it is; the jaws hold there. Return `trajectory_status()`.
 
-        Raises `CommandError` when none runs. As `play_resume` and `play_speed` it acts on whatever
-        replay runs, from another thread or program, too, unless another program has the lease.
+        Raises `TrajectoryNotActiveError` when none runs. As `play_resume` and `play_speed` it acts on
+        whatever replay runs, from another thread or program, too, unless another program has the
+        lease.
         """
         return await self._control({"action": "pause"})
 
@@ -583,7 +584,10 @@ class GripperActions:
         return await self._control({"action": "speed", "speed": number("speed", speed)})
 
     async def _control(self, params: dict[str, Any]) -> dict[str, Any]:
-        await self._command("trajectory.control", params)
+        try:
+            await self._command("trajectory.control", params)
+        except CommandError as error:
+            raise self._trajectories.not_playing(error) from None
         return await self.trajectory_status()
 
     async def trajectory_status(self) -> dict[str, Any]:
