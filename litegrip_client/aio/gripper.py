@@ -611,7 +611,7 @@ class LiteGrip(Gripper):
             socket_path,
             disable_on_disconnect=disable_on_disconnect,
             expected=expected,
-            voice=voice or _in_asyncio,
+            voice=_in_asyncio if voice is None else voice,
         )
         super().__init__(session, mount, motion_config, config)
 

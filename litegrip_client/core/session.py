@@ -13,7 +13,7 @@ from weakref import WeakSet
 
 from litegrip_client.core.discovery import chosen_channel
 from litegrip_client.line.exchange import ENDS_DISABLED, LEFT_ALONE, SEE_DOCTOR, or_closed
-from litegrip_client.values.checks import given_numbers, integer
+from litegrip_client.values.checks import check_callback, flag, given_numbers, integer, path
 from litegrip_client.values.errors import (
     CommandError,
     CommError,
@@ -24,6 +24,7 @@ from litegrip_client.values.errors import (
     ParameterError,
     ProtocolError,
 )
+from litegrip_client.values.terms import kept
 from litegrip_client.values.tracebacks import shortened
 from litegrip_client.values.warn import leave, warn
 
@@ -99,15 +100,11 @@ class DaemonSession:
     ) -> None:
         """Expect the values of `expected` in the daemon's `GripperConfig`, by its fields.
 
-        Raises `CommandError` for a `voice` that cannot be called, or a `can_id` that is no number.
+        Raises `CommandError` for a `voice` that cannot be called, and what else cannot be.
         """
-        if voice is not None and not callable(voice):
-            raise ParameterError(
-                f"voice is {voice!r:.60}, it must be a function of a method, a parameter and the"
-                " method that was asked",
-                reason="invalid_params",
-                data={"parameter": "voice"},
-            )
+        if voice is not None:
+            what = "a method, a parameter and the method that was asked"
+            check_callback("voice", voice, 3, what)
         given: Any = can_id
         if given in ("normal", "reverse"):
             raise ParameterError(
@@ -115,12 +112,12 @@ class DaemonSession:
                 reason="invalid_params",
                 data={"parameter": "can_id"},
             )
-        self.voice = voice
+        self.voice = None if voice is None else kept(voice)
         self._expected = expected or {}
         self.channel = chosen_channel(channel)
         self.can_id = None if can_id is None else integer("can_id", can_id)
-        self.socket_path = socket_path
-        self.disable_on_disconnect = disable_on_disconnect
+        self.socket_path = None if socket_path is None else path("socket_path", socket_path)
+        self.disable_on_disconnect = flag("disable_on_disconnect", disable_on_disconnect)
         self.enabled_here = False
         self.keeps_lease = False
         self._leases = 0

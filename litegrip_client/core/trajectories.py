@@ -237,7 +237,7 @@ class Recording:
             raise ParameterError(text, reason="invalid_params", data={"parameter": "duration_s"})
         self._start = {
             "rate_hz": self._rate_hz,
-            "zero_gravity": bool(zero_gravity),
+            "zero_gravity": zero_gravity,
             "max_samples": self._samples,
         }
         self._name = {} if name is None else {"name": name}

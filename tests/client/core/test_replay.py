@@ -169,9 +169,7 @@ def test_a_background_replay_ends_with_its_connection_or_by_play_stop(
     assert daemon.asked("job.cancel") == [{"job": status["job"]}]
 
 
-def test_what_needs_a_replay_names_the_call_that_begins_one(
-    enabled: LiteGrip, kind: Kind
-) -> None:
+def test_what_needs_a_replay_names_the_call_that_begins_one(enabled: LiteGrip, kind: Kind) -> None:
     for control in (enabled.play_pause, enabled.play_resume, lambda: enabled.play_speed(1)):
         with pytest.raises(TrajectoryNotActiveError) as caught:
             control()
