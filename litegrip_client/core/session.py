@@ -24,7 +24,6 @@ from litegrip_client.values.errors import (
     ParameterError,
     ProtocolError,
 )
-from litegrip_client.values.terms import kept
 from litegrip_client.values.tracebacks import shortened
 from litegrip_client.values.warn import leave, warn
 
@@ -103,8 +102,11 @@ class DaemonSession:
         Raises `CommandError` for a `voice` that cannot be called, and what else cannot be.
         """
         if voice is not None:
+            from litegrip_client.values.terms import kept  # noqa: PLC0415 - seldom given
+
             what = "a method, a parameter and the method that was asked"
             check_callback("voice", voice, 3, what)
+            voice = kept(voice)
         given: Any = can_id
         if given in ("normal", "reverse"):
             raise ParameterError(
@@ -112,7 +114,7 @@ class DaemonSession:
                 reason="invalid_params",
                 data={"parameter": "can_id"},
             )
-        self.voice = None if voice is None else kept(voice)
+        self.voice = voice
         self._expected = expected or {}
         self.channel = chosen_channel(channel)
         self.can_id = None if can_id is None else integer("can_id", can_id)

@@ -666,6 +666,19 @@ def test_a_name_that_hands_type_is_hinted_at(
             "'max_stroke': did you mean 'max_stroke_mm'?",
         ),
         (lambda g: g.nothing_like_it, "'nothing_like_it'"),
+        (lambda g: g.connected, "'connected'; use is_connected"),
+        (lambda g: g.estop, "'estop'; use software_stop()"),
+        (
+            lambda g: g.get_state().position,
+            "'position': did you mean 'opening_mm' or 'position_rad'?",
+        ),
+        (
+            lambda g: g.goto(30).temperature,
+            "'temperature': did you mean 'state.coil_temperature_c' or"
+            " 'state.driver_temperature_c'?",
+        ),
+        (lambda g: g.goto(30).success, "'success': did you mean 'ok'?"),
+        (lambda g: g.latest().opening_mm, "'opening_mm': did you mean 'state.opening_mm'?"),
     ],
 )
 def test_what_was_meant_by_a_wrong_name_is_said_once(

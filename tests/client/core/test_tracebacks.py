@@ -209,6 +209,7 @@ MISUSED = {
     "grasp(force=10)": "LiteGrip.grasp() has no argument 'force': did you mean 'force_n'? it",
     "goto(positoin_mm=9)": "did you mean 'position_mm'? it takes: position_mm, kp, kd, duration,",
     "goto(9, colour=1)": "LiteGrip.goto() has no argument 'colour': it takes: position_mm, ",
+    "goto(9, speed=3)": "has no argument 'speed': use move_at_speed(target_mm, speed_mm_s); it takes",
     "hold(9)": "LiteGrip.hold(): too many positional arguments; it takes no arguments",
     "goto()": "LiteGrip.goto(): missing a required argument: 'position_mm'; it takes: position_mm,",
     "open(1, 2)": "it takes: speed_mm_s, progress; only by name: progress",
@@ -257,6 +258,12 @@ def test_an_object_with_wrong_arguments_is_not_made(kind: Kind) -> None:
     text = r"^LiteGrip\(\) has no argument 'chanel': did you mean 'channel'\? it takes: channel, "
     with pytest.raises(TypeError, match=text):
         kind.gripper(chanel="can1")
+
+
+def test_a_wrong_call_of_a_class_names_it() -> None:
+    told = r"^Trajectory\.load\(\): missing a required argument: 'name'; it takes: name$"
+    with pytest.raises(TypeError, match=told):
+        Trajectory.load()  # type: ignore[call-arg]
 
 
 def test_the_other_client_is_named_where_a_block_is_of_the_wrong_kind(site: Bench) -> None:

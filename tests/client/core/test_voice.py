@@ -126,7 +126,7 @@ def test_a_voice_that_fails_leaves_the_error_and_is_told_once(
     daemon.client().result("stop")
     with kind.gripper(voice=voice) as gripper:
         for call in (gripper.enable, gripper.open):
-            with pytest.raises(StoppedError, match="clear it with stop.clear first"):
+            with pytest.raises(StoppedError, match=r"clear it with stop\.clear first"):
                 call()
     assert [record.getMessage() for record in caplog.records] == [
         f"voice('stop.clear', None, 'motor.enable') {wrong}; the protocol's name stays"
