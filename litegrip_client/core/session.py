@@ -102,11 +102,9 @@ class DaemonSession:
         Raises `CommandError` for a `voice` that cannot be called, and what else cannot be.
         """
         if voice is not None:
-            from litegrip_client.values.terms import kept  # noqa: PLC0415 - seldom given
-
             what = "a method, a parameter and the method that was asked"
             check_callback("voice", voice, 3, what)
-            voice = kept(voice)
+            voice = _kept(voice)
         given: Any = can_id
         if given in ("normal", "reverse"):
             raise ParameterError(
@@ -505,6 +503,31 @@ async def _disable(wire: Wire, channel: str) -> None:
             reason="not_confirmed",
             data={"retryable": True},
         )
+
+
+def _kept(voice: Voice) -> Voice:
+    """Return a program's own voice as one that never fails: no text is lost by it.
+
+    What it raises, or returns that is no text, is logged once, and the daemon's name stays.
+    """
+    is_logged = False
+
+    def speak(method: str | None, parameter: str | None, asked: str | None) -> str | None:
+        nonlocal is_logged
+        try:
+            said: object = voice(method, parameter, asked)
+        except Exception as error:  # noqa: BLE001 - of whatever kind: it must hide no other one
+            wrong = f"has raised {type(error).__name__}: {error}"
+        else:
+            if said is None or isinstance(said, str):
+                return said
+            wrong = f"has returned {said!r:.60}, which is no text"
+        if not is_logged:
+            is_logged = True
+            warn(f"voice({method!r}, {parameter!r}, {asked!r}) {wrong}; the protocol's name stays")
+        return None
+
+    return speak
 
 
 @contextlib.contextmanager

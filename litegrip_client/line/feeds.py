@@ -171,12 +171,12 @@ def names(what: str, given: Sequence[str]) -> list[str]:
     if isinstance(given, str):
         raise _no_names(what, f"is the text {given!r:.60}")
     try:
-        listed: list[object] = list(given)
+        listed = list(given)
     except TypeError:
         raise _no_names(what, f"is {given!r:.60}") from None
-    for one in listed:
-        if not isinstance(one, str):
-            raise _no_names(what, f"has {one!r:.60} in it")
+    others: list[object] = [one for one in listed if not isinstance(one, str)]
+    if others:
+        raise _no_names(what, f"has {others[0]!r:.60} in it")
     return listed
 
 

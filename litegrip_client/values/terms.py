@@ -40,33 +40,6 @@ class Called(str):
         return made
 
 
-def kept(voice: Voice) -> Voice:
-    """Return a program's own voice as one that never fails: no text is lost by it.
-
-    What it raises, or returns that is no text, is logged once, and the daemon's name stays.
-    """
-    is_logged = False
-
-    def speak(method: str | None, parameter: str | None, asked: str | None) -> str | None:
-        nonlocal is_logged
-        try:
-            said: object = voice(method, parameter, asked)
-        except Exception as error:  # noqa: BLE001 - of whatever kind: it must hide no other one
-            wrong = f"has raised {type(error).__name__}: {error}"
-        else:
-            if said is None or isinstance(said, str):
-                return said
-            wrong = f"has returned {said!r:.60}, which is no text"
-        if not is_logged:
-            from litegrip_client.values.warn import warn  # noqa: PLC0415 - an error
-
-            is_logged = True
-            warn(f"voice({method!r}, {parameter!r}, {asked!r}) {wrong}; the protocol's name stays")
-        return None
-
-    return speak
-
-
 def told(data: Mapping[str, Any], name: str, voice: Voice, asked: str | None = None) -> str:
     """Return the text `name` of an object that the daemon sent, in the words of a voice.
 

@@ -269,7 +269,7 @@ def _checked(samples: Any) -> list[TrajectorySample]:
     checked: list[TrajectorySample] = []
     try:
         for sample in samples:
-            checked.append(TrajectorySample._make(map(float, sample)))  # noqa: PERF401 - counted
+            checked.append(TrajectorySample._make(map(float, sample)))
     except (TypeError, ValueError, OverflowError):
         text = f"{each}; sample {len(checked)} is {sample!r:.80}"
         raise TrajectoryFormatError(text) from None

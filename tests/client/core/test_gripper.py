@@ -101,7 +101,7 @@ def test_an_argument_that_cannot_be_is_refused_by_the_constructor(
 
 
 def test_a_path_may_be_one_of_pathlib(kind: Kind) -> None:
-    given = kind.gripper(socket_path=Path("/tmp/mine.sock"))  # type: ignore[arg-type]
+    given = kind.gripper(socket_path=Path("/tmp/mine.sock"))
     assert given.socket_path == "/tmp/mine.sock"
 
 
@@ -674,8 +674,10 @@ def test_a_name_that_hands_type_is_hinted_at(
         ),
         (
             lambda g: g.goto(30).temperature,
-            "'temperature': did you mean 'state.coil_temperature_c' or"
-            " 'state.driver_temperature_c'?",
+            (
+                "'temperature': did you mean 'state.coil_temperature_c' or"
+                " 'state.driver_temperature_c'?"
+            ),
         ),
         (lambda g: g.goto(30).success, "'success': did you mean 'ok'?"),
         (lambda g: g.latest().opening_mm, "'opening_mm': did you mean 'state.opening_mm'?"),

@@ -80,7 +80,8 @@ def test_a_target_out_of_reach_is_named_as_the_caller_has_it(
         move(enabled)
 
 
-def teleop(gripper: LiteGrip, **options: Any) -> None:
+def teleop(name: str, gripper: LiteGrip) -> None:
+    options: dict[str, Any] = {name: "no"}
     gripper.teleop_start("master", **options)
 
 
@@ -101,7 +102,7 @@ def teleop(gripper: LiteGrip, **options: Any) -> None:
         (lambda g: g.play_start(TAUGHT, loop="no"), "loop is 'no', it must be True or False"),
         (lambda g: g.play_start(TAUGHT, align="no"), "align is 'no', it must be True or False"),
         *(
-            (partial(teleop, **{name: "no"}), f"{name} is 'no', it must be True or False")
+            (partial(teleop, name), f"{name} is 'no', it must be True or False")
             for name in ("align", "require_ready", "reflect", "fake_leader")
         ),
         (

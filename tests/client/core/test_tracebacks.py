@@ -209,7 +209,7 @@ MISUSED = {
     "grasp(force=10)": "LiteGrip.grasp() has no argument 'force': did you mean 'force_n'? it",
     "goto(positoin_mm=9)": "did you mean 'position_mm'? it takes: position_mm, kp, kd, duration,",
     "goto(9, colour=1)": "LiteGrip.goto() has no argument 'colour': it takes: position_mm, ",
-    "goto(9, speed=3)": "has no argument 'speed': use move_at_speed(target_mm, speed_mm_s); it takes",
+    "goto(9, speed=3)": "argument 'speed': use move_at_speed(target_mm, speed_mm_s); it takes: ",
     "hold(9)": "LiteGrip.hold(): too many positional arguments; it takes no arguments",
     "goto()": "LiteGrip.goto(): missing a required argument: 'position_mm'; it takes: position_mm,",
     "open(1, 2)": "it takes: speed_mm_s, progress; only by name: progress",
