@@ -240,7 +240,7 @@ class TeleopNotReady(TeleopError):  # noqa: N818 - the vendor SDK's name
 
 
 class LeaseError(BusyError):
-    """Another client has the lease, or this client lost it; see `owner`."""
+    """Another client has the lease, or this client lost it; `owner` is who has, or has taken it."""
 
 
 class NotPermittedError(CommandError):
