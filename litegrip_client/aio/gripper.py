@@ -31,7 +31,15 @@ from litegrip_client.line.exchange import (
     no_answer,
     or_closed,
 )
-from litegrip_client.line.feeds import Event, EventFeed, Feed, StateFeed, some_fields, whole_state
+from litegrip_client.line.feeds import (
+    Event,
+    EventFeed,
+    Feed,
+    StateFeed,
+    ended,
+    some_fields,
+    whole_state,
+)
 from litegrip_client.line.latest import BaseLatest, NewestFeed
 from litegrip_client.values.calibration import GripperConfig
 from litegrip_client.values.errors import CommandError, ConnectError, LiteGripError
@@ -443,6 +451,9 @@ class Subscription(_BegunLate[Feed[_Item]], Generic[_Item]):
         return f"<{type(self).__name__} of {self._feed!r}{', closed' if self._closed else ''}>"
 
     def __aiter__(self) -> Subscription[_Item]:
+        """Begin to iterate; raises `ConnectError` once it has ended: nothing would come."""
+        if self._closed:
+            raise ended(self._feed, self._connection.voice)
         return self
 
     async def __anext__(self) -> _Item:
@@ -611,7 +622,7 @@ class LiteGrip(Gripper):
             socket_path,
             disable_on_disconnect=disable_on_disconnect,
             expected=expected,
-            voice=voice or _in_asyncio,
+            voice=_in_asyncio if voice is None else voice,
         )
         super().__init__(session, mount, motion_config, config)
 

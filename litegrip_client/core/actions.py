@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from litegrip_client.core.motion import Motion, SetpointStream, check_no_feedforward, frame_target
 from litegrip_client.core.session import ACTION_TIMEOUT_S, DaemonSession, naming_the_danger
-from litegrip_client.values.checks import given_numbers, integer, number
+from litegrip_client.values.checks import check_callback, flag, given_numbers, integer, number
 from litegrip_client.values.errors import CommandError, LiteGripError, ParameterError
 from litegrip_client.values.motion_config import MotionConfig
 from litegrip_client.values.results import (
@@ -21,7 +21,6 @@ from litegrip_client.values.results import (
     SetZeroResult,
 )
 from litegrip_client.values.terms import Called
-from litegrip_client.values.tracebacks import IS_COROUTINE
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: what is seldom needed takes its time to import
@@ -167,12 +166,13 @@ class GripperActions:
         has no fault: nothing happens. This also accepts a position that has jumped: check first
         where the jaws are. Raises `HardwareError` with a fault that cannot be cleared.
         """
+        enables = flag("enable", enable)
         state = GripperState.from_wire(await self._session.wire.call("state.get"))
         if state.enabled is True and not state.stale:
             return True
         await self._ask("motor.clear_fault")
         self._session.enabled_here = False
-        return bool(await self.enable()) if enable else True
+        return bool(await self.enable()) if enables else True
 
     async def read_param(self, register: str | int) -> float:
         """Read a register of the motor, by name ("PMAX") or number (21); nothing is written.
@@ -374,7 +374,8 @@ class GripperActions:
         They are loose until `zero_gravity(False)`, `hold` or any motion. Until then the state's
         `mode` is "relaxed" and `is_zero_gravity` true, as after `stop` and a stop "relax".
         """
-        return state_of(await self._command("motion.zero_gravity" if on else "motion.hold", {}))
+        method = "motion.zero_gravity" if flag("on", on) else "motion.hold"
+        return state_of(await self._command(method, {}))
 
     async def hold(self) -> GripperState:
         """Hold from now on: a held object with its present force, else the measured position."""
@@ -451,8 +452,9 @@ class GripperActions:
 
         An interrupt ends the recording before it is raised.
         """
-        recording = self._trajectories.recording(duration_s, rate_hz, zero_gravity)
-        if zero_gravity:
+        is_slack = flag("zero_gravity", zero_gravity)
+        recording = self._trajectories.recording(duration_s, rate_hz, is_slack)
+        if is_slack:
             await self._end_frames()
         return await self._trajectories.fetch(await recording.run())
 
@@ -464,10 +466,11 @@ class GripperActions:
         It ends by `record_stop`, or when `max_samples` (1 to 360 000, which is the default) were
         due; the jaws then hold.
         """
-        params = {"rate_hz": number("rate_hz", rate_hz), "zero_gravity": bool(zero_gravity)}
+        is_slack = flag("zero_gravity", zero_gravity)
+        params = {"rate_hz": number("rate_hz", rate_hz), "zero_gravity": is_slack}
         if max_samples is not None:
             params["max_samples"] = integer("max_samples", max_samples)
-        if zero_gravity:
+        if is_slack:
             await self._end_frames()
         return await self._trajectories.begin(self._calibrated(params))
 
@@ -481,8 +484,8 @@ class GripperActions:
         unless `allow_empty`. What is refused stays until the next recording begins: with
         `allow_partial` a second call returns the samples before the break.
         """
-        params = {"allow_empty": bool(allow_empty)}
-        if allow_partial:
+        params = {"allow_empty": flag("allow_empty", allow_empty)}
+        if flag("allow_partial", allow_partial):
             params["allow_partial"] = True
         return await self._trajectories.end(params)
 
@@ -519,7 +522,7 @@ class GripperActions:
         `loop` is for `play_start`. An interrupt, or an error of `progress`, cancels the replay
         before it is raised. A path that something blocks gives `ok` False.
         """
-        if loop:
+        if flag("loop", loop):
             raise ParameterError(
                 "play returns at the end, which a loop does not have",
                 reason="invalid_params",
@@ -550,7 +553,7 @@ class GripperActions:
         """
         params = _play_params(speed, kp, kd, align, torque_nm, force)
         # It must end with the connection. A motion for which nobody waits does not.
-        params |= {"loop": bool(loop), "wait": False, "detach": False}
+        params |= {"loop": flag("loop", loop), "wait": False, "detach": False}
         params.update(await self._trajectories.upload(trajectory))
         await self._command("trajectory.play", self._configured(params))
         return await self.trajectory_status()
@@ -566,8 +569,9 @@ class GripperActions:
     async def play_pause(self) -> dict[str, Any]:
         """Let the replay wait where it is; the jaws hold there. Return `trajectory_status()`.
 
-        Raises `CommandError` when none runs. As `play_resume` and `play_speed` it acts on whatever
-        replay runs, from another thread or program, too, unless another program has the lease.
+        Raises `TrajectoryNotActiveError` when none runs. As `play_resume` and `play_speed` it acts
+        on whatever replay runs, from another thread or program, too, unless another program has
+        the lease.
         """
         return await self._control({"action": "pause"})
 
@@ -583,7 +587,10 @@ class GripperActions:
         return await self._control({"action": "speed", "speed": number("speed", speed)})
 
     async def _control(self, params: dict[str, Any]) -> dict[str, Any]:
-        await self._command("trajectory.control", params)
+        try:
+            await self._command("trajectory.control", params)
+        except CommandError as error:
+            raise self._trajectories.not_playing(error) from None
         return await self.trajectory_status()
 
     async def trajectory_status(self) -> dict[str, Any]:
@@ -736,13 +743,13 @@ class GripperActions:
             ready_tolerance_mm=ready_tolerance_mm,
             ready_period_s=ready_period_s,
         )
-        if reflect:
+        if flag("reflect", reflect):
             params["reflect"] = True
-        if fake_leader:
+        if flag("fake_leader", fake_leader):
             params["fake_leader"] = True
-        if not align:
+        if not flag("align", align):
             params["align"] = False
-        if not require_ready:
+        if not flag("require_ready", require_ready):
             params["require_ready"] = False
         config = self._motion_config.to_wire()
         if config:
@@ -975,34 +982,13 @@ class GripperActions:
         self, method: str, params: dict[str, Any], progress: ProgressCallback | None
     ) -> dict[str, Any]:
         """Wait for a motion's result; an interrupt or an error cancels the motion."""
-        if progress is not None and not callable(progress):
-            raise ParameterError(
-                f"progress is {progress!r:.60}, it must be a function of a MoveProgress",
-                reason="invalid_params",
-                data={"parameter": "progress"},
-            )
-        if _is_async(progress):
-            raise ParameterError(
-                "progress is an async function, it must be a plain one of a MoveProgress: it is"
-                " called, and not awaited",
-                reason="invalid_params",
-                data={"parameter": "progress"},
-            )
+        if progress is not None:
+            check_callback("progress", progress, 1, "a MoveProgress")
         positions: list[float] = []
 
         def report(data: dict[str, Any]) -> None:
-            if progress is None:
-                return
-            try:
+            if progress is not None:
                 progress(MoveProgress.from_wire(data, positions))
-            except TypeError as error:
-                if error.__traceback__ is None or error.__traceback__.tb_next is not None:
-                    raise  # of its own
-                raise ParameterError(
-                    f"progress must be a function of a MoveProgress: {error}",
-                    reason="invalid_params",
-                    data={"parameter": "progress"},
-                ) from None
 
         await self._end_frames()
         return await Motion(self._session.wire, method, params, report).run()
@@ -1016,12 +1002,6 @@ class GripperActions:
 
     async def _ask(self, method: str, params: dict[str, Any] | None = None) -> dict[str, Any]:
         return await self._session.wire.call(method, params, ACTION_TIMEOUT_S)
-
-
-def _is_async(function: object) -> bool:
-    """Return True for a function that must be awaited, also for a `functools.partial` of one."""
-    code = getattr(getattr(function, "func", function), "__code__", None)
-    return code is not None and bool(code.co_flags & IS_COROUTINE)
 
 
 def state_of(result: dict[str, Any]) -> GripperState:
@@ -1061,7 +1041,7 @@ def _play_params(  # noqa: PLR0917 - those of `play`, in its order
     torque_nm: float | None,
     force: str,
 ) -> dict[str, Any]:
-    params: dict[str, Any] = {"speed": number("speed", speed), "align": bool(align)}
+    params: dict[str, Any] = {"speed": number("speed", speed), "align": flag("align", align)}
     if force != "path":
         params["force"] = force
     return params | given_numbers(kp=kp, kd=kd, torque_nm=torque_nm)

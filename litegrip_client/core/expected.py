@@ -8,7 +8,7 @@ from dataclasses import fields
 from typing import Any
 
 from litegrip_client.values.calibration import GripperConfig
-from litegrip_client.values.checks import integer
+from litegrip_client.values.checks import flag, integer
 from litegrip_client.values.errors import CommandError, ParameterError
 
 _TOLERANCE = 1e-3
@@ -49,7 +49,7 @@ def expectations(  # noqa: PLR0917 - the arguments of the SDK's LiteGrip
         if channel is None and config.channel != GripperConfig().channel:
             channel = config.channel
         can_id = expected.pop("can_id", None) if can_id is None else can_id
-    if canfd_mode:
+    if canfd_mode is not None and flag("canfd_mode", canfd_mode):
         raise ParameterError(
             "canfd_mode cannot be true: the motor speaks classic CAN at 1 Mbit/s",
             reason="invalid_params",

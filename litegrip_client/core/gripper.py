@@ -10,6 +10,7 @@ from litegrip_client.core.actions import GripperActions, state_of
 from litegrip_client.core.session import ACTION_TIMEOUT_S, DaemonSession, Lease
 from litegrip_client.core.sockets import STOP_LEVELS
 from litegrip_client.core.stop import stop, stop_params
+from litegrip_client.values.checks import flag
 from litegrip_client.values.errors import (
     BusyError,
     HardwareError,
@@ -110,7 +111,7 @@ class Gripper(GripperActions):
 
     @disable_on_disconnect.setter
     def disable_on_disconnect(self, value: bool) -> None:
-        self._session.disable_on_disconnect = bool(value)
+        self._session.disable_on_disconnect = flag("disable_on_disconnect", value)
 
     # The lease
 

@@ -13,7 +13,7 @@ from weakref import WeakSet
 
 from litegrip_client.core.discovery import chosen_channel
 from litegrip_client.line.exchange import ENDS_DISABLED, LEFT_ALONE, SEE_DOCTOR, or_closed
-from litegrip_client.values.checks import given_numbers, integer
+from litegrip_client.values.checks import check_callback, flag, given_numbers, integer, path
 from litegrip_client.values.errors import (
     CommandError,
     CommError,
@@ -99,15 +99,12 @@ class DaemonSession:
     ) -> None:
         """Expect the values of `expected` in the daemon's `GripperConfig`, by its fields.
 
-        Raises `CommandError` for a `voice` that cannot be called, or a `can_id` that is no number.
+        Raises `CommandError` for a `voice` that cannot be called, and what else cannot be.
         """
-        if voice is not None and not callable(voice):
-            raise ParameterError(
-                f"voice is {voice!r:.60}, it must be a function of a method, a parameter and the"
-                " method that was asked",
-                reason="invalid_params",
-                data={"parameter": "voice"},
-            )
+        if voice is not None:
+            what = "a method, a parameter and the method that was asked"
+            check_callback("voice", voice, 3, what)
+            voice = _kept(voice)
         given: Any = can_id
         if given in ("normal", "reverse"):
             raise ParameterError(
@@ -119,8 +116,8 @@ class DaemonSession:
         self._expected = expected or {}
         self.channel = chosen_channel(channel)
         self.can_id = None if can_id is None else integer("can_id", can_id)
-        self.socket_path = socket_path
-        self.disable_on_disconnect = disable_on_disconnect
+        self.socket_path = None if socket_path is None else path("socket_path", socket_path)
+        self.disable_on_disconnect = flag("disable_on_disconnect", disable_on_disconnect)
         self.enabled_here = False
         self.keeps_lease = False
         self._leases = 0
@@ -506,6 +503,31 @@ async def _disable(wire: Wire, channel: str) -> None:
             reason="not_confirmed",
             data={"retryable": True},
         )
+
+
+def _kept(voice: Voice) -> Voice:
+    """Return a program's own voice as one that never fails: no text is lost by it.
+
+    What it raises, or returns that is no text, is logged once, and the daemon's name stays.
+    """
+    is_logged = False
+
+    def speak(method: str | None, parameter: str | None, asked: str | None) -> str | None:
+        nonlocal is_logged
+        try:
+            said: object = voice(method, parameter, asked)
+        except Exception as error:  # noqa: BLE001 - of whatever kind: it must hide no other one
+            wrong = f"has raised {type(error).__name__}: {error}"
+        else:
+            if said is None or isinstance(said, str):
+                return said
+            wrong = f"has returned {said!r:.60}, which is no text"
+        if not is_logged:
+            is_logged = True
+            warn(f"voice({method!r}, {parameter!r}, {asked!r}) {wrong}; the protocol's name stays")
+        return None
+
+    return speak
 
 
 @contextlib.contextmanager

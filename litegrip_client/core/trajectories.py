@@ -22,6 +22,7 @@ from litegrip_client.values.errors import (
     TrajectoryNotActiveError,
     TrajectoryRecordingError,
 )
+from litegrip_client.values.terms import Called
 from litegrip_client.values.trajectory_format import MAX_SAMPLES
 from litegrip_client.values.warn import warn
 
@@ -142,6 +143,18 @@ class Trajectories:
             status["error"] = None  # this program ended it: that is no error
         return status
 
+    def not_playing(self, error: CommandError) -> CommandError:
+        """Return the refusal of what needs a replay that runs, with the call that begins one."""
+        if error.reason != "unknown_job":
+            return error
+        from litegrip_client.values.voices import in_python  # noqa: PLC0415 - an error
+
+        voice = self._session.voice or in_python
+        begin = voice(Called("trajectory.play", "play_start"), None, None)
+        message = f"{error.message}: begin one ({begin})" if begin else error.message
+        data = {**error.data, "hint": begin} if begin else error.data
+        return TrajectoryNotActiveError(message, reason=error.reason, code=error.code, data=data)
+
     async def end_replay(self, timeout_s: float) -> dict[str, Any]:
         """End the replay that runs, if one does; return the status.
 
@@ -224,7 +237,7 @@ class Recording:
             raise ParameterError(text, reason="invalid_params", data={"parameter": "duration_s"})
         self._start = {
             "rate_hz": self._rate_hz,
-            "zero_gravity": bool(zero_gravity),
+            "zero_gravity": zero_gravity,
             "max_samples": self._samples,
         }
         self._name = {} if name is None else {"name": name}

@@ -169,12 +169,20 @@ class EventFeed(Feed[Event]):
 def names(what: str, given: Sequence[str]) -> list[str]:
     """Return a list of names; raises `CommandError` for a text, whose items are single letters."""
     if isinstance(given, str):
-        raise ParameterError(
-            f"{what} is the text {given!r:.60}, it must be a list of names",
-            reason="invalid_params",
-            data={"parameter": what},
-        )
-    return list(given)
+        raise _no_names(what, f"is the text {given!r:.60}")
+    try:
+        listed = list(given)
+    except TypeError:
+        raise _no_names(what, f"is {given!r:.60}") from None
+    others: list[object] = [one for one in listed if not isinstance(one, str)]
+    if others:
+        raise _no_names(what, f"has {others[0]!r:.60} in it")
+    return listed
+
+
+def _no_names(what: str, problem: str) -> ParameterError:
+    text = f"{what} {problem}, it must be a list of names"
+    return ParameterError(text, reason="invalid_params", data={"parameter": what})
 
 
 _INBOX_SAMPLES = 256
@@ -298,6 +306,17 @@ def some_fields(sample: StateSample) -> dict[str, Any]:
     return sample.state
 
 
+def ended(feed: Feed[Any], voice: Voice | None) -> ConnectError:
+    """Return the error for who begins to iterate over a subscription that has ended."""
+    begin = (voice or in_python)(feed.method, None, None)
+    return ConnectError(
+        f"no {feed.what} comes any more: the block of this subscription has ended, or it was"
+        " closed",
+        reason="not_connected",
+        data={"hint": f"begin a new one: {begin}"} if begin else {},
+    )
+
+
 class FeedSource(Protocol):
     """What a subscription needs of its connection."""
 
@@ -326,6 +345,9 @@ class Subscription(Generic[_Item]):
         return f"<{type(self).__name__} of {self._feed!r}{', closed' if self._closed else ''}>"
 
     def __iter__(self) -> Subscription[_Item]:
+        """Begin to iterate; raises `ConnectError` once it has ended: nothing would come."""
+        if self._closed:
+            raise ended(self._feed, self._feed.voice)
         return self
 
     def __next__(self) -> _Item:

@@ -16,6 +16,7 @@ from litegrip_client.line.exchange import FOREVER_S, no_answer
 from litegrip_client.line.feeds import Feed
 from litegrip_client.values.checks import number
 from litegrip_client.values.errors import ConnectError, LiteGripError
+from litegrip_client.values.fields import Hinting
 from litegrip_client.values.results import GripperState
 from litegrip_client.values.tracebacks import shortened
 
@@ -96,8 +97,11 @@ def not_begun() -> ConnectError:
     )
 
 
-class BaseLatest:
+class BaseLatest(Hinting):
     """The newest state: what can be said of it without waiting."""
+
+    def _beyond(self) -> dict[str, type]:
+        return {"state.": GripperState}
 
     def __init__(self, connection: Exchange, feed: NewestFeed) -> None:
         self._exchange = connection

@@ -586,8 +586,9 @@ class GripperActions:
     def play_pause(self) -> dict[str, Any]:
         """Let the replay wait where it is; the jaws hold there. Return `trajectory_status()`.
 
-        Raises `CommandError` when none runs. As `play_resume` and `play_speed` it acts on whatever
-        replay runs, from another thread or program, too, unless another program has the lease.
+        Raises `TrajectoryNotActiveError` when none runs. As `play_resume` and `play_speed` it acts
+        on whatever replay runs, from another thread or program, too, unless another program has
+        the lease.
         """
         return complete(self._core.play_pause())
 

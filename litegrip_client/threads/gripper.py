@@ -47,6 +47,8 @@ class LiteGrip(SdkGripper):
     A program whose user has other words gives a `voice`, a function of a method of the protocol, a
     parameter, and the method that was asked. It returns the user's words, or None to leave the
     protocol's: `voice=lambda method, parameter, asked: {"stop.clear": "~/clear"}.get(method)`.
+    None never means a call of this class, which such a user cannot make. What a voice raises is
+    logged, once, and leaves the protocol's words as well.
 
     `GripperActions` describes all actions.
     """

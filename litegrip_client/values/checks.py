@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import operator
+import os
 from collections.abc import Mapping
 
 from litegrip_client.values.errors import CommandError, ParameterError, ProtocolError
@@ -43,6 +44,46 @@ def integer(name: str, value: Any) -> int:
         return operator.index(value)
     except TypeError:
         raise _wrong(name, f"is {value!r:.60}, it must be a whole number") from None
+
+
+def flag(name: str, value: Any) -> bool:
+    """Return `value` as a bool; raises `CommandError` for what is neither: "no" would be true."""
+    if value not in (False, True):
+        raise _wrong(name, f"is {value!r:.60}, it must be True or False")
+    return bool(value)
+
+
+def path(name: str, value: Any) -> str:
+    """Return a path as text; raises `CommandError` for what is none."""
+    try:
+        result = os.fspath(value)
+    except TypeError:
+        result = None
+    if not isinstance(result, str):
+        raise _wrong(name, f"is {value!r:.60}, it must be a path")
+    return result
+
+
+def check_callback(name: str, value: Any, arguments: int, what: str) -> None:
+    """Raise `CommandError` for what cannot be called with so many arguments, or is async.
+
+    `what` names the arguments. What Python does not know the parameters of is not refused.
+    """
+    import inspect  # noqa: PLC0415 - callbacks are seldom given
+
+    if not callable(value):
+        raise _wrong(name, f"is {value!r:.60}, it must be a function of {what}")
+    if any(map(inspect.iscoroutinefunction, (value, type(value).__call__))):
+        problem = f"is an async function, it must be a plain one of {what}"
+        raise _wrong(name, f"{problem}: it is called, and not awaited")
+    try:
+        signature = inspect.signature(value)
+    except (AttributeError, NameError, TypeError, ValueError):
+        return  # of a function in C, or with annotations that are only for a type checker
+    try:
+        signature.bind(*[None] * arguments)
+    except TypeError as error:
+        raise _wrong(name, f"must be a function of {what}: {error}") from None
 
 
 def given_numbers(**values: Any) -> dict[str, Any]:

@@ -129,8 +129,11 @@ class LiteGripError(Exception):
 
     @property
     def owner(self) -> dict[str, Any] | None:
-        """Who has what was asked for, or has stopped: a mapping with pid, program and so on."""
-        owner = self.data.get("owner")
+        """Who has what was asked for, has taken it, or has stopped: pid, program and so on.
+
+        None if nobody has: a lease that was lost may have run out.
+        """
+        owner = self.data.get("owner", self.data.get("by"))
         return owner if isinstance(owner, dict) else None
 
     def __str__(self) -> str:
@@ -217,7 +220,7 @@ class TrajectoryEmptyError(TrajectoryRecordingError):
 
 
 class TrajectoryNotActiveError(TrajectoryError):
-    """No recording is running, and none has ended that could be fetched."""
+    """No replay is running, or no recording, and none has ended that could be fetched."""
 
 
 class TeleopError(CommandError):
@@ -237,7 +240,7 @@ class TeleopNotReady(TeleopError):  # noqa: N818 - the vendor SDK's name
 
 
 class LeaseError(BusyError):
-    """Another client has the lease, or this client lost it; see `owner`."""
+    """Another client has the lease, or this client lost it; `owner` is who has, or has taken it."""
 
 
 class NotPermittedError(CommandError):

@@ -14,7 +14,7 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, TypeAlias
 
 Voice: TypeAlias = "Callable[[str | None, str | None, str | None], str | None]"
-"""Names what a message names, for its reader; None leaves the daemon's name.
+"""Names what a message names, for its reader; None leaves the daemon's name, not Python's.
 
 Its arguments are a method, a parameter, and the method that was asked. It returns the call that
 does the method, with the parameter if one is given; or, for a parameter without a method, the

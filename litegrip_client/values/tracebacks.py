@@ -31,8 +31,8 @@ HIDDEN = (
     f"{_STANDARD}contextlib.py",
 )
 _SPECIAL = (
-    *("__init__", "__enter__", "__exit__", "__next__", "__setattr__"),
-    *("__aenter__", "__aexit__", "__anext__"),
+    *("__init__", "__enter__", "__exit__", "__iter__", "__next__", "__setattr__"),
+    *("__aenter__", "__aexit__", "__aiter__", "__anext__"),
 )
 _STOP = "software_stop"
 STOPPED_ALL_THE_SAME = "the gripper was told to stop all the same, until clear_stop()"

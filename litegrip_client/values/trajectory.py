@@ -14,7 +14,7 @@ import math
 import os
 import stat
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple, Protocol
@@ -261,12 +261,18 @@ def _digest(content: bytes) -> str:
 
 
 def _checked(samples: Any) -> list[TrajectorySample]:
+    each = "samples are t, openness, position_rad, velocity_rad_s, torque_nm"
+    if isinstance(samples, str) or not isinstance(samples, Collection):
+        text = f"{each}, not {samples!r:.40}; what was saved is read by Trajectory.load(name)"
+        raise TrajectoryFormatError(text)
+    check_count(len(samples))
+    checked: list[TrajectorySample] = []
     try:
-        check_count(len(samples))
-        checked = [TrajectorySample._make(map(float, sample)) for sample in samples]
-    except (TypeError, ValueError, OverflowError) as error:
-        text = f"samples are t, openness, position_rad, velocity_rad_s, torque_nm: {error}"
-        raise TrajectoryFormatError(text) from error
+        for sample in samples:
+            checked.append(TrajectorySample._make(map(float, sample)))
+    except (TypeError, ValueError, OverflowError):
+        text = f"{each}; sample {len(checked)} is {sample!r:.80}"
+        raise TrajectoryFormatError(text) from None
     last_s = -math.inf
     for place, sample in enumerate(checked):
         check_finite(place, sample)

@@ -237,8 +237,22 @@ MEANT: Mapping[str, str] = {
     "relaxed": "get_state().is_zero_gravity",
     "grasped": "get_state().is_grasped",
     "enabled": "get_state().enabled",
+    "connected": "is_connected",
+    "open_gripper": "open()",
+    "close_gripper": "close()",
+    "abort": "cancel() for this object's own motion, or software_stop()",
+    "halt": "software_stop()",
+    "estop": "software_stop()",
+    "emergency_stop": "software_stop()",
 }
 """By a name that users look for in `LiteGrip`: what does that there."""
+
+_SEVERAL: Mapping[str, tuple[str, ...]] = {
+    "position": ("opening_mm", "position_rad"),
+    "temperature": ("coil_temperature_c", "driver_temperature_c"),
+    "success": ("ok",),
+}
+"""By a name that users look for in a state or a result: the fields, where it has all of these."""
 
 _FIELDS: Mapping[str, str] = {"width": "opening_mm"}
 """By a name that users look for in a state or a result: the field, unless one begins with it."""
@@ -270,6 +284,9 @@ def _hint(kind: type, name: str, beyond: Mapping[str, type]) -> str:
     if beyond and name in MEANT and kind.__name__ == "LiteGrip":
         return f"; use {MEANT[name]}"
     for path, place in {"": kind, **beyond}.items():
+        several = _SEVERAL.get(name, ())
+        if several and set(several) <= set(_public(place)):
+            return f": did you mean {' or '.join(repr(path + one) for one in several)}?"
         like = _with_unit(name, _public(place))
         if like is not None:
             return f": did you mean {path + like!r}?"
@@ -304,13 +321,14 @@ def misuse(
 ) -> str | None:
     """Return what is wrong with a call of a method and what it takes; None if nothing is found.
 
-    The first of the `arguments` is the object.
+    The first of the `arguments` is the object, or the class.
     """
     import inspect  # noqa: PLC0415 - an error
 
     signature = inspect.signature(method)
     parameters = list(signature.parameters.values())[1:]
-    kind = type(arguments[0]).__name__
+    owner = arguments[0]
+    kind = (owner if isinstance(owner, type) else type(owner)).__name__
     call = kind if method.__name__ == "__init__" else f"{kind}.{method.__name__}"
     names = [one.name for one in parameters if one.kind is not one.POSITIONAL_ONLY]
     takes = f"it takes: {', '.join(names)}" if names else "it takes no arguments"
@@ -318,6 +336,8 @@ def misuse(
         if wrong not in names:
             like = _like(wrong, names)
             meant = f"did you mean {like!r}? " if like else ""
+            if not like and method.__name__ == "goto" and wrong.startswith("speed"):
+                meant = "use move_at_speed(target_mm, speed_mm_s); "
             return f"{call}() has no argument {wrong!r}: {meant}{takes}"
     try:
         signature.bind(*arguments, **named)

@@ -93,11 +93,17 @@ class Param:
     def problem(self, value: object) -> str | None:
         """Return what is wrong with `value` and what is allowed, or None."""
         if not self._has_type(value):
-            return f"must be {_NAMED[self.kind]}, not {_shown(value)}"
+            return f"must be {_NAMED[self.kind]}, {self._unlike(value)}"
         if isinstance(value, int | float) and not isinstance(value, bool):
             return self._problem_of_number(value)
         texts = value if isinstance(value, list) else [value] if isinstance(value, str) else []
         return next(filter(None, map(self._problem_of_text, texts)), None)
+
+    def _unlike(self, value: object) -> str:
+        """Return what a value of another type is, or which item of an array is none."""
+        if self.kind != "strings" or not isinstance(value, list):
+            return f"not {_shown(value)}"
+        return f"and has {next(_shown(one) for one in value if not isinstance(one, str))} in it"
 
     def _problem_of_number(self, value: float) -> str | None:
         if isinstance(value, int) and abs(value) > _MAX_INTEGER:

@@ -327,6 +327,7 @@ class Lent:
         return self._kind.lend(self._real.__aexit__(*details))
 
     def __iter__(self) -> "Lent":
+        self._real.__aiter__()
         return self
 
     def __next__(self) -> Any:

@@ -150,6 +150,8 @@ def test_a_mutated_file_is_read_to_the_bit_or_rejected() -> None:
         ({"samples": [(0.0, 0.5)]}, "samples are t, openness"),
         ({"samples": [("a", 0, 0, 0, 0)]}, "samples are t, openness"),
         ({"samples": None}, "samples are t, openness"),
+        ({"samples": "pick"}, r"torque_nm, not 'pick'; .* by Trajectory\.load\(name\)$"),
+        ({"samples": [sample(), 3]}, "torque_nm; sample 1 is 3$"),
         ({"sample_hz": "often"}, "sample_hz is 'often'"),
         ({"mount": "sideways"}, "unknown mount 'sideways'"),
         ({"can_id": -1}, "can_id is -1"),
@@ -157,8 +159,9 @@ def test_a_mutated_file_is_read_to_the_bit_or_rejected() -> None:
     ],
 )
 def test_what_a_program_makes_is_judged_the_same(changes: dict[str, Any], why: str) -> None:
-    with pytest.raises(CommandError, match=why):
+    with pytest.raises(CommandError, match=why) as caught:
         Trajectory(**{"samples": [sample()], **FULL, **changes})
+    assert caught.value.__suppress_context__ or caught.value.__context__ is None
 
 
 def test_a_trajectory_is_a_value() -> None:

@@ -49,6 +49,12 @@ def test_methods_without_an_object_are_found_at_the_start() -> None:
         Requests(controller, tokens, BY_NAME, [_Group()])
 
 
+def test_an_array_with_something_else_in_it_is_told_what() -> None:
+    _, client = enabled_world()
+    told = "events.subscribe: kinds must be an array of strings only, and has 3 in it"
+    client.refused("events.subscribe", "invalid_params", told, kinds=["stop", 3])
+
+
 @pytest.mark.parametrize("if_busy", ["replace", "queue"])
 def test_what_a_function_raises_is_a_refusal_whenever_its_turn_comes(if_busy: str) -> None:
     _, client = enabled_world()

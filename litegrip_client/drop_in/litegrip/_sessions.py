@@ -168,7 +168,7 @@ class Sessions:
             raise TrajectoryError("not calibrated: load_calibration(), or zero()")
         daemon = self._claim()
         with self._begun("record", rate_hz=rate, zero_gravity=bool(zero_gravity)):
-            daemon.record_start(rate, zero_gravity, max_samples)
+            daemon.record_start(rate, bool(zero_gravity), max_samples)
         TRAJECTORY_LOG.info("recording on %s at %g Hz", self._gripper.channel, rate)
         return self.trajectory_status()
 
@@ -179,7 +179,7 @@ class Sessions:
         daemon = self._gripper._connected()  # noqa: SLF001
         try:
             with in_their_terms():
-                taken = daemon.record_stop(allow_empty)
+                taken = daemon.record_stop(bool(allow_empty))
         except TrajectoryError:
             self._kind = None
             raise
@@ -218,7 +218,7 @@ class Sessions:
         """Begin to replay; return the status."""
         daemon, given, gains = self._replay(trajectory, speed, kp, kd)
         with self._begun("play", loop=bool(loop), speed=float(speed), samples=len(given)):
-            daemon.play_start(given, speed, *gains, loop, align)
+            daemon.play_start(given, speed, *gains, bool(loop), bool(align))
         return self.trajectory_status()
 
     def play(
@@ -236,7 +236,7 @@ class Sessions:
         daemon, given, gains = self._replay(trajectory, speed, kp, kd)
         with self._begun("play", loop=False, speed=float(speed), samples=len(given)):
             try:
-                result = daemon.play(given, speed, *gains, align)
+                result = daemon.play(given, speed, *gains, bool(align))
             except (ours.CancelledError, ours.StoppedError) as error:
                 raise TrajectoryError(str(error)) from None
         status = self._last = self._trajectory_status(daemon)
@@ -349,8 +349,8 @@ class Sessions:
                 grip_id=grip_id,
                 kp=kp,
                 kd=kd,
-                align=align,
-                require_ready=require_ready and (carrier is None or carrier.can_listen),
+                align=bool(align),
+                require_ready=bool(require_ready) and (carrier is None or carrier.can_listen),
                 **figures,
             )
         if carrier is not None:

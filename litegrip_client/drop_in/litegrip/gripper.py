@@ -266,7 +266,7 @@ class LiteGrip:
             daemon = litegrip_client.LiteGrip(
                 config.can_channel,
                 named_id,
-                disable_on_disconnect=self.disable_on_disconnect,
+                disable_on_disconnect=bool(self.disable_on_disconnect),
                 voice=voice_of(LiteGrip),
             )
             daemon.connect()
@@ -292,7 +292,7 @@ class LiteGrip:
             return
         self._sessions.end()
         self.daemon, self._enabled, self._frames = None, False, None
-        daemon.disable_on_disconnect = self.disable_on_disconnect
+        daemon.disable_on_disconnect = bool(self.disable_on_disconnect)
         try:
             daemon.disconnect()
         except ours.LiteGripError as error:
@@ -317,7 +317,7 @@ class LiteGrip:
         """
         daemon = self._connected()
         tries = self.motion_config.enable_retries if retries is None else retries
-        daemon.disable_on_disconnect = self.disable_on_disconnect
+        daemon.disable_on_disconnect = bool(self.disable_on_disconnect)
         daemon.motion_config = motion_config_of(self.motion_config)
         self._drop_frames()
         try:

@@ -6,6 +6,7 @@ import os
 import re
 import traceback
 from collections.abc import Callable
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -22,6 +23,7 @@ from litegrip_client import (
     LeaseError,
     LiteGrip,
     MotionConfig,
+    ParameterError,
     ProtocolError,
     StoppedError,
     aio,
@@ -76,6 +78,31 @@ def test_the_socket_of_the_environment_is_used(
     monkeypatch.setenv("XDG_RUNTIME_DIR", "/nowhere")
     with kind.gripper(None) as gripper:
         assert (gripper.is_connected, gripper.channel) == (True, "can0")
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"socket_path": 5}, "socket_path is 5, it must be a path"),
+        ({"socket_path": b"/tmp/a.sock"}, "socket_path is b'/tmp/a.sock', it must be a path"),
+        (
+            {"disable_on_disconnect": "no"},
+            "disable_on_disconnect is 'no', it must be True or False",
+        ),
+        ({"disable_on_disconnect": None}, "disable_on_disconnect is None, it must be .*"),
+        ({"canfd_mode": "no"}, "canfd_mode is 'no', it must be True or False"),
+    ],
+)
+def test_an_argument_that_cannot_be_is_refused_by_the_constructor(
+    kind: Kind, given: dict[str, Any], told: str
+) -> None:
+    with pytest.raises(ParameterError, match=f"^{told}$"):
+        kind.gripper(**given)
+
+
+def test_a_path_may_be_one_of_pathlib(kind: Kind) -> None:
+    given = kind.gripper(socket_path=Path("/tmp/mine.sock"))
+    assert given.socket_path == "/tmp/mine.sock"
 
 
 def test_what_is_not_the_gripper_is_refused_and_leaves_no_connection(
@@ -639,6 +666,21 @@ def test_a_name_that_hands_type_is_hinted_at(
             "'max_stroke': did you mean 'max_stroke_mm'?",
         ),
         (lambda g: g.nothing_like_it, "'nothing_like_it'"),
+        (lambda g: g.connected, "'connected'; use is_connected"),
+        (lambda g: g.estop, "'estop'; use software_stop()"),
+        (
+            lambda g: g.get_state().position,
+            "'position': did you mean 'opening_mm' or 'position_rad'?",
+        ),
+        (
+            lambda g: g.goto(30).temperature,
+            (
+                "'temperature': did you mean 'state.coil_temperature_c' or"
+                " 'state.driver_temperature_c'?"
+            ),
+        ),
+        (lambda g: g.goto(30).success, "'success': did you mean 'ok'?"),
+        (lambda g: g.latest().opening_mm, "'opening_mm': did you mean 'state.opening_mm'?"),
     ],
 )
 def test_what_was_meant_by_a_wrong_name_is_said_once(

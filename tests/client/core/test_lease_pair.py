@@ -61,6 +61,19 @@ def test_one_that_was_lost_is_taken_again_by_acquire(
     assert owner(daemon) is None
 
 
+def test_who_has_taken_it_is_told_also_after_giving_it_back(
+    daemon: Heard, gripper: LiteGrip, kind: Kind
+) -> None:
+    assert gripper.enable()
+    with kind.gripper() as other:
+        other.take_lease("maintenance")
+    with pytest.raises(LeaseError) as caught:
+        gripper.open()
+    taker = caught.value.owner
+    assert taker is not None
+    assert f"{taker['program']} (pid {taker['pid']}, uid {taker['uid']})" in caught.value.message
+
+
 def test_it_is_waited_for(site: Bench, daemon: Heard, gripper: LiteGrip, kind: Kind) -> None:
     other = daemon.client()
     other.result("lease.acquire", purpose="another")

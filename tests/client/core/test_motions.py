@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import pytest
@@ -19,6 +20,7 @@ from litegrip_client import (
     ParameterError,
 )
 from tests.client.rig import GUARDS, Bench, Heard, Kind
+from tests.client.taught import TAUGHT
 from tests.geometry import TRAVEL_MM
 
 Move = Callable[[LiteGrip], Any]
@@ -78,12 +80,35 @@ def test_a_target_out_of_reach_is_named_as_the_caller_has_it(
         move(enabled)
 
 
+def teleop(name: str, gripper: LiteGrip) -> None:
+    options: dict[str, Any] = {name: "no"}
+    gripper.teleop_start("master", **options)
+
+
 @pytest.mark.parametrize(
     ("call", "told"),
     [
         (lambda g: g.open(progress=5), "progress is 5, it must be a function of a MoveProgress"),
         (lambda g: g.lease("x", wait_s="a"), "wait_s is 'a', it must be a number"),
         (lambda g: g.lease("x", ttl_s=math.nan), "ttl_s is nan, it must be a finite number"),
+        (lambda g: g.zero_gravity("off"), "on is 'off', it must be True or False"),
+        (lambda g: g.clear_fault(enable="no"), "enable is 'no', it must be True or False"),
+        (lambda g: g.record(1.0, zero_gravity="no"), "zero_gravity is 'no', it must be True .*"),
+        (lambda g: g.record_start(zero_gravity=None), "zero_gravity is None, it must be True .*"),
+        (lambda g: g.record_stop("no"), "allow_empty is 'no', it must be True or False"),
+        (lambda g: g.record_stop(allow_partial=2), "allow_partial is 2, it must be True or False"),
+        (lambda g: g.play(TAUGHT, align="no"), "align is 'no', it must be True or False"),
+        (lambda g: g.play(TAUGHT, loop="no"), "loop is 'no', it must be True or False"),
+        (lambda g: g.play_start(TAUGHT, loop="no"), "loop is 'no', it must be True or False"),
+        (lambda g: g.play_start(TAUGHT, align="no"), "align is 'no', it must be True or False"),
+        *(
+            (partial(teleop, name), f"{name} is 'no', it must be True or False")
+            for name in ("align", "require_ready", "reflect", "fake_leader")
+        ),
+        (
+            lambda g: setattr(g, "disable_on_disconnect", "no"),
+            "disable_on_disconnect is 'no', it must be True or False",
+        ),
         (lambda g: g.grasp(50), "force_n is 50, it must be 0.5 to 40 N"),
         (lambda g: g.grasp(50.5), "force_n is 50.5, it must be 0.5 to 40 N"),
     ],

@@ -8,7 +8,13 @@ from typing import Any
 
 import pytest
 
-from litegrip_client import CommandError, LiteGrip, Trajectory, TrajectoryBusyError
+from litegrip_client import (
+    CommandError,
+    LiteGrip,
+    Trajectory,
+    TrajectoryBusyError,
+    TrajectoryNotActiveError,
+)
 from tests.client.rig import Heard, Kind, Refuse
 from tests.client.taught import BESIDE, CONTENT, GRIPS, TAUGHT
 from tests.geometry import TRAVEL_MM
@@ -161,6 +167,14 @@ def test_a_background_replay_ends_with_its_connection_or_by_play_stop(
     ended = enabled.play_stop()
     assert (ended["active"], ended["error"], ended["job"]) == (False, None, status["job"])
     assert daemon.asked("job.cancel") == [{"job": status["job"]}]
+
+
+def test_what_needs_a_replay_names_the_call_that_begins_one(enabled: LiteGrip, kind: Kind) -> None:
+    for control in (enabled.play_pause, enabled.play_resume, lambda: enabled.play_speed(1)):
+        with pytest.raises(TrajectoryNotActiveError) as caught:
+            control()
+        assert caught.value.hint == f"{kind.awaits}gripper.play_start()"
+        assert str(caught.value) == f"no replay is running: begin one ({caught.value.hint})"
 
 
 def test_play_stop_waits_for_the_end(daemon: Heard, gripper: LiteGrip) -> None:

@@ -2,12 +2,13 @@
 
 import asyncio
 import gc
+import re
 from collections.abc import Callable
 from typing import Any
 
 import pytest
 
-from litegrip_client import CommandError, ConnectError, GripperState, LiteGrip, aio
+from litegrip_client import CommandError, ConnectError, GripperState, LiteGrip, ParameterError, aio
 from litegrip_client.line.feeds import StateSample
 from litegrip_client.threads.blocking import connect
 from tests.client.rig import Asked, Asyncio, Bench, Heard, Kind
@@ -25,9 +26,39 @@ def test_states_come_at_their_rate_the_present_one_first(
     begin, end = daemon.requests[1:]
     assert (begin.method, begin.params) == ("state.subscribe", {"hz": 50.0})
     assert (end.method, list(end.params)) == ("state.unsubscribe", ["subscription"])
-    assert list(states) == []
+    with pytest.raises(StopIteration):
+        next(states)
     states.close()
     assert daemon.methods().count("state.unsubscribe") == 1
+
+
+@pytest.mark.parametrize(
+    ("subscribe", "call"),
+    [(lambda g: g.states(50), "gripper.states()"), (lambda g: g.events(), "gripper.events()")],
+)
+def test_who_begins_to_iterate_after_the_end_is_told(
+    gripper: LiteGrip, subscribe: Callable[[LiteGrip], Any], call: str
+) -> None:
+    with subscribe(gripper) as items:
+        pass
+    told = r"^no .* comes any more: the block of this subscription has ended, or it was closed$"
+    with pytest.raises(ConnectError) as caught:
+        list(items)
+    assert re.match(told, caught.value.message)
+    assert (caught.value.reason, caught.value.hint) == (
+        "not_connected",
+        f"begin a new one: {call}",
+    )
+
+
+def test_a_loop_that_runs_when_it_is_closed_ends_quietly(gripper: LiteGrip) -> None:
+    seen = []
+    with gripper.states(50) as states:
+        for state in states:
+            seen.append(state)
+            if len(seen) == 3:
+                states.close()
+    assert len(seen) == 3
 
 
 def test_fields_are_dictionaries_and_calls_between_them_lose_none(
@@ -59,6 +90,32 @@ def test_a_wrong_field_or_kind_is_told_the_one_that_was_meant(
     with pytest.raises(CommandError, match="it must be one of: ") as caught, subscribe(gripper):
         pass
     assert caught.value.message.endswith(end)
+
+
+@pytest.mark.parametrize(
+    ("subscribe", "told"),
+    [
+        (lambda g: g.events(kinds="stop"), "kinds is the text 'stop'"),
+        (lambda g: g.events(kinds=3), "kinds is 3"),
+        (lambda g: g.events(["stop", 3]), "kinds has 3 in it"),
+        (lambda g: g.states(10, 5), "fields is 5"),
+        (lambda g: g.states(10, ["seq", [5]]), r"fields has \[5\] in it"),
+    ],
+)
+def test_what_is_no_list_of_names_is_told_as_it_was_written(
+    gripper: LiteGrip, subscribe: Callable[[LiteGrip], Any], told: str
+) -> None:
+    with pytest.raises(ParameterError, match=f"^{told}, it must be a list of names$"):
+        subscribe(gripper)
+
+
+@pytest.mark.parametrize("subscribe", [lambda g: g.states(5000), lambda g: g.latest(5000)])
+def test_too_high_a_rate_is_told_the_highest_at_once(
+    gripper: LiteGrip, subscribe: Callable[[LiteGrip], Any]
+) -> None:
+    told = "^hz is 5000, it must be at most the control rate, 200$"
+    with pytest.raises(ParameterError, match=told), subscribe(gripper):
+        pass
 
 
 Subscribe = Callable[[LiteGrip], Any]
@@ -232,7 +289,8 @@ def test_events_are_those_from_the_begin_on(site: Bench, daemon: Heard, gripper:
     assert [one.kind for one in recent].count("stop") == 1
     assert event.seq > max(one.seq for one in recent)
     assert event.data["level"] == "disable"
-    assert list(events) == []
+    with pytest.raises(StopIteration):
+        next(events)
     assert daemon.methods() == ["hello", "events.subscribe", "events.unsubscribe"]
     assert daemon.asked("events.subscribe") == [{}]
 

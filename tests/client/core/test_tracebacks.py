@@ -210,6 +210,7 @@ MISUSED = {
     "grasp(force=10)": "LiteGrip.grasp() has no argument 'force': did you mean 'force_n'? it",
     "goto(positoin_mm=9)": "did you mean 'position_mm'? it takes: position_mm, kp, kd, duration,",
     "goto(9, colour=1)": "LiteGrip.goto() has no argument 'colour': it takes: position_mm, ",
+    "goto(9, speed=3)": "argument 'speed': use move_at_speed(target_mm, speed_mm_s); it takes: ",
     "hold(9)": "LiteGrip.hold(): too many positional arguments; it takes no arguments",
     "goto()": "LiteGrip.goto(): missing a required argument: 'position_mm'; it takes: position_mm,",
     "open(1, 2)": "it takes: speed_mm_s, progress; only by name: progress",
@@ -260,6 +261,12 @@ def test_an_object_with_wrong_arguments_is_not_made(kind: Kind) -> None:
         kind.gripper(chanel="can1")
 
 
+def test_a_wrong_call_of_a_class_names_it() -> None:
+    told = r"^Trajectory\.load\(\): missing a required argument: 'name'; it takes: name$"
+    with pytest.raises(TypeError, match=told):
+        Trajectory.load()  # type: ignore[call-arg]
+
+
 def test_the_other_client_is_named_where_a_block_is_of_the_wrong_kind(site: Bench) -> None:
     async def wrong() -> None:
         async with Threads(site).gripper():  # type: ignore[attr-defined]
@@ -274,7 +281,17 @@ def test_the_other_client_is_named_where_a_block_is_of_the_wrong_kind(site: Benc
     assert frames_of(caught.value) == [*WRAPPER, "__enter__"]
 
 
-@pytest.mark.parametrize("wrap", [lambda function: function, functools.partial])
+class Awaited:
+    """What is called as an async function."""
+
+    def __init__(self, function: Any) -> None:
+        self._function = function
+
+    async def __call__(self, *arguments: object) -> None:
+        await self._function(*arguments)
+
+
+@pytest.mark.parametrize("wrap", [lambda function: function, functools.partial, Awaited])
 def test_an_async_callback_is_refused_before_anything_moves(
     daemon: Heard, kind: Kind, wrap: Callable[[Any], Any]
 ) -> None:
@@ -314,12 +331,13 @@ def test_a_block_in_asyncio_without_async_is_named(
 
 
 def test_a_callback_with_wrong_arguments_is_named(site: Bench, daemon: Heard) -> None:
-    told = r"progress must be a function of a MoveProgress: .* takes 0 positional arguments but 1"
+    told = r"^progress must be a function of a MoveProgress: too many positional arguments$"
     with Threads(site).gripper() as gripper:
         gripper.enable()
         with pytest.raises(CommandError, match=told) as caught:
             gripper.open(progress=lambda: None)  # type: ignore[misc,arg-type]
         assert frames_of(caught.value) == [*WRAPPER, "open"]
+        assert "motion.open" not in daemon.methods()
 
         def wrong(_progress: object) -> None:
             len(3)  # type: ignore[arg-type]

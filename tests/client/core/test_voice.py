@@ -4,7 +4,14 @@ from typing import Any
 
 import pytest
 
-from litegrip_client import BusyError, CommandError, LiteGrip, SetpointStream, StoppedError
+from litegrip_client import (
+    BusyError,
+    CommandError,
+    LiteGrip,
+    ParameterError,
+    SetpointStream,
+    StoppedError,
+)
 from litegripd.model.sentence import method_name, sentence, with_terms
 from tests.client.rig import Heard, Kind, Refuse
 
@@ -84,9 +91,46 @@ def test_events_are_told_in_it(daemon: Heard, kind: Kind) -> None:
         assert events.recent[-1].message == "it stands: ~/clear"
 
 
-def test_a_voice_that_cannot_speak_is_refused(kind: Kind) -> None:
-    with pytest.raises(CommandError, match="voice is 'ros', it must be a function"):
-        kind.gripper(voice="ros")
+async def awaited(_method: str | None, _parameter: str | None, _asked: str | None) -> str | None:
+    return None
+
+
+@pytest.mark.parametrize(
+    ("voice", "told"),
+    [
+        ("ros", "voice is 'ros', it must be a function of a method, a parameter and the method"),
+        ("", "voice is '', it must be a function"),
+        (awaited, "voice is an async function, it must be a plain one"),
+        (lambda _method: None, "voice must be a function .* asked: too many positional arguments"),
+    ],
+)
+def test_a_voice_that_cannot_speak_is_refused(kind: Kind, voice: Any, told: str) -> None:
+    with pytest.raises(ParameterError, match=f"^{told}"):
+        kind.gripper(voice=voice)
+
+
+def fails(method: str | None, parameter: str | None, _asked: str | None) -> str | None:
+    raise TypeError(f"no words for {method or parameter}")
+
+
+@pytest.mark.parametrize(
+    ("voice", "wrong"),
+    [
+        (fails, "has raised TypeError: no words for stop.clear"),
+        (lambda *_: 3, "has returned 3, which is no text"),
+    ],
+)
+def test_a_voice_that_fails_leaves_the_error_and_is_told_once(
+    daemon: Heard, kind: Kind, voice: Any, wrong: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    daemon.client().result("stop")
+    with kind.gripper(voice=voice) as gripper:
+        for call in (gripper.enable, gripper.open):
+            with pytest.raises(StoppedError, match=r"clear it with stop\.clear first"):
+                call()
+    assert [record.getMessage() for record in caplog.records] == [
+        f"voice('stop.clear', None, 'motor.enable') {wrong}; the protocol's name stays"
+    ]
 
 
 def test_a_hint_for_the_connection_is_told_in_it_before_the_daemon_is_known(
