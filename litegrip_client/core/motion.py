@@ -13,14 +13,7 @@ import time
 from collections.abc import Awaitable, Callable, Mapping
 
 from litegrip_client.core.session import AsyncBlock, DaemonSession, own_jobs
-from litegrip_client.line.exchange import (
-    ENDS_DISABLED,
-    FOREVER_S,
-    LEFT_ALONE,
-    Call,
-    Progress,
-    not_answered,
-)
+from litegrip_client.line.exchange import FOREVER_S, LEFT_ALONE, Call, Progress, not_answered
 from litegrip_client.values.checks import given_numbers, number
 from litegrip_client.values.errors import (
     CancelledError,
@@ -81,8 +74,6 @@ class Motion:
         except GeneratorExit:  # the event loop is gone, and nothing can be awaited
             raise
         except BaseException as error:
-            if isinstance(error, ConnectError) and error.reason == "shutting_down":
-                error.message += f": {ENDS_DISABLED}"
             if call.answered:
                 raise
             if isinstance(error, ConnectError) and error.reason == "connection_lost":

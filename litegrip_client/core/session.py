@@ -12,7 +12,7 @@ from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
 from weakref import WeakSet
 
 from litegrip_client.core.discovery import chosen_channel
-from litegrip_client.line.exchange import ENDS_DISABLED, LEFT_ALONE, SEE_DOCTOR, or_closed
+from litegrip_client.line.exchange import LEFT_ALONE, SEE_DOCTOR, or_closed
 from litegrip_client.values.checks import check_callback, flag, given_numbers, integer, path
 from litegrip_client.values.errors import (
     CommandError,
@@ -488,7 +488,7 @@ async def _disable(wire: Wire, channel: str) -> None:
         why = error.message
         if error.reason == "shutting_down":
             danger = "the motor is not known to be off; to be sure, cut its power"
-            error.message = f"{danger}: {why}: {ENDS_DISABLED}"
+            error.message = f"{danger}: {why}"
             raise
         if error.reason == "no_answer":
             why = "the daemon does not answer"

@@ -115,7 +115,7 @@ async def stop(session: DaemonSession, params: dict[str, str]) -> dict[str, Any]
         result = await _anew(session, params)
     if "state" not in result:
         try:
-            result["state"] = await session.ask("state.get")
+            result["state"] = await _state(session)
         except LiteGripError as error:
             error.message = f"stopped ({result.get('level')}), but no state came: {error.message}"
             raise
@@ -123,6 +123,23 @@ async def stop(session: DaemonSession, params: dict[str, str]) -> dict[str, Any]
         text = f"a stop ({result['level']}) is latched, but {NOT_REACHED}"
         raise CANTimeoutError(text, reason="motor_silent")
     return result
+
+
+async def _state(session: DaemonSession) -> dict[str, Any]:
+    """Return the state, also where the connection has ended meanwhile.
+
+    The stop itself ends it where another thread or task leaves its block by it.
+    """
+    try:
+        return await session.ask("state.get")
+    except ConnectError:
+        if session.is_open:
+            raise
+    apart = await session.connect_apart()
+    try:
+        return await apart.call("state.get")
+    finally:
+        await apart.close()
 
 
 async def _anew(session: DaemonSession, params: dict[str, str]) -> dict[str, Any]:

@@ -297,9 +297,6 @@ def not_answered(quiet_s: float) -> str:
     )
 
 
-ENDS_DISABLED = "it disables the motor, and what was held falls"
-"""What a daemon that ends does, see docs/safety.md."""
-
 LEFT_ALONE = "if it is gone, the motor soon lets go by itself, and what was held falls"
 """What a connection's end means for a motor that may be enabled, see docs/motor-watchdog.md."""
 
@@ -581,7 +578,8 @@ class Exchange:
             # and `sent_s` alone guards it until an answer has the new number.
             self.stop_generation = generation_of(error.data)
         if error.reason == "shutting_down" and (how := self._how_to_connect()) is not None:
-            error.data.setdefault("hint", f"start the daemon again; {how}")
+            start = "" if error.data.get("followed") else "start the daemon again; "
+            error.data.setdefault("hint", f"{start}{how}")
         return error
 
     def _newest_refusal(self) -> LiteGripError | None:

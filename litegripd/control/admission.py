@@ -25,7 +25,15 @@ power cycle, and its position can come back off by 2π."""
 
 _ROUNDING = 1e-6
 
-ENDING = Refusal("shutting_down", "the daemon is about to end")
+ENDING = Refusal(
+    "shutting_down",
+    "the daemon is about to end: it disables the motor, and what was held falls",
+)
+FOLLOWED = Refusal(
+    "shutting_down",
+    "a new daemon has taken the gripper over, and what was held is held on: connect again",
+    {"followed": True},
+)
 NO_FEEDBACK = Refusal("motor_silent", "no feedback has come yet: try again")
 
 NOT_ENABLED = Refusal(

@@ -13,6 +13,7 @@ from typing import Protocol
 from litegripd.control import events
 from litegripd.control.admission import (
     ENDING,
+    FOLLOWED,
     NOT_ENABLED,
     ZERO_MOVED,
     busy_refusal,
@@ -161,7 +162,7 @@ class Controller:
         "_foretold_n",
         "_foretold_s",
         "_held",  # a motor is handed over only while it answers
-        "is_ending",
+        "ending",
         "_owed",
         "_ranges",
     )
@@ -197,7 +198,7 @@ class Controller:
         """What was held by force, from when the motor stopped being enabled until that is told."""
         self._asked_off = False
         self._ranges: Ranges | None = None
-        self.is_ending = False
+        self.ending: Refusal | None = None
         """True if the daemon's end has begun."""
         self._owed: OnLost | None = None
 
@@ -299,8 +300,7 @@ class Controller:
 
     def why_busy(self, turn: Turn = NOW) -> Refusal | None:
         """Return why no motion may begin, or None: the end, a stop, another sender or a motion."""
-        ending = ENDING if self.is_ending else None
-        refused = ending or self.stop_latch.refusal() or self.second_master.refusal()
+        refused = self.ending or self.stop_latch.refusal() or self.second_master.refusal()
         return refused or busy_refusal(self.in_the_way(turn))
 
     def travel(self, terms: Terms) -> Geometry | Refusal:
@@ -315,8 +315,7 @@ class Controller:
 
         The reasons are the daemon's end, a motion, a disabling, and a recording that would be lost.
         """
-        ending = ENDING if self.is_ending else None
-        refusal = ending or busy_refusal(self.jobs.running)
+        refusal = self.ending or busy_refusal(self.jobs.running)
         if refusal is None and (self.jobs.queue or self.must_disable):
             refusal = Refusal("busy", "a motion, or disabling the motor, is about to begin")
         if refusal is None and self.capture is not None and self.capture.would_be_lost:
@@ -434,10 +433,18 @@ class Controller:
 
     def shut_down(self) -> None:
         """Begin the daemon's end: cancel what runs, disable the motor, and reject all else."""
-        self.is_ending = True
         self.must_disable = True
-        self.end(ENDING)
-        self._drop_queued(ENDING, lambda _job: True)
+        self._end(ENDING)
+
+    def leave_to_successor(self) -> None:
+        """Reject all from now on: the motor is another daemon's, and a lease lapses there."""
+        self.lease.holder = None
+        self._end(FOLLOWED)
+
+    def _end(self, ending: Refusal) -> None:
+        self.ending = ending
+        self.end(ending)
+        self._drop_queued(ending, lambda _job: True)
 
     def _end_replaced(self, turn: Turn) -> None:
         if turn.replaces is not None:

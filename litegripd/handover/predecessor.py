@@ -459,7 +459,7 @@ class Retirement:
 
     def release_clients(self, server: Server, stops: StopListener) -> None:
         """Answer the requests that were sent before, and close: the successor takes new clients."""
-        self._controller.shut_down()  # it has no motor any more: it only rejects
+        self._controller.leave_to_successor()
         server.let_in(False)
         stops.let_in_no_more()
         self.pass_on()

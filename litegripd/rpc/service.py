@@ -4,7 +4,6 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import get_args
 
-from litegripd.control.admission import ENDING
 from litegripd.control.controller import Controller
 from litegripd.control.events import Turn
 from litegripd.model.errors import Refusal
@@ -164,8 +163,8 @@ class Requests:
 
     def _forbidden(self, session: Session, method: Method, owner: Owner) -> Refusal | None:
         """Return a refusal for the daemon's end, the sender's role or the lease, or None."""
-        if self._controller.is_ending and method.role != "observer":
-            return ENDING  # any change would be lost; a stop and reads are for all
+        if self._controller.ending is not None and method.role != "observer":
+            return self._controller.ending  # any change would be lost; a stop and reads are for all
         if session.is_orphaned and method.role != "observer":
             text = (  # another process has its connection now
                 f"the process that opened this connection (pid {session.peer.pid}) has ended: it"

@@ -200,6 +200,23 @@ def test_a_stop_whose_state_does_not_come_says_that_it_is_in_force(
     assert (stops.methods(), daemon.methods().count("stop")) == (["stop"], 1)
 
 
+def test_a_stop_by_which_the_connection_ends_has_its_state_by_another_one(
+    daemon: FakeDaemon, stops: FakeDaemon, kind: Kind
+) -> None:
+    """As where it ends a block that another thread or task is in."""
+
+    def end(request: Request) -> None:
+        daemon.handlers["state.get"] = lambda _request: LATCHED
+        request.hang_up()
+
+    with kind.gripper(None, socket_path=daemon.path) as gripper:
+        daemon.handlers["state.get"] = end
+        assert gripper.software_stop("relax").stop_generation == GENERATION
+        assert not gripper.is_connected
+    assert stops.methods() == ["stop"]
+    assert daemon.methods().count("stop") == 0
+
+
 def test_one_stops_the_motion_that_another_thread_or_task_waits_for(
     daemon: FakeDaemon, stops: FakeDaemon, kind: Kind
 ) -> None:

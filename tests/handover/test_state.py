@@ -498,3 +498,25 @@ def test_after_any_course_a_restart_changes_no_frame(course: Course, ticks: int)
         world.sent.clear()
         world.run(0.3)
     assert restarted.sent == undisturbed.sent
+
+
+def test_who_is_left_to_a_successor_says_nothing_of_jaws_that_it_has_no_more() -> None:
+    """The connections end with it; what a lease wanted for that is not done, nor told."""
+    world, client = gripping("normal")
+    client.result("lease.acquire", on_lost="disable")
+    world.take_log()
+    world.controller.leave_to_successor()
+    refused = client.call("motion.open")["error"]
+    assert refused["data"]["reason"] == "shutting_down"
+    assert refused["data"]["followed"]
+    assert "held on" in refused["message"]
+    client.leave()
+    assert {event.kind for event in world.take_log()} == {"refused"}
+
+
+def test_who_waits_behind_the_end_of_a_block_is_told_that_the_successor_holds_on() -> None:
+    world, client = gripping("normal")
+    world.controller.shut_down()
+    refused = client.call("motion.open")["error"]
+    assert "what was held falls" in refused["message"]
+    assert "followed" not in refused["data"]

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from litegripd.control.admission import ENDING
 from litegripd.rpc.jsonrpc import Request, parse, state_asked
 from litegripd.rpc.sessions import ROLES, Role, Session
 from tests.properties import examples
@@ -52,7 +53,7 @@ def orphan(_world: World, session: Session) -> None:
 
 
 def end(world: World, _session: Session) -> None:
-    world.controller.is_ending = True
+    world.controller.ending = ENDING
 
 
 def stop(world: World, session: Session) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, TypeAlias, TypedDict
 
-from litegripd.control.admission import ENDING, position_refusal
+from litegripd.control.admission import position_refusal
 from litegripd.control.calibration import content_of
 from litegripd.control.controller import Controller
 from litegripd.control.requests import CalibrationRequests
@@ -286,8 +286,8 @@ class SettingsMethods:
         owner = call.owner if holder is None else replace(call.owner, grant=holder.number)
 
         def refusal() -> Refusal | None:
-            if controller.is_ending:
-                return ENDING
+            if controller.ending is not None:
+                return controller.ending
             if call.session.is_orphaned:
                 return Refusal("client_lost", "who asked for it has gone")
             stopped = latch.refusal_of_sent(generation, None, call.received_s, owner.client)
