@@ -36,6 +36,7 @@ from litegrip_client.line.feeds import (
     EventFeed,
     Feed,
     StateFeed,
+    anew,
     ended,
     some_fields,
     whole_state,
@@ -460,9 +461,14 @@ class Subscription(_BegunLate[Feed[_Item]], Generic[_Item]):
         """Wait for the next item; raises `ConnectError` when the daemon is gone or silent."""
         if self._closed:
             raise StopAsyncIteration
-        await self._begin()
         limit_s = self._connection.timeout_s + self._feed.silence_s
-        await self._connection.wait_for(self._feed, limit_s)
+        try:
+            await self._begin()
+            await self._connection.wait_for(self._feed, limit_s)
+        except ConnectError as error:
+            if self._connection.closed:
+                anew(error, self._feed.method, self._connection.voice)
+            raise
         item = self._feed.take()
         if item is None:
             raise StopAsyncIteration

@@ -317,10 +317,21 @@ def ended(feed: Feed[Any], voice: Voice | None) -> ConnectError:
     )
 
 
+def anew(error: ConnectError, method: str, voice: Voice | None) -> None:
+    """Have the error of a connection's end say that a new one needs a new subscription."""
+    begin = (voice or in_python)(method, None, None)
+    if error.hint is not None and begin is not None:
+        error.data["hint"] = f"{error.hint}; after that, begin anew: {begin}"
+
+
 class FeedSource(Protocol):
     """What a subscription needs of its connection."""
 
     timeout_s: float
+
+    @property
+    def closed(self) -> bool:
+        """True if the connection has ended."""
 
     def wait_for(self, feed: Feed[Any], timeout_s: float) -> None:
         """Wait until the feed's inbox holds something."""
@@ -354,7 +365,12 @@ class Subscription(Generic[_Item]):
         """Wait for the next item; raises `ConnectError` when the daemon is gone or silent."""
         if self._closed:
             raise StopIteration
-        self._source.wait_for(self._feed, self._source.timeout_s + self._feed.silence_s)
+        try:
+            self._source.wait_for(self._feed, self._source.timeout_s + self._feed.silence_s)
+        except ConnectError as error:
+            if self._source.closed:
+                anew(error, self._feed.method, self._feed.voice)
+            raise
         item = self._feed.take()
         if item is None:
             raise StopIteration

@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING
 from weakref import ref
 
 from litegrip_client.line.exchange import FOREVER_S, no_answer
-from litegrip_client.line.feeds import Feed
+from litegrip_client.line.feeds import Feed, anew
 from litegrip_client.values.checks import number
 from litegrip_client.values.errors import ConnectError, LiteGripError
 from litegrip_client.values.fields import Hinting
 from litegrip_client.values.results import GripperState
+from litegrip_client.values.terms import Called
 from litegrip_client.values.tracebacks import shortened
 
 if TYPE_CHECKING:
@@ -146,7 +147,11 @@ class BaseLatest(Hinting):
     def _check(self) -> None:
         if self._feed.is_over:
             raise not_begun()
-        self._exchange.check_open()
+        try:
+            self._exchange.check_open()
+        except ConnectError as error:  # also of a forked child, which has to connect, too
+            anew(error, Called(self._feed.method, "latest"), self._exchange.voice)
+            raise
 
 
 @shortened

@@ -104,8 +104,9 @@ def test_the_end_of_the_connection_is_raised_by_all(site: Bench, daemon: Heard, 
         with pytest.raises(ConnectError, match="ended the connection"):
             [latest.wait_newer() for _ in range(20)]
         for read in (lambda: latest.state, lambda: latest.age_s, lambda: latest.feedback_age_s):
-            with pytest.raises(ConnectError, match="ended the connection"):
+            with pytest.raises(ConnectError, match="ended the connection") as caught:
                 read()
+            assert str(caught.value.hint).endswith("; after that, begin anew: gripper.latest()")
     gripper.disconnect()
 
 

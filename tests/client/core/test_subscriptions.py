@@ -181,7 +181,10 @@ def test_a_daemon_that_ends_ends_the_iteration_by_an_error(
         site.after(0.1, daemon.hang_up)
         with pytest.raises(ConnectError, match="ended the connection") as caught:
             list(items)
-        assert "gripper.connect() connects again" in str(caught.value)
+        assert caught.value.hint == (
+            f"{kind.awaits}gripper.connect() connects again, then: {kind.awaits}gripper.enable();"
+            f" after that, begin anew: gripper.{'states' if what == 'state' else 'events'}()"
+        )
         assert caught.value.retryable
         with pytest.raises(ConnectError) as caught:
             next(iter(items))
