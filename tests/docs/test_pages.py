@@ -3,6 +3,7 @@
 import re
 import shlex
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
@@ -12,6 +13,7 @@ from litegrip_client.ctl.commands import COMMANDS
 from litegrip_client.ctl.parser import parse
 from litegripd.model.errors import ERROR_TABLE
 from litegripd.model.motor import Status, status_name
+from litegripd.model.state import GraspOutcome, MoveOutcome
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted(
@@ -174,3 +176,10 @@ def test_troubleshooting_knows_every_fault_of_the_motor() -> None:
     for status in faults:
         name = status_name(status).replace("_", " ")
         assert f"| {status:X} | {name} |" in page
+
+
+def test_each_outcome_of_a_motion_has_its_meaning() -> None:
+    page = text_of("docs/python-programs.md").partition("## Outcomes")[2].partition("\n## ")[0]
+    told = re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE)
+    assert set(told) == {*get_args(MoveOutcome), *get_args(GraspOutcome)}
+    assert len(told) == len(set(told))
