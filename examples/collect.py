@@ -30,7 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         open(options.file, "w", newline="", encoding="utf-8") as file,  # noqa: PTH123
         gripper.states(HZ, FIELDS, batch=50) as states,  # 50 at once cost the daemon the least
     ):
-        out = csv.DictWriter(file, FIELDS, extrasaction="ignore")  # the first state has all
+        out = csv.DictWriter(file, FIELDS)
         out.writeheader()
         for state in states:
             now_s = state["monotonic_s"]

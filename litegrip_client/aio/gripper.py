@@ -451,6 +451,11 @@ class Subscription(_BegunLate[Feed[_Item]], Generic[_Item]):
     def __repr__(self) -> str:
         return f"<{type(self).__name__} of {self._feed!r}{', closed' if self._closed else ''}>"
 
+    if not TYPE_CHECKING:  # else a type checker would allow it
+
+        def __iter__(self) -> NoReturn:
+            raise TypeError(f"this {type(self).__name__} is for asyncio: `async for`")
+
     def __aiter__(self) -> Subscription[_Item]:
         """Begin to iterate; raises `ConnectError` once it has ended: nothing would come."""
         if self._closed:

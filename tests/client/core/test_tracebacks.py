@@ -306,6 +306,16 @@ def test_an_async_callback_is_refused_before_anything_moves(
     assert not {"motion.open", "calibration.zero"} & set(daemon.methods())
 
 
+def test_a_loop_in_asyncio_without_async_is_named(daemon: Heard, tasks: Asyncio) -> None:
+    async def main() -> None:
+        async with aio.LiteGrip() as gripper:
+            states: Any = gripper.states()
+            with pytest.raises(TypeError, match="^this Subscription is for asyncio: `async for`$"):
+                list(states)
+
+    tasks.run(main())
+
+
 @pytest.mark.parametrize(
     ("make", "kind"),
     [
