@@ -310,7 +310,7 @@ def test_a_loop_in_asyncio_without_async_is_named(daemon: Heard, tasks: Asyncio)
     async def main() -> None:
         async with aio.LiteGrip() as gripper:
             states: Any = gripper.states()
-            with pytest.raises(TypeError, match="^this Subscription is for asyncio: `async for`$"):
+            with pytest.raises(TypeError, match=r"^this Subscription is for asyncio: `async for`$"):
                 list(states)
 
     tasks.run(main())
