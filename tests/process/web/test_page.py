@@ -537,8 +537,26 @@ def test_more_than_the_vendor_recommends_is_said(operated: Tab) -> None:
         assert force.evaluate("(node) => node.validity.valid")
     expect(note).to_contain_text("at most 20 N for continuous work")
     expect(note).to_contain_text("The coil's heat limits")
+    before = [place for place in places(operated) if place.startswith(("teach", "play", "grasp"))]
+    force.fill("30")
+    expect(note).to_be_visible()
+    assert set(before) <= set(places(operated))
     force.fill("41")
     assert not force.evaluate("(node) => node.validity.valid")
+
+
+@pytest.mark.parametrize("width", [390, 844, 1400])
+def test_what_is_replayed_and_how_fast_stand_side_by_side(operated: Tab, width: int) -> None:
+    operated.set_viewport_size({"width": width, "height": 900})
+    wait_until_it_fits(operated)
+    speed, replay = (
+        part(operated, "speed").bounding_box(),
+        button(operated, "Replay").bounding_box(),
+    )
+    assert speed is not None
+    assert replay is not None
+    assert replay["x"] == pytest.approx(speed["x"] + speed["width"] + 8, abs=2)
+    assert abs(replay["y"] - speed["y"]) < 2
 
 
 def test_measuring_can_be_cancelled(operated: Tab, client: Client) -> None:
