@@ -461,13 +461,23 @@ export class Control {
     this.#panel.node("keep").textContent = isPart ? "Keep the part" : "End and keep";
   }
 
+  /* What takes a name into the field, which keeps the focus: so the names stay until another thing is aimed at. */
+  #nameButton(name) {
+    const field = this.#panel.node("name");
+    const node = Object.assign(document.createElement("button"), { type: "button", textContent: name });
+    node.onpointerdown = (event) => event.preventDefault();
+    node.onmousedown = node.onpointerdown;
+    node.onclick = () => {
+      field.value = name;
+      field.oninput();
+    };
+    return node;
+  }
+
   async #listNames() {
-    const list = this.#panel.node("names");
-    list.id = `names-${this.#panel.channel}`;
-    this.#panel.node("name").setAttribute("list", list.id);
     try {
       const { trajectories } = await this.#panel.wire.call("trajectory.list");
-      list.replaceChildren(...trajectories.map(({ name }) => new Option(name)));
+      this.#panel.node("names").replaceChildren(...trajectories.map(({ name }) => this.#nameButton(name)));
     } catch (error) {
       if (this.#panel.state !== null) this.#wrong("list the trajectories", error);
     }

@@ -1,14 +1,20 @@
 /* A dialog hangs from the bar: the page below is out of reach meanwhile, STOP in the bar never is. */
 
+const DEAF_MS = 1000; // longer than between the two clicks of somebody who clicks twice
+let settling = 0;
+
 /* Show a dialog of `panel`'s, in which what needs something obeys the rule of the page's other buttons, and waits
-   while `isBusy`; what moves says that it drops what is held. Return what looks again whether it is. */
+   while `isBusy`; what moves says that it drops what is held. What moves or saves is deaf for a moment at first, and
+   whenever what is returned is called, which says that the dialog shows something else now: a click that was meant
+   for what was there before does nothing. */
 export function open(dialog, panel, isBusy = () => false) {
   const [barred, drops] = [".barred", ".drops"].map((name) => dialog.querySelector(name));
+  let deaf = 0;
   const allow = () => {
     let told = null;
     for (const node of dialog.querySelectorAll("[data-needs]")) {
       const why = panel.control.whyNot(node.dataset.needs);
-      node.disabled = why !== null || isBusy();
+      node.disabled = why !== null || deaf !== 0 || isBusy();
       told ??= why;
     }
     const moves = dialog.querySelector('[data-needs="motion"]') !== null;
@@ -16,22 +22,38 @@ export function open(dialog, panel, isBusy = () => false) {
     say(drops, isHeld ? "Something is held: it will drop." : "");
     say(barred, told === null ? "" : `Not now: ${told}.`);
   };
+  const settle = () => {
+    clearTimeout(deaf);
+    deaf = setTimeout(() => {
+      deaf = 0;
+      allow();
+    }, DEAF_MS);
+    allow();
+  };
   panel.addEventListener("allowed", allow);
   dialog.onclose = () => {
+    clearTimeout(deaf);
     panel.removeEventListener("allowed", allow);
     guard();
   };
-  allow();
+  settle();
   dialog.show(); // not showModal(), which puts all else out of reach, STOP too
+  dialog.querySelector(".told").scrollTop = 0; // what is focused may be further down
   guard();
-  return allow;
+  return settle;
 }
 
 function say(node, text) {
   if (node.textContent !== text) node.textContent = text;
 }
 
+/* Within reach is the upper dialog, if there is one; otherwise the page, whose buttons are deaf to clicks for a
+   moment. */
 function guard() {
-  const isOpen = document.querySelector("dialog[open]") !== null;
-  for (const node of document.querySelectorAll("main, #dump, footer")) node.inert = isOpen;
+  const opened = [...document.querySelectorAll("dialog[open]")];
+  for (const node of document.querySelectorAll("main, #dump, footer")) node.inert = opened.length > 0;
+  for (const dialog of opened) dialog.inert = dialog !== opened.at(-1);
+  clearTimeout(settling);
+  document.body.classList.toggle("settling", !opened.length);
+  settling = setTimeout(() => document.body.classList.remove("settling"), DEAF_MS);
 }

@@ -123,7 +123,7 @@ async function copy(address) {
 
 /* A key acts on the gripper that this page controls; of several on the one that was used last. */
 function press(event, panels) {
-  const isTyping = /^(INPUT|SELECT|TEXTAREA)$/.test(event.target.tagName) && event.target.type !== "range";
+  const isTyping = /^(INPUT|TEXTAREA)$/.test(event.target.tagName) && event.target.type !== "range";
   if (isTyping || event.ctrlKey || event.metaKey || event.altKey || event.repeat) return;
   if (document.querySelector("dialog[open]")) return;
   const controlled = panels.filter((panel) => panel.control.has);

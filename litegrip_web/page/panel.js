@@ -20,6 +20,7 @@ const HEALTH = { ok: "Healthy", degraded: "Degraded", down: "Down" };
 const HAND_OVER_MS = 1500;
 const DEAD = "no daemon: what was held must be taken for let go: a motor without commands lets go by itself";
 const START_IT = "Start the daemon ('litegripctl doctor' says what is wrong): the page connects by itself.";
+const OLD = "Keep hands off: what is shown is old. Press STOP; if that is not confirmed, cut the motor's power.";
 const LOSSES = { object_lost: "OBJECT LOST", released_by_fault: "LET GO" };
 const MOVELESS = new Set(["enable", "disable", "clear_fault", "hold", "set_force", "zero_gravity", "set_zero"]);
 const STILL = "still"; // with nothing between the jaws
@@ -42,19 +43,26 @@ function doing({ mode, job, is_grasped: isGrasped }) {
   return `${mode}: ${kind}${named}`;
 }
 
-/* Of the data of events that may report a trouble: the words for it, with what to do, and in which states it is so. */
+/* A message that ends with what to do, with that first: there is no room for all of it everywhere. */
+function actFirst(message, hint) {
+  const end = `: ${hint}`;
+  return hint && message.endsWith(end) ? `${hint}: ${message.slice(0, -end.length)}` : message;
+}
+
+/* Of the data of events that may report a trouble: the words for it, first what to do, and in which states it is so. */
 const TROUBLES = {
-  motor({ phase, status, hint, terms }) {
+  motor({ phase, status, error, hint, terms }) {
     if (phase !== "fault" || !status) return null;
-    const text = `the motor reports ${status.replaceAll("_", " ")}: ${inPageWords(hint, terms?.hint)}`;
-    return { text, isIn: (state) => state.mode === "fault" && state.status === status };
+    const act = inPageWords(hint, terms?.hint);
+    const text = actFirst(inPageWords(error, terms?.error), act);
+    return { text, act, isIn: (state) => state.mode === "fault" && state.status === status };
   },
   bus({ state: name, error, hint, terms, at_rest: isAtRest }) {
     if (name === "up" || isAtRest) return null;
     const why = error === null ? [] : [inPageWords(error, terms?.error)];
     const remedy = hint === null || name === "motor_silent" ? [] : [hint]; // of silence the error says it
     const bus = name === "motor_silent" ? [] : [`the CAN bus is ${name.replaceAll("_", " ")}`];
-    return { text: [...bus, ...why, ...remedy].join(": "), isIn: ({ bus }) => bus === name };
+    return { text: [...remedy, ...bus, ...why].join(": "), isIn: ({ bus }) => bus === name };
   },
 };
 
@@ -68,10 +76,10 @@ function isReplaying({ job }) {
   return job?.kind === "play" && ![null, "load", "paused"].includes(job.phase);
 }
 
-/* What a fault let go of: first what to do about that, then what it was. */
-function letGo({ data: { why, certain, force_n: force, width_mm: width, terms } }) {
+/* What a fault let go of: first what to do about that, which is `act` if it is known, then what it was. */
+function letGo({ data: { why, certain, force_n: force, width_mm: width, terms } }, act) {
   const how = certain ? "has been let go" : "must be taken for let go: without power or commands the motor lets go by itself";
-  return `${inPageWords(why, terms?.why)}; what was held with ${force} N, at ${figure(width, 1, "mm")}, ${how}`;
+  return `${actFirst(inPageWords(why, terms?.why), act)}; what was held with ${force} N, at ${figure(width, 1, "mm")}, ${how}`;
 }
 
 /* Dispatches "state" when a new one has been shown, and "alarms" when other things are wrong. */
@@ -286,6 +294,7 @@ export class Panel extends EventTarget {
     this.#nodes.why.textContent = lacks === "daemon" ? `${START_IT} ${capital(message)}.` : message;
     this.#nodes.stopped.hidden = this.#nodes.clear.hidden = this.#nodes.doubted.hidden = true;
     this.#showLoss();
+    this.#sayFirst("why");
     this.#doubt = undefined;
     this.#isLate = false;
     this.article.classList.remove("late");
@@ -495,15 +504,23 @@ export class Panel extends EventTarget {
     });
   }
 
-  /* What is said of a loss: of a lost object no hold, once the motor does not hold; of a fault that is over no advice. */
+  /* What is said of a loss, first what to do: of a lost object no hold, once the motor does not hold; of a fault that
+     is over no advice. */
   #lossText() {
     const { data, monotonic_s: atS } = this.#lost;
     this.#isPast ||= this.state?.monotonic_s > atS && !["fault", "offline"].includes(this.state.mode);
     if (this.#isPast && data?.past) return data.past;
-    if (data?.why) return letGo(this.#lost);
+    if (data?.why) return letGo(this.#lost, this.#troubles.get("motor")?.act);
     const text = inPageWords(this.#lost.message, this.#lost.terms?.message);
-    const holds = this.#lost.kind !== "object_lost" || (this.state?.enabled && this.state.mode !== "relaxed");
-    return holds ? text : text.split(": ", 1)[0];
+    if (this.#lost.kind !== "object_lost") return text;
+    const isHeld = this.state?.enabled && this.state.mode !== "relaxed";
+    return [this.#graspAgain, isHeld ? text : text.split(": ", 1)[0]].filter(Boolean).join("; ");
+  }
+
+  /* What to do about a lost object; of a fault or a silent motor that is said which comes before. */
+  get #graspAgain() {
+    if (this.state === null || ["fault", "offline"].includes(this.state.mode)) return "";
+    return `${this.state.enabled ? "" : "“Enable”, "}“Open”, then “Grasp” again`;
   }
 
   #showLoss() {
@@ -562,12 +579,13 @@ export class Panel extends EventTarget {
     stopped.hidden = state.stop === null;
     clear.hidden = stopped.hidden || !this.#operates;
     this.#showAlarms();
+    this.#sayFirst(this.#isLate ? "why" : "lost-text");
     if (this.#isLate) {
       mode.dataset.mode = "late";
       mode.textContent = "late";
       const seconds = age === null ? "more than 1" : age.toFixed(1);
       const held = state.is_grasped === false ? "" : " What was held may be let go: a motor without commands lets go by itself.";
-      why.textContent = `No newer state has come for ${seconds} s: the daemon stands still, or the link is slow.${held}`;
+      why.textContent = `${OLD} No newer state has come for ${seconds} s: the daemon stands still, or the link is slow.${held}`;
     } else if (state.stop !== null) {
       mode.dataset.mode = isFault ? "fault" : "stopped";
       mode.textContent = isFault ? "fault, STOPPED" : "STOPPED";
@@ -586,6 +604,14 @@ export class Panel extends EventTarget {
       ? `Stop latched ${who}, but the motor does not answer: cut its power.`
       : `Stopped ${who}. Nothing moves until it is cleared${how}.`;
     stopped.textContent = told + (reason ? ` Why: ${reason}.` : "");
+  }
+
+  /* Say in the head of what is lost, or of why there is no newer state, which says what to do about that. */
+  #sayFirst(name) {
+    const { said, stopped } = this.#nodes;
+    const [first, then] = name === "why" ? ["why", "lost-text"] : ["lost-text", "why"];
+    if (stopped.nextElementSibling === this.#nodes[first]) return;
+    said.replaceChildren(stopped, " ", this.#nodes[first], " ", this.#nodes[then]);
   }
 
   /* Show whether something is held; what nothing measures any more stays as it was then, and says so. */
@@ -624,10 +650,12 @@ export class Panel extends EventTarget {
   }
 
   #reason(state) {
-    const parts = [];
-    if (state.bus !== "up") parts.push(this.#troubleText(state, "bus", `bus: ${state.bus}`));
-    if (state.mode === "fault") parts.push(this.#troubleText(state, "motor", `the motor reports ${state.status}`));
-    else if (state.stale) parts.push("what is shown is the motor's last report");
+    const troubles = [];
+    if (state.bus !== "up") troubles.push(this.#troubleText(state, "bus", `bus: ${state.bus}`));
+    if (state.mode === "fault") troubles.push(this.#troubleText(state, "motor", `the motor reports ${state.status}`));
+    const lost = this.#lost === null ? "" : this.#lossText(); // it stands before, and may say it already
+    const parts = troubles.filter((text) => !lost.includes(text));
+    if (state.mode !== "fault" && state.stale) parts.push("what is shown is the motor's last report");
     if (!state.calibrated) parts.push("not calibrated");
     if (state.job) parts.push(`by ${owner(state.job.owner)}`);
     if (state.is_grasped === null) parts.push(state.motor === "silent" ? "something was held: whether it still is, is not known"
@@ -651,7 +679,7 @@ export class Panel extends EventTarget {
     const felt = clamp ? `${clamp[0].toFixed(1)} to ${clamp[1].toFixed(1)} N by the motor` : "--";
     this.#figure("Coil", figure(state?.coil_temperature_c, 0, "°C"));
     this.#figure("Driver", figure(state?.driver_temperature_c, 0, "°C"));
-    this.#figure("Time to the heat limit", isNumber(toLimit) ? figure(toLimit, 0, "s") : heat ? "none" : "--");
+    this.#figure("Time to the heat limit", isNumber(toLimit) ? figure(toLimit, 0, "s") : heat ? "no limit" : "--");
     this.#showHealth();
     this.#figure("On the object", felt, "wide", UNSEEN);
     this.#fact("Lease", held ? `${owner(held)}${purpose}` : lease ? "free" : "--", "wide");

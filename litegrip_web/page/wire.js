@@ -95,7 +95,7 @@ export class Wire extends EventTarget {
     socket.onmessage = (first) => this.#prove(socket, nonce, JSON.parse(first.data));
     socket.onclose = ({ code }) => {
       this.#isKnown = false;
-      this.#down(CLOSED[code] ?? "litegripd-web does not answer: start it again. With the same secret (--token-file) the page then connects by itself.");
+      this.#down(CLOSED[code] ?? "Start litegripd-web again: with the same secret (--token-file) the page then connects by itself. It does not answer.");
       this.#connectAgain(code);
     };
   }

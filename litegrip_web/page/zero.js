@@ -2,6 +2,7 @@
 
    How far the jaws open is asked, too: the scale follows from it. It can be corrected alone. */
 
+import { ask } from "./ask.js";
 import { open } from "./dialog.js";
 import { numberIn } from "./fields.js";
 import { figure, isNumber } from "./format.js";
@@ -36,34 +37,40 @@ export function askZero(panel) {
     uses.textContent = `${now}${would} (configured: ${configured} mm). All lengths and speeds follow from it.`;
   };
 
+  /* Say how far it is, and show that before all else that has no room. */
+  const say = (text) => {
+    progress.textContent = text;
+    if (text) progress.parentElement.scrollTop = progress.offsetTop - progress.parentElement.offsetTop;
+  };
+
   /* Do `act` with the answers, and show what it returns. */
   const run = async (wrong, act) => {
-    if (numberIn(stroke) === null) return;
-    isBusy = true;
-    allow();
+    setBusy(true);
     const params = { ...given(), stop_generation: panel.state?.stop_generation ?? 0 };
     try {
-      progress.textContent = await act(params);
+      const done = await act(params);
       cancel.textContent = "Done";
+      say(done);
     } catch (error) {
-      progress.textContent = `${wrong}: ${error.message}`;
       cancel.textContent = "Close";
+      say(`${wrong}: ${error.message}`);
     }
     showUses();
     job = null;
-    isBusy = cancel.disabled = false;
-    allow();
+    cancel.disabled = false;
+    setBusy(false);
   };
 
   const measure = async (params) => {
     cancel.textContent = "Stop measuring";
     cancel.disabled = true; // there is nothing yet that it could stop
-    progress.textContent = "The jaws move.";
-    if (mount.value) params.mount = mount.value;
+    say("The jaws move.");
+    const { value: chosen } = mount.querySelector(":checked");
+    if (chosen) params.mount = chosen;
     const result = await panel.wire.call("calibration.zero", { ...params, progress: true }, (step) => {
       job = step.job;
       cancel.disabled = false;
-      progress.textContent = `${step.phase.replaceAll("_", " ")}: step ${step.step}, ${figure(step.torque_nm, 2, "N·m")}`;
+      say(`${step.phase.replaceAll("_", " ")}: step ${step.step}, ${figure(step.torque_nm, 2, "N·m")}`);
     });
     if (!result.ok) throw new Error(result.message ?? result.outcome.replaceAll("_", " "));
     const travel = result.travel_rad * result.rad_to_mm;
@@ -90,20 +97,32 @@ export function askZero(panel) {
   stroke.value = isDoubtful ? configured : inUse ?? configured; // a template's was measured on no gripper
   stroke.oninput = showUses;
   showUses();
-  progress.textContent = "";
+  say("");
+  mount.querySelector("input").checked = true;
   cancel.textContent = "Cancel";
-  start.onclick = () => run("Not measured", measure);
-  rescale.onclick = () => run("Not corrected", correct);
+  start.onclick = () => numberIn(stroke) !== null && run("Not measured", measure);
+  rescale.onclick = async () => {
+    if (numberIn(stroke) === null) return;
+    const mm = given().stroke_mm ?? configured;
+    const text = `The scale will use ${mm} mm, in place of ${inUse ?? "--"} mm, and is saved. All lengths and speeds follow from it.`;
+    const isMeant = await ask(panel, text, "Correct and save", "control");
+    if (isMeant) await run("Not corrected", correct);
+    else settle();
+  };
   cancel.onclick = async () => {
     if (job !== null) {
       try {
         await panel.wire.call("job.cancel", { job });
       } catch (error) {
-        progress.textContent = error.message;
+        say(error.message);
       }
       return;
     }
     dialog.close();
   };
-  const allow = open(dialog, panel, () => isBusy);
+  const settle = open(dialog, panel, () => isBusy);
+  const setBusy = (value) => {
+    isBusy = mount.disabled = stroke.disabled = value;
+    settle();
+  };
 }

@@ -53,6 +53,12 @@ def enable(tab: Tab, client: Client) -> None:
     expect(button(tab, "Open")).to_be_enabled()
 
 
+def correct_the_scale(tab: Tab) -> None:
+    """Correct it by the dialog that measures, which asks before it saves."""
+    button(tab, "Correct the scale only").click()
+    button(tab, "Correct and save").click()
+
+
 def grasp(client: Client, force_n: float = 10.0) -> None:
     """Grasp as another program would."""
     client.despite_silence("motor.enable")
@@ -118,3 +124,22 @@ def places(tab: Tab) -> list[str]:
     """Return where everything is."""
     found: list[str] = tab.evaluate(PLACES)
     return found
+
+
+KEEP_WHAT_IS_SENT = """
+() => {
+  const send = WebSocket.prototype.send;
+  window.sent = [];
+  WebSocket.prototype.send = function (text) {
+    window.sent.push(JSON.parse(text));
+    send.call(this, text);
+  };
+}
+"""
+
+
+def sent(tab: Tab, method: str) -> dict[str, Any]:
+    """Return the parameters with which the page has called a method."""
+    lines: list[dict[str, Any]] = tab.evaluate("window.sent")
+    params: dict[str, Any] = next(line["params"] for line in lines if line["method"] == method)
+    return params

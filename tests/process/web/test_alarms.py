@@ -3,6 +3,7 @@
 import contextlib
 import os
 import re
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -113,11 +114,6 @@ def at_the_controls(window: BrowserContext, operating: Page) -> Tab:
     return tab
 
 
-def aims(tab: Tab) -> list[str]:
-    """Return where all is that somebody aims at; a fault's health may take a line more."""
-    return [place for place in places(tab) if not place.startswith(("facts", "plots"))]
-
-
 def test_a_loss_and_a_fault_are_said_where_the_buttons_are(
     window: BrowserContext, operating: Page, client: Client
 ) -> None:
@@ -125,7 +121,7 @@ def test_a_loss_and_a_fault_are_said_where_the_buttons_are(
     tab = at_the_controls(window, operating)
     alarm = tab.locator("#alarm")
     expect(alarm).to_be_hidden()
-    before = aims(tab)
+    before = places(tab)
     client.result("sim.object")
     expect(alarm).to_have_text("OBJECT LOST")
     expect(alarm).to_be_in_viewport(ratio=1)
@@ -134,21 +130,21 @@ def test_a_loss_and_a_fault_are_said_where_the_buttons_are(
     expect(alarm).to_have_text("OBJECT LOST, STOPPED")
     clear = button(tab, "Clear the stop")
     expect(clear).to_be_in_viewport(ratio=1)
-    assert aims(tab) == before
+    assert places(tab) == before
     tab.mouse.click(*middle(tab, "[data-do=clear]"))  # without scrolling there
     expect(clear).to_be_hidden()
     client.result("sim.fault", name="overload")
     expect(alarm).to_have_text("OBJECT LOST, FAULT: overload")
     expect(alarm).to_be_in_viewport(ratio=1)
     assert alarm.evaluate("(node) => node.scrollHeight <= node.clientHeight")
-    assert aims(tab) == before
+    assert places(tab) == before
 
 
 def test_a_motor_that_is_silent_is_said_and_what_needs_it_looks_so(
     window: BrowserContext, operating: Page, client: Client
 ) -> None:
     tab = at_the_controls(window, operating)
-    before = aims(tab)
+    before = places(tab)
     alarm, notice = tab.locator("#alarm"), tab.locator("#notice")
     client.result("sim.fault", name="silent")
     expect(alarm).to_have_text("MOTOR SILENT")
@@ -164,7 +160,7 @@ def test_a_motor_that_is_silent_is_said_and_what_needs_it_looks_so(
     assert tab.evaluate(COVERED_BY_NOTICE) == []
     expect(part(tab, "stopped")).to_contain_text("the motor does not answer: cut its power.")
     expect(alarm).to_have_text("MOTOR SILENT, STOPPED")
-    assert aims(tab) == before
+    assert places(tab) == before
     client.result("sim.fault", name="none")
     expect(notice).to_have_text("Stopped. Nothing moves until it is cleared.")
     expect(alarm).to_have_text("STOPPED")
@@ -295,7 +291,7 @@ def test_of_two_grippers_a_stop_is_seen_beside_a_fault_that_let_go(
         alarm, seen = tab.locator("#alarm"), tab.locator("#toasts li").filter(visible=True)
         grasp(clients[0])
         clients[0].result("sim.fault", name="overload")
-        expect(seen).to_contain_text(["LET GO: the motor reports overload"])
+        expect(seen).to_contain_text(["LET GO: remove what loads the jaws, then enable again"])
         for client in clients:
             client.result("stop", level="hold")
         left = f"left-{os.getpid()}"
@@ -360,7 +356,8 @@ SEEN = """
   words.setStart(text, text.data.indexOf(part));
   words.setEnd(text, text.data.indexOf(part) + part.length);
   const last = [...words.getClientRects()].at(-1);
-  return last.top + last.height / 2 < node.getBoundingClientRect().bottom;
+  const room = node.closest(".why") ?? node;
+  return last.top + last.height / 2 < room.getBoundingClientRect().bottom;
 }
 """
 """Whether a part of what a node says is in sight, and not cut off."""
@@ -373,10 +370,82 @@ def test_what_to_do_about_a_loss_is_read_without_a_tap_and_all_of_it_with_one(
     tab = opened(window, operating)
     client.result("sim.fault", name="overload")
     said = tab.locator("#toasts span")
-    expect(said).to_contain_text("then enable again (“Enable”); what was held with 10 N")
+    expect(said).to_contain_text("(“Enable”): the motor reports overload; what was held with 10 N")
     assert said.evaluate(SEEN, "remove what loads the jaws, then enable")
     said.click()
     assert said.evaluate(SEEN, "has been let go")
+
+
+TIMES = """
+(article) => {
+  const told = article.querySelector("[data-is=said]").innerText;
+  return told.toLowerCase().split("remove what loads the jaws").length - 1;
+}
+"""
+
+
+def test_what_to_do_about_a_fault_that_let_go_is_said_once_in_the_head(
+    window: BrowserContext, operating: Page, client: Client
+) -> None:
+    grasp(client)
+    tab = opened(window, operating)
+    client.result("sim.fault", name="overload")
+    expect(part(tab, "said")).to_contain_text("has been let go.")
+    expect(part(tab, "mode")).to_have_text("fault")
+    assert tab.locator("article").evaluate(TIMES) == 1
+
+
+def test_of_two_grippers_what_to_do_is_seen_when_a_daemon_stood_still(
+    window: BrowserContext, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with two_grippers(window, tmp_path, monkeypatch) as (tab, daemons, clients):
+        grasp(clients[0])
+        panel = tab.get_by_role("article", name=f"Gripper left-{os.getpid()}")
+        expect(panel.locator("[data-is=held]")).to_have_text("object detected")
+        daemons[0].process.send_signal(signal.SIGSTOP)
+        try:
+            expect(panel.locator("[data-is=mode]")).to_have_text("late")
+            first = re.compile("^Keep hands off: what is shown is old. Press STOP; if that is not")
+            expect(panel.locator("[data-is=why]")).to_have_text(first)
+            assert panel.locator("[data-is=said]").evaluate(FIRST) == "why"
+            tab.wait_for_timeout(1500)  # longer than a motor without commands stays armed
+        finally:
+            daemons[0].process.send_signal(signal.SIGCONT)
+        act = "enable again (“Enable”); if it recurs"
+        expect(panel.locator("[data-is=lost-text]")).to_contain_text(f": {act}")
+        expect(panel.locator("[data-is=lost-text]")).to_contain_text("itself stood still for")
+        said = tab.locator("#toasts li:last-child span")
+        expect(said).to_contain_text(f"LET GO: {act}")
+        assert said.evaluate(SEEN, "enable again (“Enable”)")
+
+
+FIRST = """
+(node) => [...node.children].find((one) => one.checkVisibility() && one.textContent).dataset.is
+"""
+
+
+def test_what_to_do_about_a_daemon_or_a_server_that_is_gone_is_read_before_a_loss(
+    window: BrowserContext, tmp_path: Path
+) -> None:
+    socket_path = tmp_path / "rpc.sock"
+    with contextlib.ExitStack() as stack:
+        daemon = DaemonProcess(
+            tmp_path, f"lost-{os.getpid()}", *written(tmp_path), "--socket", str(socket_path)
+        )
+        stack.callback(daemon.kill)
+        running = stack.enter_context(page("--socket", str(socket_path), "--operate"))
+        tab = opened(window, running)
+        with daemon.connect() as client:
+            grasp(client)
+            expect(part(tab, "held")).to_have_text("object detected")
+        daemon.kill()
+        expect(part(tab, "lost")).to_have_text("LET GO")
+        said, why = part(tab, "said"), part(tab, "why")
+        assert said.evaluate(FIRST) == "why"
+        assert why.evaluate(SEEN, "Start the daemon ('litegripctl doctor' says what is wrong)")
+    expect(why).to_have_text(re.compile("^Start litegripd-web again: with the same secret"))
+    assert said.evaluate(FIRST) == "why"
+    assert why.evaluate(SEEN, "with the same secret (--token-file)")
 
 
 def test_what_goes_on_is_read_as_a_whole(
@@ -560,12 +629,12 @@ def test_a_grasp_that_found_nothing_is_said_where_it_was_asked_for(
 ) -> None:
     client.despite_silence("motor.enable")
     tab = at_the_controls(window, operating)
-    before = aims(tab)
+    before = places(tab)
     button(tab, "Grasp").click()
     toast = tab.locator("#toasts li")
     expect(toast).to_contain_text("grasp: no object")
     expect(toast).to_be_in_viewport(ratio=1)
-    assert aims(tab) == before
+    assert places(tab) == before
 
 
 COVERED = """
@@ -587,7 +656,7 @@ def test_what_went_wrong_covers_no_controls_and_moves_none(
     window: BrowserContext, operating: Page, client: Client
 ) -> None:
     tab = at_the_controls(window, operating)
-    before = aims(tab)
+    before = places(tab)
     toasts = tab.locator("#toasts li")
     tab.keyboard.press("e")
     expect(button(tab, "Open")).to_be_enabled()
@@ -598,10 +667,10 @@ def test_what_went_wrong_covers_no_controls_and_moves_none(
     expect(toasts).to_have_count(2)
     client.result("sim.fault", name="overload")
     expect(toasts).to_have_count(3)
-    expect(toasts.last).to_contain_text("The motor reports overload")
+    expect(toasts.last).to_contain_text("Remove what loads the jaws")
     expect(toasts.last).to_be_in_viewport(ratio=1)
     assert tab.evaluate(COVERED) == []
-    assert aims(tab) == before
+    assert places(tab) == before
     toasts.last.locator("span").click()  # all of them, as long as somebody wants to
     expect(toasts.first).to_be_in_viewport(ratio=1)
     tab.keyboard.press("e")  # now the fault is over

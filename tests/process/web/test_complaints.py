@@ -25,7 +25,7 @@ def test_what_is_over_is_said_no_more(operated: Tab, client: Client) -> None:
     button(operated, "Take it over").click()
     expect(toasts(operated)).to_have_count(0)
     client.result("sim.fault", name="overload")
-    expect(toasts(operated)).to_contain_text(["The motor reports overload: "])
+    expect(toasts(operated)).to_contain_text([": the motor reports overload"])
     button(operated, "Clear the fault").click()
     expect(toasts(operated)).to_have_count(0)
 
@@ -137,15 +137,15 @@ def test_what_to_do_about_a_fault_is_said_in_the_bar_until_it_is_over(
 ) -> None:
     enable(operated, client)
     client.result("sim.fault", name="overload")
-    text = "he motor reports overload: remove what loads the jaws, then enable again (“Enable”)"
-    expect(toasts(operated)).to_contain_text([f"T{text}"])
-    expect(part(operated, "said")).to_contain_text(f"t{text}")
+    text = "emove what loads the jaws, then enable again (“Enable”): the motor reports overload"
+    expect(toasts(operated)).to_contain_text([f"R{text}"])
+    expect(part(operated, "said")).to_contain_text(f"r{text}")
     expect(part(operated, "to-use")).to_have_text("a fault: “Enable” again")
     operated.keyboard.press("o")
     expect(part(operated, "outcome")).to_have_text("open: a fault: “Enable” again")
     expect(toasts(operated)).to_have_count(1)
     other = opened(window, operating)
-    expect(toasts(other)).to_contain_text([f"T{text}"])
+    expect(toasts(other)).to_contain_text([f"R{text}"])
     operated.bring_to_front()
     operated.keyboard.press("e")
     for tab in (operated, other):

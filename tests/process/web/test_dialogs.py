@@ -7,7 +7,17 @@ from playwright.sync_api import Locator, expect
 from playwright.sync_api import Page as Tab
 
 from tests.process.daemon_process import Client
-from tests.process.web.on_page import OBJECT_MM, button, enable, part, teach
+from tests.process.web.on_page import (
+    KEEP_WHAT_IS_SENT,
+    OBJECT_MM,
+    button,
+    correct_the_scale,
+    enable,
+    part,
+    sent,
+    teach,
+    wait_until_it_fits,
+)
 
 SAMPLES = 30
 STOPPED = "Not now: a stop is latched, “Clear the stop” first."
@@ -177,3 +187,201 @@ def test_what_would_drop_what_is_held_says_so(operated: Tab, client: Client) -> 
     button(operated, "Teach").click()
     expect(operated.get_by_role("dialog")).to_contain_text(told)
     button(operated, "No, leave it").click()
+
+
+SCREENS = {"wide": (1400, 900), "phone": (390, 844), "phone, on its side": (844, 390)}
+AIMS = """
+() => [...document.querySelectorAll("#zero button")].map((node) => {
+  const {x, y, width, height} = node.getBoundingClientRect();
+  return [node.id, x, y, width, height].join(" ");
+})
+"""
+CUT = """
+(node) => {
+  const [said, room] = [node, node.parentElement].map((one) => one.getBoundingClientRect());
+  return said.top < room.top - 1 || said.bottom > room.bottom + 1;
+}
+"""
+
+
+@pytest.fixture(params=SCREENS)
+def sized(operated: Tab, request: pytest.FixtureRequest) -> Tab:
+    width, height = SCREENS[request.param]
+    operated.set_viewport_size({"width": width, "height": height})
+    wait_until_it_fits(operated)
+    return operated
+
+
+def test_each_button_of_the_dialog_that_measures_stays_where_it_is(
+    sized: Tab, client: Client
+) -> None:
+    enable(sized, client)
+    zero_dialog(sized)
+    cancel, progress = sized.locator("#zero-cancel"), sized.locator("#zero-progress")
+    expect(sized.locator("#zero-title")).to_be_in_viewport(ratio=1)
+    place = sized.evaluate(AIMS)
+    button(sized, "The jaws are free: move them").click()
+    expect(progress).to_contain_text("step")
+    expect(cancel).to_have_text("Stop measuring")
+    assert sized.evaluate(AIMS) == place
+    client.result("sim.fault", name="overload")
+    expect(progress).to_contain_text("Not measured: the motor reports overload")
+    expect(cancel).to_have_text("Close")
+    assert sized.evaluate(AIMS) == place
+    assert not progress.evaluate(CUT)
+    client.result("sim.fault", name="none")
+    correct_the_scale(sized)
+    expect(progress).to_contain_text("It is saved.")
+    expect(cancel).to_have_text("Done")
+    assert sized.evaluate(AIMS) == place
+
+
+def test_a_second_click_where_measuring_was_stopped_begins_and_saves_nothing(
+    sized: Tab, client: Client
+) -> None:
+    enable(sized, client)
+    zero_dialog(sized)
+    sized.get_by_label("The jaws open").fill("83")
+    button(sized, "The jaws are free: move them").click()
+    progress = sized.locator("#zero-progress")
+    expect(progress).to_contain_text("step")
+    box = sized.locator("#zero-cancel").bounding_box()
+    assert box is not None
+    client.result("sim.fault", name="overload")  # fails with a long reason, and so as it may save
+    expect(progress).to_contain_text("Not measured: ")
+    client.result("sim.fault", name="none")
+    jobs, before_mm = (
+        client.result("job.list")["jobs"],
+        client.result("calibration.get")["travel_mm"],
+    )
+    for _ in range(4):
+        for share in (0.1, 0.5, 0.9):  # wherever on it the hand rests
+            sized.mouse.click(box["x"] + box["width"] * share, box["y"] + box["height"] / 2)
+        sized.wait_for_timeout(260)
+    assert client.result("job.list")["jobs"] == jobs
+    assert client.result("calibration.get")["travel_mm"] == before_mm
+
+
+DEAF = """
+() => new Promise((resolve) => {
+  const buttons = ["start", "rescale"].map((name) => document.getElementById(`zero-${name}`));
+  const isDeaf = () => buttons.map((node) => node.disabled);
+  const progress = document.getElementById("zero-progress");
+  new MutationObserver((_, observer) => {
+    if (!progress.textContent.startsWith("Not measured")) return;
+    observer.disconnect();
+    setTimeout(() => resolve(isDeaf()), 500);
+  }).observe(progress, {childList: true});
+  document.getElementById("zero-cancel").click();
+})
+"""
+
+
+def test_what_moves_or_saves_is_deaf_for_a_moment_when_the_dialog_shows_something_else(
+    operated: Tab, client: Client
+) -> None:
+    enable(operated, client)
+    zero_dialog(operated)
+    move, rescale = (
+        button(operated, name)
+        for name in ("The jaws are free: move them", "Correct the scale only")
+    )
+    move.click()
+    expect(operated.locator("#zero-progress")).to_contain_text("step")
+    assert operated.evaluate(DEAF) == [True, True]
+    expect(move).to_be_enabled()
+    expect(rescale).to_be_enabled()
+
+
+def test_a_scale_is_saved_only_when_that_is_meant(operated: Tab, client: Client) -> None:
+    enable(operated, client)
+    before = client.result("calibration.get")["travel_mm"]
+    zero_dialog(operated)
+    operated.get_by_label("The jaws open").fill("83")
+    button(operated, "Correct the scale only").dblclick()
+    expect(operated.get_by_text("The scale will use 83 mm, in place of ")).to_be_visible()
+    expect(button(operated, "Correct and save")).to_be_enabled()
+    button(operated, "No, leave it").click()
+    expect(button(operated, "Correct the scale only")).to_be_enabled()
+    assert client.result("calibration.get")["travel_mm"] == before
+    expect(operated.locator("#zero-progress")).to_be_empty()
+
+
+BEHIND = """
+async () => {
+  const wait = (ms) => new Promise((done) => setTimeout(done, ms));
+  const open = document.querySelector("[data-do=open]");
+  const {x, y} = open.getBoundingClientRect();
+  const isHit = () => document.elementFromPoint(x + 5, y + 5) === open;
+  document.getElementById("zero-cancel").click();
+  await wait(300);
+  const early = isHit();
+  await wait(1000);
+  return [early, isHit()];
+}
+"""
+
+
+def test_a_second_click_on_what_closes_a_dialog_presses_nothing_behind_it(
+    operated: Tab, client: Client
+) -> None:
+    enable(operated, client)
+    zero_dialog(operated)
+    assert operated.evaluate(BEHIND) == [False, True]
+
+
+NATIVE = """
+() => [...document.querySelectorAll("select, datalist, input")].filter(
+  ({tagName, type, list}) => tagName !== "INPUT" || list
+    || !["text", "number", "range", "radio", "checkbox", "file"].includes(type)
+).map((node) => node.outerHTML)
+"""
+"""What opens a list or a picker of the browser's own, which takes Esc while it is open."""
+REMEMBERED = """
+() => [...document.querySelectorAll("input[type=text], input[type=number]")]
+  .filter((node) => node.autocomplete !== "off").map((node) => node.outerHTML)
+"""
+
+
+@pytest.mark.parametrize("key", ["Space", "ArrowDown", "Alt+ArrowDown"])
+def test_escape_stops_while_the_mount_is_chosen(operated: Tab, client: Client, key: str) -> None:
+    enable(operated, client)
+    dialog = zero_dialog(operated)
+    assert operated.evaluate(NATIVE) == []
+    assert operated.evaluate(REMEMBERED) == []
+    dialog.locator("#zero-mount").locator("input").first.focus()
+    operated.keyboard.press(key)
+    operated.keyboard.press("Escape")
+    client.until(lambda state: state["stop"] is not None)
+
+
+def test_the_mount_that_is_chosen_is_the_one_that_is_measured(
+    operated: Tab, client: Client
+) -> None:
+    enable(operated, client)
+    zero_dialog(operated)
+    operated.get_by_label("reverse").check()
+    operated.evaluate(KEEP_WHAT_IS_SENT)
+    button(operated, "The jaws are free: move them").click()
+    expect(operated.locator("#zero-progress")).to_contain_text("step")
+    assert sent(operated, "calibration.zero")["mount"] == "reverse"
+    expect(operated.get_by_label("reverse")).to_be_disabled()  # it says what is measured
+    button(operated, "Stop measuring").click()
+
+
+def test_escape_stops_while_the_names_are_shown_and_one_of_them_is_taken(
+    operated: Tab, client: Client
+) -> None:
+    teach(operated, client, "wave")
+    name, wave = part(operated, "name"), button(operated, "wave")
+    expect(wave).to_be_hidden()
+    name.fill("")
+    expect(wave).to_be_visible()
+    wave.click()
+    expect(name).to_have_value("wave")
+    expect(wave).to_be_visible()  # a second click presses nothing else
+    operated.keyboard.press("ArrowDown")
+    operated.keyboard.press("Escape")
+    client.until(lambda state: state["stop"] is not None)
+    button(operated, "Give control back").click()
+    expect(wave).to_be_hidden()

@@ -58,8 +58,11 @@ def test_what_a_fault_lets_go_is_said_until_it_is_read_or_the_next_motion_begins
     expect(alarm(tab)).to_be_hidden()
     let_go(client)
     what = r"what was held with 10 N, at \d\d\.\d mm, "
-    advice = r"the motor (reports overload: remove|does not answer: check|reports that it is off)"
-    told = re.compile(rf"LET GO: ({advice}.*; {what}(has been|must be taken)|{what}was let go)")
+    advice = (
+        r"(remove what .* \(“Enable”\): the motor reports overload"
+        r"|the motor (does not answer: check|reports that it is off).*)"
+    )
+    told = re.compile(rf"LET GO: ({advice}; {what}(has been|must be taken)|{what}was let go)")
     past = r"was let go( by a fault \([a-z ]+\)|: the motor (did not answer|was off, which .*))"
     second = opened(window, looking)  # which knows it from the events of before
     for shown in (tab, second):
@@ -132,7 +135,7 @@ def test_a_loss_is_seen_in_the_place_of_what_a_key_was_refused_for_later(
     operated.keyboard.press("o")
     expect(toasts(operated)).to_have_count(2)
     seen = toasts(operated).filter(visible=True)
-    expect(seen).to_contain_text(["LET GO: the motor reports overload"])
+    expect(seen).to_contain_text(["LET GO: remove what loads the jaws, then enable again"])
     take_control(operated)
     expect(toasts(operated)).to_have_count(1)
     button(operated, "Enable").click()
@@ -170,15 +173,20 @@ def test_of_a_lost_object_no_hold_is_claimed_once_the_motor_is_off(
     tab = opened(window, looking)
     client.result("sim.object")
     said = part(tab, "said")
-    expect(said).to_contain_text("the object is lost: the jaws closed on, and hold where they are.")
+    again = "“Open”, then “Grasp” again; the object is lost"
+    expect(said).to_have_text(
+        re.compile(rf"At \S+: {again}: the jaws closed on, and hold where they are\.")
+    )
     client.despite_silence("motion.zero_gravity")
-    expect(said).to_have_text(re.compile(r"^\s*At \S+: the object is lost\.\s*$"))
+    expect(said).to_have_text(re.compile(rf"^\s*At \S+: {again}\.\s*$"))
+    client.despite_silence("motor.disable")
+    expect(said).to_have_text(re.compile(rf"^\s*At \S+: “Enable”, {again}\.\s*$"))
     client.result("sim.fault", name="overload")
-    whole = r"^\s*At \S+: the object is lost\. The motor reports overload"
+    whole = r"^\s*At \S+: the object is lost\. Remove what .*: the motor reports overload"
     expect(said).to_have_text(re.compile(whole))
     client.result("stop", level="hold")
     expect(said).to_have_text(
-        re.compile(r"^\s*Stopped .* the object is lost\. The motor reports overload")
+        re.compile(r"^\s*Stopped .* the object is lost\. Remove what loads the jaws")
     )
 
 

@@ -127,7 +127,7 @@ def test_nothing_moves_when_an_object_is_lost_and_a_stop_comes(
     before = places(tab)
     client.result("sim.object")
     expect(part(tab, "lost")).to_be_visible()
-    expect(part(tab, "lost-text")).to_have_text(re.compile("^At .*: the object is lost: "))
+    expect(part(tab, "lost-text")).to_have_text(re.compile("^At .*; the object is lost: "))
     assert places(tab) == before
     tab.keyboard.press("Escape")
     expect(part(tab, "mode")).to_have_text("STOPPED")

@@ -14,9 +14,11 @@ from playwright.sync_api import Page as Tab
 from litegrip_client.values.voices import CALLS
 from tests.process.daemon_process import Client, DaemonProcess, configured, daemon
 from tests.process.web.on_page import (
+    KEEP_WHAT_IS_SENT,
     OBJECT_MM,
     button,
     called_well,
+    correct_the_scale,
     drag,
     enable,
     fact,
@@ -24,6 +26,7 @@ from tests.process.web.on_page import (
     opened,
     part,
     places,
+    sent,
     take_control,
     teach,
     wait_until_it_fits,
@@ -355,25 +358,6 @@ def test_zeroing_asks_before_it_moves(operated: Tab, client: Client) -> None:
     expect(dialog).to_be_hidden()
 
 
-KEEP_WHAT_IS_SENT = """
-() => {
-  const send = WebSocket.prototype.send;
-  window.sent = [];
-  WebSocket.prototype.send = function (text) {
-    window.sent.push(JSON.parse(text));
-    send.call(this, text);
-  };
-}
-"""
-
-
-def sent(tab: Tab, method: str) -> dict[str, Any]:
-    """Return the parameters with which the page has called a method."""
-    lines: list[dict[str, Any]] = tab.evaluate("window.sent")
-    params: dict[str, Any] = next(line["params"] for line in lines if line["method"] == method)
-    return params
-
-
 def stroke_of(client: Client) -> float:
     """Return how far the jaws open, by the calibration in use."""
     travel_mm: float = client.result("calibration.get")["travel_mm"]
@@ -419,19 +403,19 @@ def test_a_correction_is_what_the_dialog_begins_with_the_next_time(
     now = "Now the scale uses 88 mm"
     button(operated, "Zero …").click()
     stroke.fill("88")
-    button(operated, "Correct the scale only").click()
+    correct_the_scale(operated)
     expect(progress).to_contain_text("It is saved.")
     expect(uses).to_contain_text(f"{now} (configured: 85 mm). ")
     button(operated, "Done").click()
     button(operated, "Zero …").click()
     expect(stroke).to_have_value("88")
     expect(uses).to_contain_text(f"{now} (configured: 85 mm). ")
-    button(operated, "Correct the scale only").click()
+    correct_the_scale(operated)
     expect(progress).to_contain_text("It is saved.")
     assert stroke_of(client) == pytest.approx(88)
     stroke.fill("60")
     expect(uses).to_contain_text(f"{now}; it would use 60 mm (configured: 85 mm). ")
-    button(operated, "Correct the scale only").click()
+    correct_the_scale(operated)
     expect(progress).to_contain_text("Not corrected: ")
     expect(uses).to_contain_text(now)
 
@@ -441,8 +425,12 @@ def test_a_stroke_that_cannot_be_is_refused_in_the_dialog(operated: Tab, client:
     before_mm = stroke_of(client)
     button(operated, "Zero …").click()
     operated.get_by_label("The jaws open").fill("60")
-    for press in ("The jaws are free: move them", "Correct the scale only"):
-        button(operated, press).click()
+
+    def measure(tab: Tab) -> None:
+        button(tab, "The jaws are free: move them").click()
+
+    for press in (measure, correct_the_scale):
+        press(operated)
         progress = operated.get_by_role("dialog").locator("#zero-progress")
         expect(progress).to_contain_text(re.compile("^Not (measured|corrected): .*85 mm"))
         operated.evaluate("document.getElementById('zero-progress').textContent = ''")
@@ -456,7 +444,7 @@ def test_the_scale_is_corrected_without_a_motion(
     before = client.result("job.list")["jobs"]
     button(operated, "Zero …").click()
     operated.get_by_label("The jaws open").fill("83")
-    button(operated, "Correct the scale only").click()
+    correct_the_scale(operated)
     expect(operated.locator("#zero-progress")).to_contain_text("Corrected: 84.0 mm of travel")
     expect(operated.locator("#zero-progress")).to_contain_text("It is saved.")
     assert stroke_of(client) == pytest.approx(83)
@@ -492,7 +480,7 @@ def test_a_doubtful_scale_is_said_until_it_is_corrected(
         expect(button(operated, "Correct the scale …")).to_be_disabled()
         take_control(operated)
         button(operated, "Correct the scale …").click()
-        button(operated, "Correct the scale only").click()
+        correct_the_scale(operated)
         expect(operated.locator("#zero-progress")).to_contain_text("It is saved.")
         expect(warning).to_be_hidden()
         assert stroke_of(client) == pytest.approx(STROKE_MM)
@@ -549,8 +537,26 @@ def test_more_than_the_vendor_recommends_is_said(operated: Tab) -> None:
         assert force.evaluate("(node) => node.validity.valid")
     expect(note).to_contain_text("at most 20 N for continuous work")
     expect(note).to_contain_text("The coil's heat limits")
+    before = [place for place in places(operated) if place.startswith(("teach", "play", "grasp"))]
+    force.fill("30")
+    expect(note).to_be_visible()
+    assert set(before) <= set(places(operated))
     force.fill("41")
     assert not force.evaluate("(node) => node.validity.valid")
+
+
+@pytest.mark.parametrize("width", [390, 844, 1400])
+def test_what_is_replayed_and_how_fast_stand_side_by_side(operated: Tab, width: int) -> None:
+    operated.set_viewport_size({"width": width, "height": 900})
+    wait_until_it_fits(operated)
+    speed, replay = (
+        part(operated, "speed").bounding_box(),
+        button(operated, "Replay").bounding_box(),
+    )
+    assert speed is not None
+    assert replay is not None
+    assert replay["x"] == pytest.approx(speed["x"] + speed["width"] + 8, abs=2)
+    assert abs(replay["y"] - speed["y"]) < 2
 
 
 def test_measuring_can_be_cancelled(operated: Tab, client: Client) -> None:
