@@ -10,7 +10,7 @@ LEROBOT := .venv-lerobot
 LEROBOT_PYTHON ?= python3.12
 PROPERTIES = $(shell grep -rlE --include='test_*.py' '^from hypothesis' tests)
 
-.PHONY: help run run-mujoco demo test test-through-portal lowest check nightly format pictures bench chaos lerobot ros deb clean
+.PHONY: help run run-mujoco demo test test-through-portal lowest check quick nightly format pictures bench chaos lerobot ros deb clean
 
 help:
 	@echo "make run     the daemon on a simulated gripper and its page, in the foreground"
@@ -20,6 +20,7 @@ help:
 	@echo "make test-through-portal  the tests of clients again, through a fleet's portal"
 	@echo "make lowest  the tests of what other libraries do, with the lowest versions that are allowed"
 	@echo "make check   format, lint, types, import layers, generated files, tests"
+	@echo "make quick   the same without the tests of real processes: less than half the time"
 	@echo "make nightly a million hostile lines and damaged files, longer chaos, property tests with other examples every day"
 	@echo "make format  put all sources into the project's format"
 	@echo "make pictures make the pictures of the pages; needs Chromium"
@@ -65,7 +66,8 @@ PYTEST = $(BIN)/python -m pytest --durations 15
 PROCESSES = -m 'not alone' tests/process tests/io
 FAILED_ALONE = test $$? -eq 1 && echo "Once more, without the others, what has failed:" && \
 	$(PYTEST) --last-failed --last-failed-no-failures none --maxfail 1 $(PROCESSES)
-TESTS = $(PYTEST) --numprocesses auto --dist worksteal --ignore tests/process --ignore tests/io && \
+VIRTUAL = $(PYTEST) --numprocesses auto --dist worksteal --ignore tests/process --ignore tests/io
+TESTS = $(VIRTUAL) && \
 	{ $(PYTEST) --numprocesses 5 --dist worksteal $(PROCESSES) || { $(FAILED_ALONE); }; } && \
 	$(PYTEST) -m alone tests/process tests/io
 
@@ -79,13 +81,21 @@ test-through-portal: $(STAMP)
 	$(THROUGH_PORTAL) --numprocesses 2 --dist worksteal -m 'not alone' tests/process
 	$(THROUGH_PORTAL) -m alone tests/process
 
-check: $(STAMP)
+define LOOK
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python docs/generate.py --check
+endef
+
+check: $(STAMP)
+	$(LOOK)
 	$(TESTS)
+
+quick: $(STAMP)
+	$(LOOK)
+	$(VIRTUAL)
 
 # What users may have: each library that pyproject.toml names in the lowest version that it allows.
 LOWEST := .venv-lowest
