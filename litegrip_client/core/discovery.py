@@ -14,6 +14,7 @@ from collections.abc import Awaitable, Callable, Iterator, Mapping
 from litegrip_client.core import sockets
 from litegrip_client.core.sockets import CHANNEL_VARIABLE, DEFAULT_CHANNEL, SOCKET_VARIABLE
 from litegrip_client.values.errors import ConnectError, ParameterError
+from litegrip_client.values.tracebacks import is_of_handler
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
@@ -169,6 +170,8 @@ async def reach(
         try:
             return await attempt(candidate)
         except OSError as error:  # noqa: PERF203 - two turns at most
+            if is_of_handler(error):
+                raise
             failures.append((candidate, error))
     raise _no_daemon(channel, failures, is_by_variable=socket_path is None)
 

@@ -38,6 +38,7 @@ from litegrip_client.line.exchange import (
     request_line,
 )
 from litegrip_client.values.errors import CommandError, ConnectError, LiteGripError
+from litegrip_client.values.tracebacks import is_of_handler
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
@@ -125,6 +126,8 @@ class LineStream:
         except BlockingIOError:
             return
         except (OSError, ValueError) as error:  # ValueError: closed by another thread
+            if is_of_handler(error):
+                raise
             raise StreamEndedError from error
         if not self._chunks[-1]:
             raise StreamEndedError
@@ -248,6 +251,8 @@ class Multiplexer:
             self._not_sent(error, timeout_s)
 
     def _not_sent(self, error: OSError, timeout_s: float) -> None:
+        if is_of_handler(error):
+            raise error
         if isinstance(error, TimeoutError):
             raise no_answer("the daemon does not read its requests", timeout_s) from None
         if not self._stream.hung_up:

@@ -25,6 +25,7 @@ from litegrip_client.values.errors import (
     StoppedError,
     from_error_object,
 )
+from litegrip_client.values.tracebacks import is_of_handler
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
@@ -200,6 +201,8 @@ class Router:
                 self._route(_decode(line))
                 self.is_silent = self.is_danger_told = False
         except _VIOLATIONS as error:
+            if is_of_handler(error):
+                raise
             return f"the daemon sent what is not the protocol: {error!r}"
         return None
 
@@ -359,7 +362,9 @@ def answer_in(line: bytes, identity: int) -> Message | None:
         text = line.decode()
         message, end = _scan(text, 0)
         is_answer = end == len(text) and message["id"] == identity and "method" not in message
-    except _VIOLATIONS:
+    except _VIOLATIONS as error:
+        if is_of_handler(error):
+            raise
         return None
     return message if is_answer else None
 

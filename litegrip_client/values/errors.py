@@ -17,6 +17,7 @@ OWN_REASONS: Mapping[str, tuple[str, int, str]] = {
     "no_daemon": ("ConnectError", 3, "No daemon can be reached by the sockets of the channel."),
     "no_answer": ("ConnectError", 3, "The daemon does not answer in time."),
     "connection_lost": ("ConnectError", 3, "The connection to the daemon is gone."),
+    "closed": ("ConnectError", 3, "This program has closed the connection."),
     "not_connected": ("ConnectError", 3, "The object is not connected, or no longer."),
     "forked": ("ConnectError", 3, "The connection belongs to the process before the fork."),
     "wrong_loop": ("CommandError", 4, "The connection belongs to another event loop."),

@@ -11,7 +11,7 @@ from __future__ import annotations
 import functools
 import os
 import sys
-from types import FunctionType, TracebackType
+from types import CodeType, FunctionType, TracebackType
 
 from litegrip_client.values.errors import LiteGripError
 
@@ -90,6 +90,27 @@ def _is_own(function: Any) -> bool:
 def _is_plain(function: Any) -> bool:
     """Return True if nothing but this module stands before a function."""
     return _is_own(function) or not hasattr(function, "__wrapped__")
+
+
+def is_of_handler(error: BaseException) -> bool:
+    """Return True if a signal handler of this program has raised it.
+
+    That runs in the middle of anything, and may raise what a socket or a decoder would.
+    """
+    import signal  # noqa: PLC0415 - an error
+
+    handlers = [signal.getsignal(number) for number in signal.valid_signals()]
+    codes = {_code_of(one) for one in handlers if callable(one)} - {None}
+    at = error.__traceback__
+    while at is not None and at.tb_frame.f_code not in codes:
+        at = at.tb_next
+    return at is not None
+
+
+def _code_of(function: Any) -> CodeType | None:
+    function = getattr(function, "func", function)  # of a `functools.partial`
+    code = getattr(function, "__code__", None) or getattr(type(function).__call__, "__code__", None)
+    return code if isinstance(code, CodeType) else None
 
 
 def _shortened(method: Any, rules: _Rules) -> Callable[..., Any]:

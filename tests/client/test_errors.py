@@ -50,7 +50,8 @@ def test_an_error_that_is_no_object_is_a_protocol_error() -> None:
 def test_every_reason_of_the_client_is_in_one_of_the_two_tables() -> None:
     sources = Path(litegrip_client.__file__).parent.rglob("*.py")
     texts = (source.read_text(encoding="utf-8") for source in sources)
-    used = {reason for text in texts for reason in re.findall(r'reason="(\w+)"', text)}
+    named = r'reason="(\w+)"|_?end\(f?".*", "(\w+)"\)'  # the latter ends a connection
+    used = {a or b for text in texts for a, b in re.findall(named, text)}
     assert "no_daemon" in used
     daemons = {kind.reason for kind in ERROR_TABLE}
     assert used == (used & daemons) | set(OWN_REASONS)

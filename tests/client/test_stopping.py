@@ -263,6 +263,44 @@ def test_a_signal_handler_stops_the_motion_that_its_thread_waits_for(
     assert daemon.wait_for("motion.hold")[0].params["stop_generation"] == GENERATION
 
 
+@pytest.mark.parametrize(
+    "error",
+    [TimeoutError("my limit"), ValueError("x"), OSError(5, "x"), ConnectionResetError("x")],
+    ids=lambda error: type(error).__name__,
+)
+def test_what_a_signal_handler_raises_ends_the_motion_and_not_the_connection(
+    daemon: FakeDaemon, error: Exception
+) -> None:
+    """As `signal.alarm` for a time limit: a socket might have raised the same."""
+    main = threading.main_thread().ident or 0
+
+    def on_signal(number: int, frame: object) -> None:
+        raise error
+
+    def interrupt(request: Request) -> None:
+        request.send({"jsonrpc": "2.0", "method": "progress", "params": {"job": 3}})
+        signal.pthread_kill(main, signal.SIGUSR1)
+
+    before = signal.signal(signal.SIGUSR1, on_signal)
+    try:
+        daemon.handlers |= {
+            "motion.open": interrupt,
+            "events.subscribe": lambda request: signal.pthread_kill(main, signal.SIGUSR1),
+            "job.list": lambda request: {"jobs": []},
+            "job.cancel": lambda request: {"job": 3, "state": "cancelled"},
+        }
+        with LiteGrip(socket_path=daemon.path) as gripper:
+            for act in (gripper.open, gripper.events):
+                with pytest.raises(type(error)) as caught:
+                    act()
+                assert caught.value is error
+                assert gripper.is_connected
+            assert gripper.get_state().seq == STATE["seq"]
+    finally:
+        signal.signal(signal.SIGUSR1, before)
+    assert {"job.list", "job.cancel"} & set(daemon.methods())
+
+
 def test_a_stop_whose_task_is_cancelled_at_once_is_given_all_the_same(
     daemon: FakeDaemon, stops: FakeDaemon, tasks: Asyncio
 ) -> None:
