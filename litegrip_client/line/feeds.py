@@ -321,7 +321,7 @@ def anew(error: ConnectError, method: str, voice: Voice | None) -> None:
     """Have the error of a connection's end say that a new one needs a new subscription."""
     begin = (voice or in_python)(method, None, None)
     if error.hint is not None and begin is not None:
-        error.data["hint"] = f"{error.hint}; after that, begin anew: {begin}"
+        error.data["hint"] = f"{error.hint}; after that, begin again: {begin}"
 
 
 class FeedSource(Protocol):

@@ -106,7 +106,7 @@ def test_the_end_of_the_connection_is_raised_by_all(site: Bench, daemon: Heard, 
         for read in (lambda: latest.state, lambda: latest.age_s, lambda: latest.feedback_age_s):
             with pytest.raises(ConnectError, match="ended the connection") as caught:
                 read()
-            assert str(caught.value.hint).endswith("; after that, begin anew: gripper.latest()")
+            assert str(caught.value.hint).endswith("; after that, begin again: gripper.latest()")
     gripper.disconnect()
 
 

@@ -183,7 +183,7 @@ def test_a_daemon_that_ends_ends_the_iteration_by_an_error(
             list(items)
         assert caught.value.hint == (
             f"{kind.awaits}gripper.connect() connects again, then: {kind.awaits}gripper.enable();"
-            f" after that, begin anew: gripper.{'states' if what == 'state' else 'events'}()"
+            f" after that, begin again: gripper.{'states' if what == 'state' else 'events'}()"
         )
         assert caught.value.retryable
         with pytest.raises(ConnectError) as caught:
