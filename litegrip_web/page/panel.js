@@ -177,9 +177,9 @@ export class Panel extends EventTarget {
 
   /* Say that control is lost: by a word beside STOP, too, for a loss hides the sentence. */
   loseControl(text) {
+    this.#noteControl(true); // first: what is newly wrong takes away what is told
     this.tell(text);
     toast(this.channel, text, "control", { onRead: () => this.forgive("control") });
-    this.#noteControl(true);
   }
 
   #noteControl(hasLost) {
