@@ -28,11 +28,12 @@ const CUT_OFF = new Set(["no_daemon", "connection_lost"]);
 /* What bars an act that needs this, the worst first. */
 const BARS = {
   control: [],
-  enable: ["silent", "stop"],
+  enable: ["late", "silent", "stop"],
   release: ["silent", "off"],
-  motion: ["silent", "stop", "off"],
+  hold: ["silent", "stop", "off"],
+  motion: ["late", "silent", "stop", "off"],
 };
-const NEEDS = { enable: "enable", zero: "enable", release: "release", "clear-fault": "control" }; // all else "motion"
+const NEEDS = { enable: "enable", zero: "enable", release: "release", hold: "hold", "clear-fault": "control" }; // all else "motion"
 /* What the bar says already of these reasons, by the kind of the event. */
 const ABOUT = { motor_fault: "motor", motor_silent: "bus" };
 const LEASE = { ttl_s: TTL_S, purpose: "the page in a browser", on_lost: "hold" };
@@ -206,6 +207,7 @@ export class Control {
     this.#isHoldKnown = state.is_grasped !== null;
     const { textContent: clear } = this.#panel.node("clear");
     this.#bars = {
+      late: this.#lateness,
       silent: this.#panel.isSilent && "the motor does not answer",
       stop: state.stop !== null && `a stop is latched, “${clear}” first`,
       off: !state.enabled && (state.mode === "fault" ? "a fault: “Enable” again" : "“Enable” first"),
@@ -223,8 +225,7 @@ export class Control {
     const lacksControl = this.whyNot("control") !== null;
     const isFree = this.#panel.state !== null && !this.#has;
     const toUse = this.#panel.node("to-use");
-    const late = this.#panel.isLate ? "late: what is pressed may act later" : "";
-    const told = isFree ? "to use what is below" : why ?? late;
+    const told = isFree ? "to use what is below" : why ?? "";
     if (toUse.textContent !== told) toUse.textContent = told;
     this.#panel.node("motions").disabled = lacksControl;
     for (const name of MOVES) this.#panel.node(name).disabled = this.whyNot(NEEDS[name] ?? "motion") !== null;
@@ -252,8 +253,14 @@ export class Control {
     this.#panel.node("force-note").hidden = Number(this.#panel.node("force").value) <= CONTINUOUS_N;
   }
 
+  /* Nobody sees what moves then, and it may move much later than it was asked to. */
+  get #lateness() {
+    return this.#panel.isLate && "late: it would act later, unseen";
+  }
+
   /* Show whether what is pressed may act late. */
   showLate() {
+    this.#bars.late = this.#lateness;
     this.#allow();
   }
 
@@ -306,7 +313,7 @@ export class Control {
     } catch (error) {
       if (CUT_OFF.has(error.reason)) return; // the connection's end says it
       this.#set(false);
-      this.#panel.complain(lossOfControl(error), "control");
+      this.#panel.loseControl(lossOfControl(error));
     } finally {
       this.#isRenewing = false;
     }
@@ -349,9 +356,12 @@ export class Control {
     const text = `${name}: ${refusal(error)}`;
     if (error.reason === "lease_lost") {
       this.#set(false);
-      this.#panel.complain(lossOfControl(error), "control");
+      this.#panel.loseControl(lossOfControl(error));
     } else if (error.reason === "stopped") this.#panel.tell(text);
-    else if (error.reason !== "replaced") this.#panel.complain(text, ABOUT[error.reason] ?? name, OVER[error.reason]);
+    else if (error.reason !== "replaced") {
+      const about = ABOUT[error.reason];
+      this.#panel.complain(text, about ?? name, OVER[error.reason], about && "trouble");
+    }
   }
 
   /* Return whether a trajectory may be kept under the name in the field; ask before one is replaced, by what `needs`

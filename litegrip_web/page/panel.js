@@ -6,7 +6,7 @@ import { capital, figure, inPageWords, isNumber, owner, time } from "./format.js
 import { Jaws } from "./jaws.js";
 import { Plots } from "./plots.js";
 import { Stop } from "./stop.js";
-import { sweep, toast, untoast } from "./toasts.js";
+import { suspend, sweep, toast, untoast } from "./toasts.js";
 import { Wire } from "./wire.js";
 import { World } from "./world.js";
 
@@ -16,6 +16,7 @@ const AGE_EVERY_MS = 200;
 const OVERTAKES = new Set(["job_started", "motor", "stop", "stop_cleared"]);
 const LATE_S = 1;
 const JUST_S = 1;
+const LATE_FOR_MS = 1000; // over a slow link it is for a moment now and then
 const HEALTH = { ok: "Healthy", degraded: "Degraded", down: "Down" };
 const HAND_OVER_MS = 1500;
 const DEAD = "no daemon: what was held must be taken for let go: a motor without commands lets go by itself";
@@ -94,6 +95,7 @@ export class Panel extends EventTarget {
   #replay = null; // the job of a replay that has begun since, and may not have moved yet
   #toldLoss = ""; // what the bar says of it
   #readS = null;
+  #seenS = null; // of a lost object whose line in the bar has been read
   #last = null; // the state when the connection ended
   #epoch = null; // which start of the daemon it was
   #heldS = -Infinity; // when something was held last
@@ -102,7 +104,10 @@ export class Panel extends EventTarget {
   #weak = null; // the event of a motor that is weak
   #troubles = new Map(); // of motor and bus, by the event's kind
   #isMissed = false; // by a STOP that was pressed on the page
+  #hasLostControl = false; // which has not been read
   #isLate = false;
+  #lateSinceMs = 0;
+  #away = ""; // what the bar says of why there is no newer state
   #operates = false;
   #isOver = false;
   #isGrasped = null;
@@ -166,7 +171,21 @@ export class Panel extends EventTarget {
   /* Say what is wrong `about` something, until it has been read or a state comes for which `isOver`. */
   complain(text, about, isOver, rank) {
     this.tell(text);
+    this.forgive(about);
     toast(this.channel, text, about, { isOver, rank });
+  }
+
+  /* Say that control is lost: by a word beside STOP, too, for a loss hides the sentence. */
+  loseControl(text) {
+    this.#noteControl(true); // first: what is newly wrong takes away what is told
+    this.tell(text);
+    toast(this.channel, text, "control", { onRead: () => this.forgive("control") });
+  }
+
+  #noteControl(hasLost) {
+    if (this.#hasLostControl === hasLost) return;
+    this.#hasLostControl = hasLost;
+    this.#showAlarms();
   }
 
   /* Say whether a STOP has missed this gripper, which answers again: until it is stopped, or somebody has read it. */
@@ -179,9 +198,18 @@ export class Panel extends EventTarget {
     else this.forgive("stop");
   }
 
+  /* Say in the bar why there is no newer state, and what to do about that, as long as it is so. */
+  #tellAway(text) {
+    if (text === this.#away) return;
+    this.#away = text;
+    if (text) toast(this.channel, text, "away", { rank: "away", atS: null, onRead: null, outlives: true });
+    else this.forgive("away");
+  }
+
   /* Complain no more about something. */
   forgive(about) {
     untoast(this.channel, about);
+    if (about === "control") this.#noteControl(false);
   }
 
   /* Whether what is shown is no longer measured. */
@@ -229,6 +257,8 @@ export class Panel extends EventTarget {
       }
       const states = await this.wire.call("state.subscribe", { hz: HZ });
       this.#hush();
+      this.#tellAway("");
+      suspend(this.channel, false);
       this.#compare(hello.epoch, states.state);
       this.#show(states.state);
       this.control.begin(operate, ranges);
@@ -257,6 +287,7 @@ export class Panel extends EventTarget {
     if (this.isSilent) alarms.push(motor === "silent" ? "MOTOR SILENT" : "NO MOTOR");
     if (this.#isLate) alarms.push("LATE");
     if (stop !== null) alarms.push("STOPPED");
+    if (this.#hasLostControl) alarms.push("CONTROL LOST");
     if (this.#isWeak) alarms.push(`WEAK MOTOR${force === null ? "" : ": makes less than was asked for"}`);
     this.#alarm(alarms);
   }
@@ -292,12 +323,14 @@ export class Panel extends EventTarget {
     this.#nodes.mode.textContent = `no ${lacks}`;
     this.#nodes.mode.dataset.mode = "offline";
     this.#nodes.why.textContent = lacks === "daemon" ? `${START_IT} ${capital(message)}.` : message;
+    suspend(this.channel, true);
+    this.#tellAway(`NO ${lacks.toUpperCase()}: ${lacks === "daemon" ? START_IT : message}`);
     this.#nodes.stopped.hidden = this.#nodes.clear.hidden = this.#nodes.doubted.hidden = true;
     this.#showLoss();
     this.#sayFirst("why");
     this.#doubt = undefined;
     this.#isLate = false;
-    this.article.classList.remove("late");
+    this.article.classList.remove("late", "late-loud");
     this.article.classList.add("down");
     this.#showHeld();
     this.#showLack();
@@ -334,8 +367,13 @@ export class Panel extends EventTarget {
     const isLate = age === null || age > LATE_S;
     if (isLate) this.plots.advance(Date.now() / 1000);
     if (!isLate && !this.#isLate) return;
+    if (!this.#isLate) this.#lateSinceMs = performance.now();
     this.#isLate = isLate;
+    const { is_grasped: isGrasped, mode } = this.state;
     this.article.classList.toggle("late", isLate);
+    this.article.classList.toggle("late-loud", isLate && (mode === "moving" || isGrasped !== false));
+    const isLasting = isLate && performance.now() - this.#lateSinceMs > LATE_FOR_MS;
+    this.#tellAway(isLasting ? `LATE: ${OLD}` : "");
     this.#showMode(this.state, age);
     this.#showJaws(this.state);
     this.control.showTarget();
@@ -441,7 +479,7 @@ export class Panel extends EventTarget {
     const parts = [...this.#gone.keys()].map((part) => GONE[part]).join(", ");
     const text = capital(`${[...this.#gone.values()].at(-1)}: ${parts}.`);
     const rank = this.#gone.has("held") ? "loss" : "";
-    toast(this.channel, text, "gone", { rank, onRead: () => this.#forget() });
+    toast(this.channel, text, "gone", { rank, outlives: true, onRead: () => this.#forget() });
   }
 
   #forget() {
@@ -474,7 +512,7 @@ export class Panel extends EventTarget {
     this.#troubles.set(kind, trouble);
     if (this.#lost?.kind === "released_by_fault" && !this.#isPast) return; // which says it, too
     const isOver = (state) => state.monotonic_s > beganS && !trouble.isIn(state);
-    toast(this.channel, capital(trouble.text), kind, { isOver, atS: beganS + this.#offsetS });
+    toast(this.channel, capital(trouble.text), kind, { isOver, rank: "trouble", atS: beganS + this.#offsetS });
   }
 
   /* What is known of the trouble that a state has; otherwise its bare name. */
@@ -487,29 +525,33 @@ export class Panel extends EventTarget {
     return this.#weak !== null && Boolean(this.state?.enabled);
   }
 
-  /* Say in the bar what a fault let go of; what a restart did is said there with all else that it ended. */
+  /* Say in the bar what is lost; what a restart did is said there with all else that it ended. */
   #tellLoss() {
-    if (this.#lost?.kind !== "released_by_fault" || !this.#lost.data) return;
-    const { monotonic_s: atS } = this.#lost;
-    const text = `LET GO: ${this.#lossText()}`;
+    if (!this.#lost?.data || this.#lost.monotonic_s === this.#seenS) return;
+    const { kind, monotonic_s: atS } = this.#lost;
+    const text = `${LOSSES[kind]}: ${this.#lossText()}`;
     if (text === this.#toldLoss) return;
     this.#toldLoss = text;
     toast(this.channel, text, "let go", {
       rank: "loss",
+      outlives: true,
       atS: atS + this.#offsetS,
       onRead: () => {
-        this.#readS = atS;
-        this.#lose(null);
+        if (kind === "object_lost") this.#seenS = atS;
+        else {
+          this.#readS = atS;
+          this.#lose(null);
+        }
       },
     });
   }
 
   /* What is said of a loss, first what to do: of a lost object no hold, once the motor does not hold; of a fault that
-     is over no advice. */
+     is over, and without a daemon, no advice. */
   #lossText() {
     const { data, monotonic_s: atS } = this.#lost;
     this.#isPast ||= this.state?.monotonic_s > atS && !["fault", "offline"].includes(this.state.mode);
-    if (this.#isPast && data?.past) return data.past;
+    if ((this.#isPast || this.state === null) && data?.past) return data.past;
     if (data?.why) return letGo(this.#lost, this.#troubles.get("motor")?.act);
     const text = inPageWords(this.#lost.message, this.#lost.terms?.message);
     if (this.#lost.kind !== "object_lost") return text;

@@ -25,7 +25,9 @@ export class Stop {
     this.#tellsAll = tellsAll;
     for (const panel of panels) {
       panel.addEventListener("state", () => this.#compare());
-      panel.addEventListener("ended", () => this.#place.dataset.stop === "done" && this.#say("", ""));
+      panel.addEventListener("ended", () => {
+        if (["done", "silent"].includes(this.#place.dataset.stop)) this.#say("", ""); // it may have ended, too
+      });
     }
   }
 

@@ -4,15 +4,16 @@
 import { time } from "./format.js";
 
 const MOST = 5;
-const RANKS = ["", "loss", "unstopped"]; // the worst last
+const RANKS = ["", "loss", "trouble", "unstopped", "away"]; // the worst last
 const list = document.getElementById("toasts");
 list.onclick = () => list.classList.toggle("whole");
 
 /* Say `text`, in the place of what was said `about` the same; a state ends it for which `isOver`. It is of `atS`, in
-   seconds of the time of day (null: no time is said), and `onRead` is called once it has been read. What is no
-   gripper's has no channel. What is of a higher rank is seen in the place of what is of a lower one. */
+   seconds of the time of day (null: no time is said), and `onRead` is called once it has been read (null: it is said
+   as long as it is so). What is no gripper's has no channel. What is of a higher rank is seen in the place of what is
+   of a lower one. What `outlives` the connection asks for no act that needs one. */
 export function toast(channel, text, about, options) {
-  const { isOver = () => false, atS = Date.now() / 1000, onRead = () => {}, rank = "" } = options;
+  const { isOver = () => false, atS = Date.now() / 1000, onRead = () => {}, rank = "", outlives = false } = options;
   const line = document.createElement("li");
   const words = document.createElement("span");
   const whose = channel !== null && document.body.classList.contains("several") ? `${channel}: ` : "";
@@ -27,8 +28,8 @@ export function toast(channel, text, about, options) {
     remove((one) => one === line);
     onRead();
   };
-  line.append(words, close);
-  Object.assign(line, { channel, about, isOver });
+  line.append(words, ...(onRead === null ? [] : [close]));
+  Object.assign(line, { channel, about, isOver, outlives });
   remove((one) => one.channel === channel && one.about === about);
   line.dataset.rank = rank;
   const isWorse = (one) => RANKS.indexOf(one.dataset.rank) > RANKS.indexOf(rank);
@@ -46,9 +47,19 @@ export function sweep(channel, state) {
   remove((one) => one.channel === channel && one.isOver(state));
 }
 
+/* While a gripper is away, say nothing that advises what nobody can do then; say it again afterwards. */
+export function suspend(channel, isAway) {
+  for (const line of list.children) if (line.channel === channel && !line.outlives) line.hidden = isAway;
+  count();
+}
+
 function remove(isGone) {
   for (const line of [...list.children].filter(isGone)) line.remove();
-  const more = list.children.length - 1;
+  count();
+}
+
+function count() {
+  const more = [...list.children].filter(({ hidden }) => !hidden).length - 1;
   list.dataset.more = more > 0 ? `+${more}` : "";
   if (more < 0) list.classList.remove("whole");
 }

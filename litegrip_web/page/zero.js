@@ -37,10 +37,9 @@ export function askZero(panel) {
     uses.textContent = `${now}${would} (configured: ${configured} mm). All lengths and speeds follow from it.`;
   };
 
-  /* Say how far it is, and show that before all else that has no room. */
+  /* Say how far it is. */
   const say = (text) => {
     progress.textContent = text;
-    if (text) progress.parentElement.scrollTop = progress.offsetTop - progress.parentElement.offsetTop;
   };
 
   /* Do `act` with the answers, and show what it returns. */

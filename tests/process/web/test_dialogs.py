@@ -202,6 +202,12 @@ CUT = """
   return said.top < room.top - 1 || said.bottom > room.bottom + 1;
 }
 """
+CUT_IN_THE_BOX = """
+(node) => {
+  const said = node.getBoundingClientRect(), room = node.closest(".told").getBoundingClientRect();
+  return said.top < room.top - 1 || said.bottom > room.bottom + 1;
+}
+"""
 
 
 @pytest.fixture(params=SCREENS)
@@ -229,11 +235,37 @@ def test_each_button_of_the_dialog_that_measures_stays_where_it_is(
     expect(cancel).to_have_text("Close")
     assert sized.evaluate(AIMS) == place
     assert not progress.evaluate(CUT)
+    assert not progress.evaluate("(node) => node.scrollHeight > node.clientHeight")
     client.result("sim.fault", name="none")
     correct_the_scale(sized)
     expect(progress).to_contain_text("It is saved.")
     expect(cancel).to_have_text("Done")
     assert sized.evaluate(AIMS) == place
+
+
+LINES = """
+() => [...document.querySelectorAll("#zero .told > *, #zero .told li")].map((node) => {
+  const {x, y, width, height} = node.getBoundingClientRect();
+  return [node.id || node.tagName, x, y, width, height].join(" ");
+})
+"""
+
+
+def test_a_result_of_measuring_moves_and_cuts_nothing_that_the_dialog_says(
+    sized: Tab, client: Client
+) -> None:
+    enable(sized, client)
+    zero_dialog(sized)
+    progress = sized.locator("#zero-progress")
+    title, warning = sized.locator("#zero-title"), sized.locator("#zero ol li").first
+    lines = sized.evaluate(LINES)
+    button(sized, "The jaws are free: move them").click()
+    for told in ("step", "Measured: "):
+        expect(progress).to_contain_text(told)
+        assert sized.evaluate(LINES) == lines
+        for node in (title, warning):
+            assert not node.evaluate(CUT_IN_THE_BOX)
+        assert not progress.evaluate("(node) => node.scrollHeight > node.clientHeight")
 
 
 def test_a_second_click_where_measuring_was_stopped_begins_and_saves_nothing(
