@@ -36,7 +36,7 @@ _SPECIAL = (
 )
 _STOP = "software_stop"
 STOPPED_ALL_THE_SAME = "the gripper was told to stop all the same, until clear_stop()"
-IS_COROUTINE = 128
+_IS_COROUTINE = 128
 """`inspect.CO_COROUTINE`."""
 
 
@@ -140,7 +140,7 @@ def _shortened(method: Any, rules: _Rules) -> Callable[..., Any]:
                 error.args = (f"{error}; {STOPPED_ALL_THE_SAME}",)
             raise
 
-    is_coroutine = method.__code__.co_flags & IS_COROUTINE
+    is_coroutine = method.__code__.co_flags & _IS_COROUTINE
     return functools.update_wrapper(call_and_wait if is_coroutine else call, method)
 
 

@@ -37,11 +37,6 @@ export function askZero(panel) {
     uses.textContent = `${now}${would} (configured: ${configured} mm). All lengths and speeds follow from it.`;
   };
 
-  /* Say how far it is. */
-  const say = (text) => {
-    progress.textContent = text;
-  };
-
   /* Do `act` with the answers, and show what it returns. */
   const run = async (wrong, act) => {
     setBusy(true);
@@ -49,10 +44,10 @@ export function askZero(panel) {
     try {
       const done = await act(params);
       cancel.textContent = "Done";
-      say(done);
+      progress.textContent = done;
     } catch (error) {
       cancel.textContent = "Close";
-      say(`${wrong}: ${error.message}`);
+      progress.textContent = `${wrong}: ${error.message}`;
     }
     showUses();
     job = null;
@@ -63,13 +58,13 @@ export function askZero(panel) {
   const measure = async (params) => {
     cancel.textContent = "Stop measuring";
     cancel.disabled = true; // there is nothing yet that it could stop
-    say("The jaws move.");
+    progress.textContent = "The jaws move.";
     const { value: chosen } = mount.querySelector(":checked");
     if (chosen) params.mount = chosen;
     const result = await panel.wire.call("calibration.zero", { ...params, progress: true }, (step) => {
       job = step.job;
       cancel.disabled = false;
-      say(`${step.phase.replaceAll("_", " ")}: step ${step.step}, ${figure(step.torque_nm, 2, "N·m")}`);
+      progress.textContent = `${step.phase.replaceAll("_", " ")}: step ${step.step}, ${figure(step.torque_nm, 2, "N·m")}`;
     });
     if (!result.ok) throw new Error(result.message ?? result.outcome.replaceAll("_", " "));
     const travel = result.travel_rad * result.rad_to_mm;
@@ -96,7 +91,7 @@ export function askZero(panel) {
   stroke.value = isDoubtful ? configured : inUse ?? configured; // a template's was measured on no gripper
   stroke.oninput = showUses;
   showUses();
-  say("");
+  progress.textContent = "";
   mount.querySelector("input").checked = true;
   cancel.textContent = "Cancel";
   start.onclick = () => numberIn(stroke) !== null && run("Not measured", measure);
@@ -113,7 +108,7 @@ export function askZero(panel) {
       try {
         await panel.wire.call("job.cancel", { job });
       } catch (error) {
-        say(error.message);
+        progress.textContent = error.message;
       }
       return;
     }

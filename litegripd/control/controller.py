@@ -199,7 +199,7 @@ class Controller:
         self._asked_off = False
         self._ranges: Ranges | None = None
         self.ending: Refusal | None = None
-        """True if the daemon's end has begun."""
+        """Why all is rejected, once the end of the daemon, or its retirement, has begun."""
         self._owed: OnLost | None = None
 
     @property

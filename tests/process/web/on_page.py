@@ -13,6 +13,19 @@ expect.set_options(timeout=DEADLINE_S * 1000)
 
 OBJECT_MM = 40.0
 
+SEEN = """
+(node, part) => {
+  const text = node.lastChild;
+  const words = document.createRange();
+  words.setStart(text, text.data.indexOf(part));
+  words.setEnd(text, text.data.indexOf(part) + part.length);
+  const last = [...words.getClientRects()].at(-1);
+  const room = node.closest(".why") ?? node;
+  return last.top + last.height / 2 < room.getBoundingClientRect().bottom;
+}
+"""
+"""Whether a part of what a node says is in sight, and not cut off."""
+
 
 def called_well(more: str = "") -> re.Pattern[str]:
     """Match what the page calls a gripper with which nothing is wrong, on a busy machine, too."""

@@ -18,7 +18,7 @@ from websockets.typing import Origin
 
 from litegrip_web.bridge import TOKEN_WITHIN_S
 from litegrip_web.proof import proof
-from tests.process.daemon_process import DEADLINE_S, line_of
+from tests.process.daemon_process import DEADLINE_S, DaemonProcess, line_of, written
 
 CHANNEL = "can7"
 START = """
@@ -107,6 +107,23 @@ def page(*arguments: str, **more: Any) -> Iterator[Page]:
     finally:
         running.process.kill()
         running.process.communicate()
+
+
+@contextlib.contextmanager
+def mortal(
+    folder: Path, name: str
+) -> Iterator[tuple[Callable[[], DaemonProcess], DaemonProcess, Page]]:
+    """Run a daemon that a test may kill, and a page for it; with what starts the next daemon."""
+    arguments = (*written(folder), "--socket", str(folder / "rpc.sock"))
+    with contextlib.ExitStack() as stack:
+
+        def run() -> DaemonProcess:
+            started = DaemonProcess(folder, f"{name}-{os.getpid()}", *arguments)
+            stack.callback(started.kill)
+            return started
+
+        first = run()
+        yield run, first, stack.enter_context(page("--socket", str(first.socket_path), "--operate"))
 
 
 class StandIn:

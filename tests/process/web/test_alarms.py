@@ -13,6 +13,7 @@ from playwright.sync_api import Page as Tab
 
 from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess, written
 from tests.process.web.on_page import (
+    SEEN,
     button,
     enable,
     fact,
@@ -23,7 +24,7 @@ from tests.process.web.on_page import (
     take_control,
     wait_until_it_fits,
 )
-from tests.process.web.page_process import Page, page
+from tests.process.web.page_process import Page, mortal, page
 
 CUT = "Stop latched, but the motor does not answer: cut its power."
 DOES_NOTHING = "STOP does nothing here: cut the motor's power. Then open the whole address again."
@@ -349,20 +350,6 @@ def test_of_two_grippers_what_clears_a_stop_has_room_for_its_words(
         assert tab.evaluate(TIGHT) == []
 
 
-SEEN = """
-(node, part) => {
-  const text = node.lastChild;
-  const words = document.createRange();
-  words.setStart(text, text.data.indexOf(part));
-  words.setEnd(text, text.data.indexOf(part) + part.length);
-  const last = [...words.getClientRects()].at(-1);
-  const room = node.closest(".why") ?? node;
-  return last.top + last.height / 2 < room.getBoundingClientRect().bottom;
-}
-"""
-"""Whether a part of what a node says is in sight, and not cut off."""
-
-
 def test_what_to_do_about_a_loss_is_read_without_a_tap_and_all_of_it_with_one(
     window: BrowserContext, operating: Page, client: Client
 ) -> None:
@@ -427,13 +414,7 @@ FIRST = """
 def test_what_to_do_about_a_daemon_or_a_server_that_is_gone_is_read_before_a_loss(
     window: BrowserContext, tmp_path: Path
 ) -> None:
-    socket_path = tmp_path / "rpc.sock"
-    with contextlib.ExitStack() as stack:
-        daemon = DaemonProcess(
-            tmp_path, f"lost-{os.getpid()}", *written(tmp_path), "--socket", str(socket_path)
-        )
-        stack.callback(daemon.kill)
-        running = stack.enter_context(page("--socket", str(socket_path), "--operate"))
+    with mortal(tmp_path, "lost") as (_, daemon, running):
         tab = opened(window, running)
         with daemon.connect() as client:
             grasp(client)
@@ -471,16 +452,8 @@ MEET = """
 def test_a_stop_that_was_missed_is_as_loud_as_a_loss_once_the_daemon_answers(
     window: BrowserContext, tmp_path: Path, end: str
 ) -> None:
-    arguments = (*written(tmp_path), "--socket", str(tmp_path / "rpc.sock"))
     with contextlib.ExitStack() as stack:
-
-        def run() -> DaemonProcess:
-            started = DaemonProcess(tmp_path, f"missed-{os.getpid()}", *arguments)
-            stack.callback(started.kill)
-            return started
-
-        first = run()
-        running = stack.enter_context(page("--socket", str(first.socket_path), "--operate"))
+        run, first, running = stack.enter_context(mortal(tmp_path, "missed"))
         tab = opened(window, running)
         take_control(tab)
         bar = tab.locator("header").bounding_box()
@@ -696,13 +669,7 @@ CONTRAST = """
 def test_a_daemon_and_a_page_server_that_are_gone_are_said_where_the_buttons_are(
     window: BrowserContext, tmp_path: Path
 ) -> None:
-    socket_path = tmp_path / "rpc.sock"
-    with contextlib.ExitStack() as stack:
-        daemon = DaemonProcess(
-            tmp_path, f"gone-{os.getpid()}", *written(tmp_path), "--socket", str(socket_path)
-        )
-        stack.callback(daemon.kill)
-        running = stack.enter_context(page("--socket", str(socket_path), "--operate"))
+    with mortal(tmp_path, "gone") as (_, daemon, running):
         tab = opened(window, running)
         to_the_controls(tab)
         alarm = tab.locator("#alarm")

@@ -1,7 +1,6 @@
 """What the bar says first: what is so now, and asks for an act. Nothing moves on a late page."""
 
 import contextlib
-import os
 import re
 import signal
 from collections.abc import Iterator
@@ -11,9 +10,9 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, Locator, expect
 from playwright.sync_api import Page as Tab
 
-from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess, written
-from tests.process.web.on_page import button, enable, grasp, opened, part, take_control
-from tests.process.web.page_process import Page, page
+from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess
+from tests.process.web.on_page import SEEN, button, enable, grasp, opened, part, take_control
+from tests.process.web.page_process import Page, mortal
 
 ACTS = {
     "LATE": "LATE: Keep hands off: what is shown is old. Press STOP; if that is not confirmed,"
@@ -24,17 +23,6 @@ ACTS = {
 }
 SCREENS = {"wide": (1400, 900), "phone": (390, 844)}
 RED = "rgb(179, 20, 30)"
-IN_SIGHT = """
-(node, part) => {
-  const text = node.lastChild;
-  const words = document.createRange();
-  words.setStart(text, text.data.indexOf(part));
-  words.setEnd(text, text.data.indexOf(part) + part.length);
-  const last = [...words.getClientRects()].at(-1);
-  return last.top + last.height / 2 < node.getBoundingClientRect().bottom;
-}
-"""
-"""Whether the bar has room for a part of what it says."""
 
 
 @pytest.fixture(params=SCREENS)
@@ -66,18 +54,13 @@ def expect_act(tab: Tab, name: str) -> None:
     expect(row(tab)).to_have_count(1)
     expect(row(tab)).to_contain_text(ACTS[name])
     expect(row(tab)).to_have_css("background-color", RED)
-    assert row(tab).locator("span").evaluate(IN_SIGHT, ACTS[name])
+    assert row(tab).locator("span").evaluate(SEEN, ACTS[name])
 
 
 def test_what_to_do_is_said_first_about_what_is_so_now(
     window: BrowserContext, tmp_path: Path
 ) -> None:
-    socket_path = tmp_path / "rpc.sock"
-    with contextlib.ExitStack() as stack:
-        arguments = (*written(tmp_path), "--socket", str(socket_path))
-        daemon = DaemonProcess(tmp_path, f"first-{os.getpid()}", *arguments)
-        stack.callback(daemon.kill)
-        running = stack.enter_context(page("--socket", str(socket_path), "--operate"))
+    with mortal(tmp_path, "first") as (_, daemon, running):
         tab = opened(window, running)
         head = tab.locator(".head")
         with daemon.connect() as client:
@@ -115,16 +98,7 @@ def test_what_to_do_is_said_first_about_what_is_so_now(
 def test_what_nobody_can_do_without_a_daemon_is_not_said_then(
     window: BrowserContext, tmp_path: Path
 ) -> None:
-    arguments = (*written(tmp_path), "--socket", str(tmp_path / "rpc.sock"))
-    with contextlib.ExitStack() as stack:
-
-        def run() -> DaemonProcess:
-            started = DaemonProcess(tmp_path, f"advice-{os.getpid()}", *arguments)
-            stack.callback(started.kill)
-            return started
-
-        daemon = run()
-        running = stack.enter_context(page("--socket", str(daemon.socket_path), "--operate"))
+    with mortal(tmp_path, "advice") as (run, daemon, running):
         tab = opened(window, running)
         with daemon.connect() as client:
             client.until(lambda state: bool(state["motor"] == "disabled" and state["calibrated"]))
@@ -140,12 +114,12 @@ def test_what_nobody_can_do_without_a_daemon_is_not_said_then(
         row(tab).locator("span").click()
         tab.keyboard.press("Escape")
         expect(tab.locator("#notice")).to_contain_text("STOP did not reach")
-        daemon = run()
+        second = run()
         missed = tab.locator("#toasts li", has_text="NOT STOPPED: press STOP again")
         expect(missed).to_be_visible()
         expect(grasped).to_have_count(1)
         expect(tab.locator("#toasts")).to_have_attribute("data-more", re.compile(r"\+\d"))
-        daemon.kill()
+        second.kill()
         expect_act(tab, "NO DAEMON")
         expect(missed).to_be_hidden()
         run()
