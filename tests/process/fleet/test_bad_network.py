@@ -178,10 +178,11 @@ def moving(client: Client, watch: Watch) -> None:
 
     The stop would push them away when they go slack.
     """
-    client.send("motion.open", speed_mm_s=10)
     watch.caught_up()
+    client.send("motion.open", speed_mm_s=10)
     while not _is_sample(message := watch.read()) or _state(message)["opening_mm"] < 5.0:
-        pass
+        kind = message["params"]["kind"] if message.get("method") == "event" else None
+        assert kind not in ("job_ended", "lease_lost"), message  # they would never get there
 
 
 def errors(client: Client) -> list[dict[str, Any]]:
