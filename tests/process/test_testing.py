@@ -9,7 +9,8 @@ import pytest
 
 from litegrip_client import ConnectError, LiteGrip, ParameterError
 from litegrip_client.testing import SimulatedDaemon, simulated
-from tests.process.daemon_process import ran
+from tests.process.daemon_process import configured, ran
+from tests.sim.simulator_process import simulator
 
 
 def enabled(daemon: SimulatedDaemon) -> LiteGrip:
@@ -49,10 +50,28 @@ def test_a_daemon_shows_its_channel_and_where_it_is() -> None:
     assert shown == "<SimulatedDaemon sim1-1, at /run/x.sock>"
 
 
-def test_the_block_of_the_page_runs() -> None:
+def block(language: str) -> str:
+    """Return the only block of a language in the simulator's page."""
     page = (Path(__file__).parents[2] / "docs" / "simulator.md").read_text(encoding="utf-8")
-    (code,) = re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
-    exec(compile(code, "simulator.md", "exec"), {})
+    (found,) = re.findall(rf"^```{language}\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    return str(found)
+
+
+def test_the_block_of_the_page_runs() -> None:
+    exec(compile(block("python"), "simulator.md", "exec"), {})
+
+
+def test_a_simulator_of_its_own_moves_with_the_configuration_of_the_page(tmp_path: Path) -> None:
+    link = str(tmp_path / "gripper")
+    config = block("toml").replace("/tmp/gripper", link)
+    assert link in config
+    with (
+        simulator("--pty", "--link", link, "--watchdog", "0.4"),
+        configured(tmp_path, "sim1", config) as running,
+        running.connect() as client,
+    ):
+        client.enabled()
+        assert client.despite_silence("motion.open")["ok"]
 
 
 def test_two_of_one_process_do_not_meet_and_nothing_is_left() -> None:
