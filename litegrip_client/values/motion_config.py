@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 from litegrip_client.values.checks import UnsetFloat, integer, number
-from litegrip_client.values.errors import CommandError
+from litegrip_client.values.errors import CommandError, ParameterError
 from litegrip_client.values.fields import Hinting
 from litegrip_client.values.tracebacks import shortened
 
@@ -29,7 +29,7 @@ class MotionConfig(Hinting):
     A field that was set, by the constructor or by assignment, is sent with every call, also when
     it is set to the value that it has already. A field that was not set is the daemon's
     (`config.set` of the protocol changes it), and reading it shows the vendor's default: the
-    daemon may have another one.
+    daemon may have another one. `del` unsets a field.
 
     Units are in the names, or: `margin` and `press_overshoot` are shares of the travel,
     `stall_ratio` one of the expected distance; `reach_tol`, `stall_delta`, `stop_tol` and
@@ -96,6 +96,13 @@ class MotionConfig(Hinting):
                 for each in _ONE:
                     object.__setattr__(self, each, value)
 
+        def __delattr__(self, name):
+            """Unset a field."""
+            if name not in _DEFAULTS:
+                raise self._no_attribute(name)
+            for each in _ONE if name in _ONE else (name,):
+                object.__setattr__(self, each, _DEFAULTS[each])
+
     def to_wire(self) -> dict[str, float]:
         """Return the fields that were set: what is sent as `config`."""
         values = {name: getattr(self, name) for name in DAEMON_FIELDS}
@@ -138,9 +145,14 @@ def _checked(name: str, value: Any) -> Any:
         )
     if _is_unset(value) and value == default:
         return value  # of another MotionConfig, so that a copy of it sends no more than it does
-    if isinstance(default, _Int):
-        return integer(name, value)
-    result = number(name, value)
+    try:
+        if isinstance(default, _Int):
+            return integer(name, value)
+        result = number(name, value)
+    except ParameterError as error:
+        if value is None:
+            error.data["hint"] = f"to unset it: del gripper.motion_config.{name}"
+        raise
     if name in _READ_ONLY and result != default:
         why, hint = _READ_ONLY[name]
         raise _unsupported(name, f"{name} cannot be {result:g}: {why}", hint)

@@ -31,7 +31,7 @@ HIDDEN = (
     f"{_STANDARD}contextlib.py",
 )
 _SPECIAL = (
-    *("__init__", "__enter__", "__exit__", "__iter__", "__next__", "__setattr__"),
+    *("__init__", "__enter__", "__exit__", "__iter__", "__next__", "__setattr__", "__delattr__"),
     *("__aenter__", "__aexit__", "__aiter__", "__anext__"),
 )
 _STOP = "software_stop"

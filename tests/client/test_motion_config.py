@@ -36,6 +36,23 @@ def test_only_what_was_set_is_sent() -> None:
     assert config.to_wire() == {"speed_mm_s": 25.0, "stall_cycles": 7, "force_n": 5.0}
 
 
+@pytest.mark.parametrize(
+    ("name", "value"), [("force_n", 5.0), ("stall_cycles", 7), ("force_ramp_n_s", 9.0)]
+)
+def test_what_is_deleted_was_never_set(name: str, value: float) -> None:
+    config = MotionConfig(speed_mm_s=25.0)
+    setattr(config, name, value)
+    with pytest.raises(CommandError, match="is None, it must be") as caught:
+        setattr(config, name, None)
+    assert str(caught.value).endswith(f"to unset it: del gripper.motion_config.{name}")
+    delattr(config, name)
+    delattr(config, name)
+    assert config.to_wire() == {"speed_mm_s": 25.0}
+    assert getattr(config, name) == getattr(MotionConfig(), name)
+    with pytest.raises(AttributeError, match="did you mean"):
+        delattr(config, name[:-2])
+
+
 def test_what_was_set_to_the_default_is_sent_too() -> None:
     config = MotionConfig(speed_mm_s=50.0, frame_interval=0.005)
     config.stall_cycles = 5
