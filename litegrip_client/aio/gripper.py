@@ -226,6 +226,7 @@ class Connection(Exchange):
         watch = Watch(self, call) if limit_s > DEFAULT_TIMEOUT_S else None
         since_s = self._loop.time()
         try:
+            call.is_sent = True
             self._router.calls[call.identity] = call
             if self._stream.is_full:
                 await self._wait_for_room()
@@ -262,9 +263,9 @@ class Connection(Exchange):
         self._router.check(is_asked_late=True)
         return self._newest_refusal()
 
-    async def finish(self, coroutine: Coroutine[Any, Any, None]) -> None:
-        """Await something to its end, even when the awaiting task is cancelled again."""
-        task = asyncio.get_running_loop().create_task(coroutine)
+    async def finish(self, begin: Callable[[], Coroutine[Any, Any, None]]) -> None:
+        """Await what `begin` returns, to its end even when the task is cancelled again."""
+        task = asyncio.get_running_loop().create_task(begin())
         cancelled: asyncio.CancelledError | None = None
         while not task.done():
             try:

@@ -419,7 +419,9 @@ class GripperActions:
         """
         target = frame_target(q, kp, kd, dq, tau)
         if self._frames is None:
-            self._frames = SetpointStream(self._session, _FRAME_VALID_S, self._limits())
+            self._frames = SetpointStream(
+                self._session, _FRAME_VALID_S, self._limits(), is_told_at_end=False
+            )
         await self._frames.set_target(**target)
         return True
 

@@ -53,6 +53,7 @@ class Motion:
         """With `warns`, a failed cancelling is logged."""
         self.cancelled: dict[str, Any] | None = None
         self.cancel_error: LiteGripError | None = None
+        self._is_over = False
         self._wire = wire
         self._method = method
         # Always with progress, because that gives the number of the job.
@@ -74,23 +75,31 @@ class Motion:
         except GeneratorExit:  # the event loop is gone, and nothing can be awaited
             raise
         except BaseException as error:
-            if call.answered:
+            if call.answered or not call.is_sent:
                 raise
-            if isinstance(error, ConnectError) and error.reason == "connection_lost":
-                error.message += f": {LEFT_ALONE}"
-            if isinstance(error, ConnectError) and wire.connection.is_silent:
-                self._cancel_later(call)
-            else:
-                await wire.finish(self._cancel(call))
+            try:
+                if isinstance(error, ConnectError) and error.reason == "connection_lost":
+                    error.message += f": {LEFT_ALONE}"
+                if isinstance(error, ConnectError) and wire.connection.is_silent:
+                    self._cancel_later(call)
+                else:
+                    await wire.finish(lambda: self._cancel(call))
+            except GeneratorExit:
+                raise
+            except BaseException:  # another interrupt: nobody waits for the cancelling any more
+                if not self._is_over:
+                    self._cancel_later(call)
+                raise
             raise
         finally:
             wire.connection.forget(call)
 
     async def _cancel(self, call: Call) -> None:
-        if self._wire.connection.closed:
-            self.cancel_error = ConnectError("the daemon is gone", reason="connection_lost")
-            return
+        connection = self._wire.connection
         try:
+            if connection.closed:
+                self.cancel_error = ConnectError("the daemon is gone", reason="connection_lost")
+                return
             number = call.job if call.job is not None else await self._find_job(call)
             # By now this motion may have ended, and what runs may be another's.
             if number is not None and not call.answered:
@@ -98,7 +107,6 @@ class Motion:
                 self.cancelled = await self._wire.call("job.cancel", params, _CANCEL_TIMEOUT_S)
         except LiteGripError as error:
             self.cancel_error = error
-            connection = self._wire.connection
             if connection.is_silent:
                 error.message = not_answered(_CANCEL_TIMEOUT_S)
                 connection.note_silence(is_danger_told=True)
@@ -107,9 +115,10 @@ class Motion:
 
                 name = (connection.voice or in_python)(self._method, None, None) or self._method
                 warn(f"the interrupted {name} could not be cancelled: {error.message}")
+        self._is_over = True
 
     def _cancel_later(self, call: Call) -> None:
-        """Have the motion cancelled when the silent daemon goes on: nobody waits for that."""
+        """Have the motion cancelled when the daemon goes on, and somebody reads its answer."""
         connection = self._wire.connection
 
         def cancel(result: dict[str, Any]) -> None:
@@ -151,9 +160,10 @@ class SetpointStream(AsyncBlock):
     `close`; after that, or the block, `set_target` raises `ConnectError`.
 
     The first target, and one after a pause, waits for the daemon's answer; the others are sent
-    without. What the daemon refuses of those is raised by one of the next calls, but for one that
-    came too late: the jaws hold until the next one. After `cancel` of the gripper the next call
-    raises `CancelledError`, and the one after that begins anew.
+    without. What the daemon refuses of those is raised by one of the next calls, at the latest by
+    `close` or the end of the block, but for one that came too late: the jaws hold until the next
+    one. After `cancel` of the gripper the next call raises `CancelledError`, and the one after that
+    begins anew.
     """
 
     def __init__(
@@ -162,14 +172,21 @@ class SetpointStream(AsyncBlock):
         valid_s: float,
         limits: dict[str, Any],
         before: Callable[[], Awaitable[None]] | None = None,
+        *,
+        is_told_at_end: bool = True,
     ) -> None:
-        """`before` is awaited once, before the first target is sent."""
+        """`before` is awaited once, before the first target is sent.
+
+        Unless `is_told_at_end`, `close` raises no refusal of a target: it must hinder nothing.
+        """
         self._session = session
         self._valid_s = number("valid_s", valid_s)
         self._limits = limits
         self._before = before
+        self._is_told_at_end = is_told_at_end
         self._wire: Wire | None = None
         self._job: int | None = None
+        self._asks = False
         self._sent_s = -math.inf
         self._cancels = 0
         self._is_closed = False
@@ -201,7 +218,7 @@ class SetpointStream(AsyncBlock):
         `torque_nm` is for this target what it is for the whole stream. `kp` (5 to 500 N·m/rad) and
         `kd` (0.1 to 5 N·m·s/rad) are the most stiffness and damping, the calibration's by default.
         Raises `CommandError` (a target outside the travel, another motion runs, ...) and all that
-        motions raise: for the first target at once, for others by one of the next calls.
+        motions raise: for the first target at once, for others by a later call, `close` included.
         """
         if self._is_closed:
             raise self._ended()
@@ -237,31 +254,46 @@ class SetpointStream(AsyncBlock):
         if cancels != self._cancels and self._wire is not None and paused_s < self._valid_s:
             self._wire = self._job = None
             raise CancelledError("this stream was cancelled, by cancel()", reason="cancelled")
-        if wire is self._wire and paused_s < self._valid_s / 2.0:
-            refusal = await wire.take_refusal()
-            if refusal is not None:
-                self._wire = self._job = None
-            if refusal is not None and refusal.reason != _EXPIRED:
-                refusal.message = f"of an earlier target: {refusal.message}"
-                raise refusal
-        if wire is self._wire and paused_s < self._valid_s / 2.0:
-            await wire.notify_guarded("stream.set", params)
-        else:
-            # Also after half of the validity: the job that it began may have ended on its way.
-            self._wire = self._job = None
+        is_heard = wire is not self._wire or self._asks  # else something may be refused by now
+        if not is_heard:
+            await self._raise_refusal(wire)
+        # Also after half of the validity: the job that it began may have ended on its way.
+        if is_heard or self._asks or paused_s >= self._valid_s / 2.0:
+            self._asks = True
             job = (await wire.run(wire.connection.prepare_guarded("stream.set", params)))["job"]
-            await wire.take_refusal()  # of what was sent before, and is answered by now
-            self._wire, self._job = wire, job
-        self._sent_s = time.monotonic()
+            self._wire, self._job, self._asks = wire, job, False
+            self._sent_s = time.monotonic()
+            if is_heard:
+                await wire.take_refusal()  # another's, or of what was sent before one was raised
+            else:
+                await self._raise_refusal(wire)
+        else:
+            await wire.notify_guarded("stream.set", params)
+            self._sent_s = time.monotonic()
+
+    async def _raise_refusal(self, wire: Wire) -> None:
+        """Raise why a target that was sent before was refused, if one was."""
+        refusal = await wire.take_refusal()
+        if refusal is not None:
+            self._asks = True
+        if refusal is not None and refusal.reason != _EXPIRED:
+            refusal.message = f"of an earlier target: {refusal.message}"
+            raise refusal
 
     async def close(self) -> None:
-        """End the stream at once, so that the jaws hold; again does nothing."""
+        """End the stream at once, so that the jaws hold; again does nothing.
+
+        Raises why a target was refused, if no call has raised it.
+        """
         self._is_closed = True
         wire, job = self._wire, self._job
         self._wire = self._job = None
-        lives = time.monotonic() - self._sent_s < 2.0 * self._valid_s
-        if wire is not None and job is not None and lives and not wire.connection.closed:
+        if wire is None or wire.connection.closed:
+            return
+        if time.monotonic() - self._sent_s < 2.0 * self._valid_s:
             await wire.call("job.cancel", {"job": job})
+        if self._is_told_at_end and not self._asks:
+            await self._raise_refusal(wire)
 
     async def __aenter__(self) -> SetpointStream:
         return self

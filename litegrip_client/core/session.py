@@ -61,8 +61,8 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
         async def take_refusal(self) -> LiteGripError | None:
             """Return the daemon's refusal of such a request, or None."""
 
-        async def finish(self, coroutine: Coroutine[Any, Any, None]) -> None:
-            """Await something to its end, even when the awaiting task is cancelled again."""
+        async def finish(self, begin: Callable[[], Coroutine[Any, Any, None]]) -> None:
+            """Await what `begin` returns, to its end even when the task is cancelled again."""
 
         async def close(self) -> None:
             """End the connection; in a forked child only the child's copy of it."""

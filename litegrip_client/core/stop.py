@@ -110,7 +110,7 @@ async def stop(session: DaemonSession, params: dict[str, str]) -> dict[str, Any]
             else:
                 wire.connection.note_stops(result)
 
-        await wire.finish(give())  # who cancels a stop on its way has stopped all the same
+        await wire.finish(give)  # who cancels a stop on its way has stopped all the same
     if not result:
         result = await _anew(session, params)
     if "state" not in result:
@@ -157,7 +157,7 @@ async def _anew(session: DaemonSession, params: dict[str, str]) -> dict[str, Any
             result["state"] = await apart.call("state.get")
 
     try:
-        await apart.finish(give())
+        await apart.finish(give)
     finally:
         await apart.close()
     return result

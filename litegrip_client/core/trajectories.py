@@ -272,7 +272,7 @@ class Recording:
             raise
         except BaseException as error:
             if getattr(error, "reason", None) not in _STAYS and not wire.connection.closed:
-                await wire.finish(self._cancel())
+                await wire.finish(self._cancel)
             raise
 
     def _in_seconds(self, error: ParameterError) -> ParameterError:

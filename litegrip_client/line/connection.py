@@ -19,6 +19,7 @@ import os
 import select
 import socket
 import struct
+import sys
 import threading
 import time
 from collections import deque
@@ -42,6 +43,7 @@ from litegrip_client.values.tracebacks import is_of_handler
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
+    from types import FrameType
     from typing import Any, TypeVar
 
     from litegrip_client.line.exchange import Listener, Message
@@ -217,8 +219,20 @@ class Multiplexer:
 
     @property
     def is_waiting_here(self) -> bool:
-        """True in a signal handler that interrupts a call of its own thread."""
-        return self._leader == threading.get_ident()
+        """True in a signal handler that interrupts a call of its own thread.
+
+        Two interrupts at once can end such a call before it says that it waits no more: so the
+        thread's stack counts, too.
+        """
+        if self._leader != threading.get_ident():
+            return False
+        frame: FrameType | None = sys._getframe(1)  # noqa: SLF001 - inspect is slow to import
+        while frame is not None:
+            if frame.f_code in _WAITING and frame.f_locals.get("self") is self:
+                return True
+            frame = frame.f_back
+        self._stop_leading(threading.get_ident())
+        return False
 
     def check_open(self) -> None:
         """Raise when nothing more can come here."""
@@ -234,7 +248,7 @@ class Multiplexer:
 
     def check_usable(self) -> None:
         """Raise when this thread must not wait here, or cannot any more."""
-        if self._leader == threading.get_ident() and self.is_own:
+        if self._leader is not None and self.is_waiting_here and self.is_own:
             raise CommandError(
                 "this thread waits for an answer on this connection already, so its signal "
                 "handler cannot use it",
@@ -382,6 +396,9 @@ class Multiplexer:
             self._woken.notify_all()
 
 
+_WAITING = {way.__code__ for way in (Multiplexer.ask, Multiplexer.wait, Multiplexer.poll)}
+
+
 class Connection(Exchange):
     """A connection to the daemon at the socket `socket_path`.
 
@@ -426,6 +443,7 @@ class Connection(Exchange):
         since_s = time.monotonic()
         watch = Watch(self, call) if limit_s > DEFAULT_TIMEOUT_S else None
         try:
+            call.is_sent = True
             calls[call.identity] = call
             answer = multiplexer.ask(call, line, self.timeout_s, limit_s)
             if answer is not None:

@@ -10,6 +10,7 @@ import contextlib
 import itertools
 import json
 import math
+import os
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -17,6 +18,7 @@ from json import scanner
 from weakref import ref
 
 from litegrip_client.values.errors import (
+    BusyError,
     CommandError,
     ConnectError,
     LiteGripError,
@@ -68,14 +70,15 @@ class Call:
     """One request, to be given to `run` of a connection once.
 
     `inbox` gets its progress notifications and then its answer. `job` is the number of the job
-    that it started, once a notification names it. `answered` is true once the answer has come;
-    `result` is its result, None for an error. `on_result` is called with the result where it is
-    read, before anything behind it is read. With `keep`, an answer that comes after an interrupt
-    is still taken, until `forget`.
+    that it started, once a notification names it. `is_sent` is true once the daemon may have got
+    it, `answered` once the answer has come; `result` is its result, None for an error. `on_result`
+    is called with the result where it is read, before anything behind it is read. With `keep`, an
+    answer that comes after an interrupt is still taken, until `forget`.
     """
 
     job: int | None = None
     result: Message | None = None
+    is_sent = False
     answered = False
     keep = False
     on_result: Progress | None = None
@@ -582,6 +585,10 @@ class Exchange:
             # A caller that gets this error knows the stop: its next request is meant to come after,
             # and `sent_s` alone guards it until an answer has the new number.
             self.stop_generation = generation_of(error.data)
+        if isinstance(error, BusyError) and self.has_clock:
+            owner = error.data.get("owner")
+            if isinstance(owner, dict) and owner.get("pid") == os.getpid():
+                error.message += "; that is this very program"
         if error.reason == "shutting_down" and (how := self._how_to_connect()) is not None:
             start = "" if error.data.get("followed") else "start the daemon again; "
             error.data.setdefault("hint", f"{start}{how}")

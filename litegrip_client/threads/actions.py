@@ -123,9 +123,10 @@ class SetpointStream:
     `close`; after that, or the block, `set_target` raises `ConnectError`.
 
     The first target, and one after a pause, waits for the daemon's answer; the others are sent
-    without. What the daemon refuses of those is raised by one of the next calls, but for one that
-    came too late: the jaws hold until the next one. After `cancel` of the gripper the next call
-    raises `CancelledError`, and the one after that begins anew.
+    without. What the daemon refuses of those is raised by one of the next calls, at the latest by
+    `close` or the end of the block, but for one that came too late: the jaws hold until the next
+    one. After `cancel` of the gripper the next call raises `CancelledError`, and the one after that
+    begins anew.
     """
 
     def __init__(self, core: core_motion.SetpointStream) -> None:
@@ -154,7 +155,7 @@ class SetpointStream:
         `torque_nm` is for this target what it is for the whole stream. `kp` (5 to 500 N·m/rad) and
         `kd` (0.1 to 5 N·m·s/rad) are the most stiffness and damping, the calibration's by default.
         Raises `CommandError` (a target outside the travel, another motion runs, ...) and all that
-        motions raise: for the first target at once, for others by one of the next calls.
+        motions raise: for the first target at once, for others by a later call, `close` included.
         """
         complete(
             self._core.set_target(
@@ -169,7 +170,10 @@ class SetpointStream:
         )
 
     def close(self) -> None:
-        """End the stream at once, so that the jaws hold; again does nothing."""
+        """End the stream at once, so that the jaws hold; again does nothing.
+
+        Raises why a target was refused, if no call has raised it.
+        """
         complete(self._core.close())
 
     def __enter__(self) -> SetpointStream:

@@ -61,9 +61,9 @@ class BlockingWire:
         """Return the daemon's refusal of such a request, or None."""
         return self.connection.take_refusal()
 
-    async def finish(self, coroutine: Coroutine[Any, Any, None]) -> None:
-        """Await something; another interrupt ends that."""
-        await coroutine
+    async def finish(self, begin: Callable[[], Coroutine[Any, Any, None]]) -> None:
+        """Await what `begin` returns; another interrupt ends that."""
+        await begin()
 
     async def close(self) -> None:
         """End the connection; in a forked child only the child's copy of it."""

@@ -72,6 +72,9 @@ _BUSY_BY: Mapping[JobKind, str] = {"teleop": "teleop_busy"}
 _ENDED_BY: Mapping[JobKind, Sentence] = {
     "teleop": sentence("end it by {teleop.stop}"),
     "record": sentence("end it ({trajectory.record_stop})"),
+    "stream": sentence(
+        "it ends by itself soon after its last target; to end it at once, cancel it ({job.cancel})"
+    ),
 }
 """How to end a job that does not end by itself. A recording outlasts its job if that is cancelled,
 and then refuses what it has refused before."""

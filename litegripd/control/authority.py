@@ -539,7 +539,7 @@ class Lease:
 def held_refusal(holder: Grant) -> Refusal:
     """Return who has the lease, and what for."""
     owner, purpose = holder.owner, holder.options.purpose
-    what = "" if purpose is None else f" for {purpose}"
+    what = "" if purpose in (None, owner.program) else f" for {purpose}"
     return Refusal(
         "lease_held",
         sentence(

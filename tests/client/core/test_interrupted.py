@@ -145,6 +145,24 @@ def test_a_signal_handler_may_stop_while_its_thread_waits(site: Bench, daemon: H
     assert len(daemon.streams) == 2  # the stop had a connection of its own
 
 
+def test_a_motion_that_a_signal_handler_could_not_begin_was_not_interrupted(
+    site: Bench, daemon: Heard, caplog: pytest.LogCaptureFixture
+) -> None:
+    refused: list[CommandError] = []
+    with Threads(site).gripper() as gripper:
+        gripper.enable()
+
+        def handle() -> None:
+            with pytest.raises(CommandError, match="its signal handler cannot use it") as caught:
+                gripper.open()
+            refused.append(caught.value)
+
+        site.when(lambda: daemon.state.mode == "moving", handle)
+        assert gripper.close()
+    assert [error.reason for error in refused] == ["reentrant"]
+    assert caplog.text == ""
+
+
 # Tasks beside each other
 
 

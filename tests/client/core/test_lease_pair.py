@@ -74,6 +74,21 @@ def test_who_has_taken_it_is_told_also_after_giving_it_back(
     assert f"{taker['program']} (pid {taker['pid']}, uid {taker['uid']})" in caught.value.message
 
 
+def test_an_object_of_the_same_program_is_told_so(
+    daemon: Heard, gripper: LiteGrip, kind: Kind
+) -> None:
+    with kind.gripper() as other, other.lease():
+        with pytest.raises(LeaseError) as caught:
+            gripper.lease().acquire()
+        said = caught.value.message
+        assert said.endswith("; that is this very program")
+        assert " has the gripper: wait for it" in said  # its purpose is its name
+    daemon.client(pid=4711).result("lease.acquire", purpose="another")
+    with pytest.raises(LeaseError, match="has the gripper for another") as caught:
+        gripper.lease().acquire()
+    assert "this very program" not in caught.value.message
+
+
 def test_it_is_waited_for(site: Bench, daemon: Heard, gripper: LiteGrip, kind: Kind) -> None:
     other = daemon.client()
     other.result("lease.acquire", purpose="another")

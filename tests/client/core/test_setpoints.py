@@ -71,6 +71,16 @@ def test_a_set_point_has_exactly_one_target(
     assert sent(daemon) == []
 
 
+def test_a_motion_beside_a_stream_of_the_same_program_is_told_so(
+    daemon: Heard, enabled: LiteGrip
+) -> None:
+    with enabled.stream() as stream:
+        stream.set_target(20.0)
+        with pytest.raises(BusyError, match="it ends by itself soon after its last") as caught:
+            enabled.goto(30.0)
+    assert caught.value.message.endswith("gripper.cancel()); that is this very program")
+
+
 def test_leaving_ends_the_stream_at_once(daemon: Heard, enabled: LiteGrip) -> None:
     with enabled.stream() as stream:
         stream.set_target(20.0)
@@ -139,6 +149,50 @@ def test_a_refusal_of_a_later_one_is_raised_and_the_next_is_answered_again(
         stream.set_target(10.0)
     is_answered = answered(daemon)
     assert (is_answered[0], is_answered[-1], any(is_answered[1:-1])) == (True, True, False)
+
+
+@pytest.mark.parametrize("pause_s", [0.0, 0.02, 0.1, 0.3])
+def test_a_refusal_is_raised_by_the_next_call_however_late_that_is(
+    daemon: Heard, enabled: LiteGrip, kind: Kind, pause_s: float
+) -> None:
+    with enabled.stream() as stream:
+        stream.set_target(10.0)
+        stream.set_target(500.0)
+        kind.pause(0.01 + pause_s)
+        with pytest.raises(CommandError, match="of an earlier target: opening_mm is 500"):
+            stream.set_target(10.0)
+        stream.set_target(11.0)
+
+
+@pytest.mark.parametrize("pause_s", [0.0, 0.1, 0.5])
+def test_a_refusal_that_no_call_has_raised_is_raised_at_the_end(
+    daemon: Heard, enabled: LiteGrip, kind: Kind, pause_s: float
+) -> None:
+    def burst() -> None:
+        with enabled.stream() as stream:
+            stream.set_target(60.0)
+            stream.set_target(500.0)
+            kind.pause(pause_s)
+
+    with pytest.raises(CommandError, match="of an earlier target: opening_mm is 500"):
+        burst()
+    assert daemon.state.mode == "holding"
+    with enabled.stream() as stream:
+        stream.set_target(60.0)
+
+
+def test_a_stream_ends_at_once_after_a_refusal_too(
+    daemon: Heard, enabled: LiteGrip, kind: Kind
+) -> None:
+    modes: list[str] = []
+    for pause_s in (0.0, 0.6):  # the refusal is raised by a later call, or at once
+        with enabled.stream(valid_s=1.0) as stream:
+            stream.set_target(80.0 if pause_s else 10.0)
+            kind.pause(pause_s)
+            assert "opening_mm is 500" in until_refused(kind, stream, 500.0).message
+            modes.append(daemon.state.mode)
+        modes.append(daemon.state.mode)
+    assert modes == ["moving", "holding"] * 2
 
 
 def test_a_refusal_of_an_older_daemon_has_its_reason_beside_its_data(
@@ -352,6 +406,15 @@ def test_a_frame_with_impossible_figures_is_rejected(
     with pytest.raises(CommandError, match=r"cannot be negative|finite") as caught:
         gripper.send_mit_frame(*frame)
     assert caught.value.reason == "invalid_params"
+
+
+def test_a_frame_that_was_refused_keeps_no_hold_from_coming(
+    daemon: Heard, enabled: LiteGrip
+) -> None:
+    enabled.send_mit_frame(-0.6, 100.0, 2.0)
+    enabled.send_mit_frame(-50.0, 100.0, 2.0)
+    enabled.hold()
+    assert (daemon.state.mode, daemon.methods()[-1]) == ("holding", "motion.hold")
 
 
 @pytest.mark.parametrize(

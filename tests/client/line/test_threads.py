@@ -5,13 +5,17 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from types import FrameType
 from typing import Any
 
 import pytest
 
+import litegrip_client
 from litegrip_client import LiteGrip
+from litegrip_client.core.motion import Motion
 from litegrip_client.line.connection import Connection
+from litegrip_client.threads.blocking import BlockingWire, complete
 from litegrip_client.values.errors import ConnectError, LiteGripError
 from tests.client.fake_daemon import DEADLINE_S, STATE, FakeDaemon, Request
 from tests.client.helpers import event, in_thread, interrupt_main_thread, sample, until_read
@@ -92,6 +96,70 @@ def test_interrupts_at_any_moment_lose_nothing(daemon: FakeDaemon, shared: Conne
             interrupted += 1
         assert shared.call("plain", {"turn": turn}) == {"turn": turn}
     assert interrupted == 300
+
+
+class Interrupts:
+    """Two interrupts: a signal, and another at the client's `nth` call after it.
+
+    That is where one can come: at the beginning of a function, and after one in C. `is_over` if
+    there were fewer calls.
+    """
+
+    def __init__(self, nth: int) -> None:
+        self._left = nth
+
+    @property
+    def is_over(self) -> bool:
+        return self._left > 0
+
+    def __call__(self, _number: int, _frame: FrameType | None) -> None:
+        sys.setprofile(self._at_call)
+        raise KeyboardInterrupt
+
+    def _at_call(self, frame: FrameType, event: str, _argument: object) -> None:
+        code = frame.f_code
+        is_ours = code.co_filename.startswith(str(Path(litegrip_client.__file__).parent))
+        # A generator that is thrown away is called, too; nothing can be raised there.
+        if not is_ours or code.co_name == "<genexpr>" or event not in ("call", "c_return"):
+            return
+        self._left -= 1
+        if self._left == 0:
+            sys.setprofile(None)
+            raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("is_reported", [True, False])
+def test_two_interrupts_at_once_cancel_a_motion_all_the_same(
+    daemon: FakeDaemon, shared: Connection, is_reported: bool
+) -> None:
+    """As one Ctrl-C does that reaches a program by two ways. `is_reported`: it knows its job."""
+
+    def move(request: Request) -> None:
+        if is_reported:
+            request.progress()
+        interrupt_main_thread()
+
+    job = {"job": 4, "state": "running", "owner": {"pid": os.getpid()}}
+    daemon.handlers["motion.open"] = move
+    daemon.handlers["job.list"] = lambda _request: {"jobs": [job]}
+    daemon.handlers["job.cancel"] = lambda _request: job
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        for nth in range(1, 2000):
+            seen = len(daemon.requests)
+            signal.signal(signal.SIGINT, interrupts := Interrupts(nth))
+            with pytest.raises(KeyboardInterrupt):
+                complete(Motion(BlockingWire(shared), "motion.open", {}).run())
+            sys.setprofile(None)
+            for _ in range(2):  # the second comes after what the first's answer has sent
+                assert shared.call("state.get") == STATE, nth
+            assert "job.cancel" in [one.method for one in daemon.requests[seen:]], nth
+            if interrupts.is_over:
+                break
+    finally:
+        sys.setprofile(None)
+        signal.signal(signal.SIGINT, before)
+    assert nth > 20
 
 
 def test_an_interrupt_of_the_leader_does_not_leave_the_others_waiting(
