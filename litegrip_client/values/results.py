@@ -125,6 +125,8 @@ class GripperState(StateNames):
             ("coil_temperature_c", self.coil_temperature_c, ".0f"),
         )
         parts = [repr(self.mode)]
+        if self.mode == "fault" and self.status is not None:
+            parts.append(f"status={self.status!r}")
         parts += [f"{name}={value:{form}}" for name, value, form in figures if value is not None]
         parts += [name for name in ("stale", "is_grasped") if getattr(self, name)]
         if self.scale_doubt is not None:

@@ -161,6 +161,10 @@ def test_what_an_interpreter_shows_is_one_short_line() -> None:
         "GripperState('holding', force_set_n=12.0, coil_temperature_c=33, stale, is_grasped,"
         " scale_doubt='superseded', job='grasp', stop='hold')"
     )
+    fault = {**STATE, "mode": "fault", "status": "overload", "opening_mm": None, "force_n": None}
+    assert repr(GripperState.from_wire(fault)) == (
+        "GripperState('fault', status='overload', coil_temperature_c=33)"
+    )
     assert repr(GraspResult.from_wire({**GRASP, "width_mm": 31.456789})) == (
         f"GraspResult(ok=True, reached=False, stalled=True, state={state!r}, target_rad=0.95,"
         " force_n=20, cycles=15, outcome='object_held', width_mm=31.46, held_s=3)"
