@@ -612,7 +612,8 @@ class GripperActions:
 
         `active`, `kind` ("record", "play" or None), `samples` and `error` are always there; of a
         recording also `rate_hz`, `zero_gravity`, `loop_hz`, `missed` and `duration_s`, of a replay
-        `frames`, `speed`, `openness`, `completed`, `loops`, `phase` and `grips`.
+        `frames`, `speed`, `openness`, `completed`, `loops`, `phase` and `grips`. `unkept` is None,
+        or `samples`, `duration_s` and `error` of a recording that ended and is not kept yet.
         """
         return complete(self._core.trajectory_status())
 

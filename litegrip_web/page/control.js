@@ -67,7 +67,7 @@ export class Control {
   #mayReplace = null;
   #recording = null; // "on", "ending", or "ended" by itself; null without one
   #job = null;
-  #isPart = false;
+  #unkept = null; // what the daemon tells of one that has ended
   #isAsking = false;
 
   constructor(panel) {
@@ -127,6 +127,10 @@ export class Control {
 
   get has() {
     return this.#has;
+  }
+
+  get isRecording() {
+    return this.#recording === "on";
   }
 
   /* A connection to the daemon has begun; `ranges` are those of its configuration. */
@@ -296,6 +300,7 @@ export class Control {
       this.#panel.complain(`take control: ${refusal(error)}`, "control");
     }
     this.showLease({ owner: null, mine: this.#has });
+    if (this.#has) await this.#isAllKept();
   }
 
   async #give() {
@@ -364,9 +369,9 @@ export class Control {
     }
   }
 
-  /* Return whether a trajectory may be kept under the name in the field; ask before one is replaced, by what `needs`
-     "motion" or "control". */
-  async #mayKeep(needs) {
+  /* Return whether a trajectory may be kept under the name in the field; ask before one is replaced by `what`, which
+     `needs` "motion" or "control". */
+  async #mayKeep(what, needs) {
     const name = this.#panel.node("name").value;
     this.#panel.forgive("name");
     if (!TRAJECTORY_NAME.test(name)) {
@@ -375,26 +380,46 @@ export class Control {
       return false;
     }
     if (name === this.#mayReplace) return true;
+    let kept;
     try {
       const { trajectories } = await this.#panel.wire.call("trajectory.list");
-      if (!trajectories.some((kept) => kept.name === name)) return true;
+      kept = trajectories.find((one) => one.name === name);
     } catch (error) {
       this.#wrong("list the trajectories", error);
       return false;
     }
-    const text = `There is a motion with the name “${name}” already. Replace it?`;
+    if (kept === undefined) return true;
+    const text = `There is a motion of ${figure(kept.duration_s, 1, "s")} with the name “${name}” already. Replace it by ${what}?`;
     if (!(await ask(this.#panel, text, "Replace it", needs))) return false;
     this.#mayReplace = name;
     return true;
   }
 
   async #teach() {
-    if (!(await this.#mayKeep("motion"))) return;
+    if (!(await this.#isAllKept())) return;
+    if (!(await this.#mayKeep("a new one", "motion"))) return;
     const begun = await this.#do("teach", "trajectory.record_start");
-    if (begun === null) return;
+    if (begun === null) return this.#showRecording(null);
     this.#job = begun.job;
     this.#showRecording("on");
     this.#panel.tell("Recording: move the jaws by hand, then end and keep it.");
+  }
+
+  /* Return whether the daemon has no recording that nobody has kept; say what there is, and offer it, for the next one
+     would take its place. It may be of a page that was closed, or of another program. */
+  async #isAllKept() {
+    try {
+      const { unkept } = await this.#panel.wire.call("trajectory.status");
+      if (unkept) this.#tellEnd(unkept, unkept.error && inPageWords(unkept.error, unkept.terms?.error));
+      else if (this.#recording === "ended") {
+        this.#showRecording(null); // another program has kept it
+        this.#panel.forgive("teach");
+      }
+      return !unkept;
+    } catch (error) {
+      this.#wrong("look for a recording", error);
+      return false;
+    }
   }
 
   /* Say at once that a recording was broken off, and why: the jaws hold against the hand then. */
@@ -402,13 +427,13 @@ export class Control {
     if (this.#isAsking) return;
     this.#isAsking = true;
     try {
-      const [{ active, job, samples, error }, ended] = await Promise.all([
+      const [{ active, error, unkept }, ended] = await Promise.all([
         this.#panel.wire.call("trajectory.status"),
         this.#panel.wire.call("job.get", { job: this.#job }),
       ]);
       if (active || this.#recording !== "on") return;
       const why = ended.error ? inPageWords(ended.error.message, ended.error.data.terms?.message) : error;
-      this.#tellEnd(job === this.#job ? samples : 0, why);
+      this.#tellEnd(unkept, why);
     } catch (error) {
       this.#showRecording(null); // the daemon knows no more of it
       this.#wrong("teach", error);
@@ -417,31 +442,41 @@ export class Control {
     }
   }
 
-  #tellEnd(samples, why) {
-    this.#showRecording(samples > 0 ? "ended" : null, why !== null);
-    const choice = samples > 0 ? `, “${this.#panel.node("keep").textContent}” or “Discard”` : "";
+  #tellEnd(unkept, why) {
+    this.#showRecording(unkept && "ended", unkept);
     const how = why === null ? "has ended" : "was broken off";
-    const text = `The recording ${how} after ${samples} samples${choice}${why === null ? "" : `: ${why}`}`;
-    this.#panel.complain(text, "teach");
+    const left = unkept
+      ? ` after ${unkept.samples} samples (${figure(unkept.duration_s, 1, "s")}), “${this.#panel.node("keep").textContent}” or “Discard”`
+      : ", and there is nothing of it to keep";
+    this.#panel.complain(`The recording ${how}${left}${why === null ? "" : `: ${why}`}`, "teach");
   }
 
   async #discard() {
     const isOn = this.#recording === "on";
     this.#showRecording(null);
     this.#panel.forgive("teach");
-    this.#panel.tell("The recording is discarded.");
     if (isOn) await this.#do("end the recording", "job.cancel", { job: this.#job });
+    // Kept without a name it is gone with this connection, or the next recording: nobody is offered it again.
+    const dropped = await this.#do("discard", "trajectory.record_stop", { allow_empty: true, allow_partial: true });
+    if (dropped !== null) this.#panel.tell("The recording is discarded.");
   }
 
   async #keep() {
-    if (!(await this.#mayKeep("control"))) return; // it is still recorded: another name can be given
+    const [before, unkept] = [this.#recording, this.#unkept];
+    const long = unkept && figure(unkept.duration_s, 1, "s");
+    const isPart = unkept?.error != null;
+    let what = "the new one, which goes on until you answer";
+    if (unkept) what = isPart ? `the part of ${long} of a recording that was broken off` : `the new one of ${long}`;
+    if (!(await this.#mayKeep(what, "control"))) return; // it is still there: another name can be given
+    if (this.#recording !== before || this.#unkept !== unkept) return; // it was broken off meanwhile
     const name = this.#panel.node("name").value;
-    this.#mayReplace = null;
-    const [before, isPart] = [this.#recording, this.#isPart];
     this.#recording = "ending";
     const kept = await this.#do("keep", "trajectory.record_stop", { name, ...(isPart && { allow_partial: true }) });
-    this.#showRecording(kept === null ? before : null, isPart);
-    if (kept === null) return;
+    if (kept === null) {
+      if (this.#recording === "ending") this.#showRecording(before, unkept);
+      return;
+    }
+    this.#showRecording(null);
     for (const about of ["teach", "replay"]) this.#panel.forgive(about);
     if (before === "on") await this.#do("hold", "motion.hold");
     this.#panel.tell(`kept as ${kept.name}: ${figure(kept.duration_s, 1, "s")}, ${kept.samples} samples`);
@@ -463,12 +498,15 @@ export class Control {
     return true;
   }
 
-  #showRecording(recording, isPart = false) {
+  /* Offer what can be done about a recording. What was asked about one before, or granted to it, counts no more. */
+  #showRecording(recording, unkept = null) {
     this.#recording = recording;
-    this.#isPart = isPart;
+    this.#unkept = unkept;
+    if (recording !== "on") this.#mayReplace = null;
+    this.#panel.dispatchEvent(new Event("withdrawn"));
     this.#panel.node("teach").hidden = recording !== null;
     this.#panel.node("keep").hidden = this.#panel.node("discard").hidden = recording === null;
-    this.#panel.node("keep").textContent = isPart ? "Keep the part" : "End and keep";
+    this.#panel.node("keep").textContent = unkept?.error != null ? "Keep the part" : "End and keep";
   }
 
   /* What takes a name into the field, which keeps the focus: so the names stay until another thing is aimed at. */

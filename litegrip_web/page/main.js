@@ -101,6 +101,9 @@ function start() {
   const stop = new Stop(panels, $("notice"), { tellsAll: true });
   onStop(() => stop.press());
   addEventListener("keydown", (event) => press(event, panels));
+  addEventListener("beforeunload", (event) => {
+    if (panels.some(({ control }) => control.isRecording)) event.preventDefault(); // it would be broken off
+  });
   const focus = ({ target }) => {
     const article = target.closest?.(".gripper");
     if (!article) return;

@@ -217,6 +217,11 @@ export class Panel extends EventTarget {
     return this.state === null || Boolean(this.state.stale) || this.#isLate;
   }
 
+  /* What begins a text that is read elsewhere than on the panel: its name, if there are several. */
+  get whose() {
+    return document.body.classList.contains("several") ? `${this.channel}: ` : "";
+  }
+
   get isLate() {
     return this.#isLate;
   }

@@ -40,10 +40,12 @@ export function askZero(panel) {
   /* Do `act` with the answers, and show what it returns. */
   const run = async (wrong, act) => {
     setBusy(true);
+    dialog.classList.remove("done");
     const params = { ...given(), stop_generation: panel.state?.stop_generation ?? 0 };
     try {
       const done = await act(params);
       cancel.textContent = "Done";
+      dialog.classList.add("done");
       progress.textContent = done;
     } catch (error) {
       cancel.textContent = "Close";
@@ -94,6 +96,7 @@ export function askZero(panel) {
   progress.textContent = "";
   mount.querySelector("input").checked = true;
   cancel.textContent = "Cancel";
+  dialog.classList.remove("done");
   start.onclick = () => numberIn(stroke) !== null && run("Not measured", measure);
   rescale.onclick = async () => {
     if (numberIn(stroke) === null) return;

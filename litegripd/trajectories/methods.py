@@ -8,7 +8,7 @@ from litegrip_client.values.trajectory_format import MAX_SAMPLES, Header
 from litegripd.control.controller import Controller
 from litegripd.control.limiter import DEFAULT_GAINS
 from litegripd.model.errors import Refusal
-from litegripd.model.sentence import sentence
+from litegripd.model.sentence import TermViews, sentence, terms_of
 from litegripd.model.state import ReplayResult
 from litegripd.rpc.method import (
     CALIBRATION,
@@ -41,6 +41,20 @@ from litegripd.trajectories.requests import Trajectories
 from litegripd.trajectories.values import Summary
 
 
+class _Unkept(TypedDict):
+    """A recording that has ended, and is lost when the next one begins."""
+
+    samples: int
+    duration_s: float
+    error: str | None
+
+
+class Unkept(_Unkept, total=False):
+    """Such a recording; `terms` are those of `error`."""
+
+    terms: TermViews
+
+
 class NoTrajectory(TypedDict):
     """Nothing was recorded or played so far."""
 
@@ -49,6 +63,7 @@ class NoTrajectory(TypedDict):
     job: None
     samples: int
     error: None
+    unkept: None
 
 
 class CaptureStatus(TypedDict):
@@ -65,6 +80,7 @@ class CaptureStatus(TypedDict):
     missed: int
     duration_s: float
     max_samples: int
+    unkept: Unkept | None
 
 
 class ReplayStatus(TypedDict):
@@ -82,6 +98,7 @@ class ReplayStatus(TypedDict):
     loops: int
     grips: int
     phase: str
+    unkept: Unkept | None
 
 
 class _Recorded(TypedDict):
@@ -327,7 +344,10 @@ class TrajectoryMethods:
         "Report the recording or replay that runs, else of the latest one.",
         "active, kind (record, play or null), samples, error; of a recording also rate_hz,"
         " zero_gravity, loop_hz, missed, duration_s; of a replay frames, speed, openness,"
-        " completed, loops, phase, grips. And job.",
+        " completed, loops, phase, grips. And job. unkept: of a recording that has ended, broken"
+        " off or not, and is not kept yet, so that the next one takes its place: samples,"
+        " duration_s and error, which says why it was broken off, else null; null where there is"
+        " none.",
         NoTrajectory | CaptureStatus | ReplayStatus,
     )
     def _get_status(self, _call: Call) -> NoTrajectory | CaptureStatus | ReplayStatus:
@@ -338,13 +358,32 @@ class TrajectoryMethods:
         trajectories = self._trajectories
         capture, job = trajectories.capture, trajectories.replay_job
         if capture is not None and (job is None or capture.began_s >= job.started_s):
-            return _capture_status(capture)
+            return _capture_status(capture, self._unkept())
         return self._replay_status()
+
+    def _unkept(self) -> Unkept | None:
+        capture = self._trajectories.unkept
+        if capture is None:
+            return None
+        unkept: Unkept = {
+            "samples": capture.samples,
+            "duration_s": capture.duration_s,
+            "error": capture.error,
+        }
+        terms = terms_of(unkept)
+        return {**unkept, "terms": terms} if terms else unkept
 
     def _replay_status(self) -> NoTrajectory | ReplayStatus:
         replay, job = self._trajectories.replay, self._trajectories.replay_job
         if replay is None or job is None:
-            return {"active": False, "kind": None, "job": None, "samples": 0, "error": None}
+            return {
+                "active": False,
+                "kind": None,
+                "job": None,
+                "samples": 0,
+                "error": None,
+                "unkept": None,
+            }
         result = job.result
         completed = isinstance(result, ReplayResult) and result.ok
         return {
@@ -360,10 +399,11 @@ class TrajectoryMethods:
             "loops": replay.loops,
             "grips": replay.grips.done,
             "phase": "paused" if replay.is_paused else replay.phase,
+            "unkept": self._unkept(),
         }
 
 
-def _capture_status(capture: Capture) -> CaptureStatus:
+def _capture_status(capture: Capture, unkept: Unkept | None) -> CaptureStatus:
     return {
         "active": not capture.is_over,
         "kind": "record",
@@ -376,4 +416,5 @@ def _capture_status(capture: Capture) -> CaptureStatus:
         "missed": capture.missed,
         "duration_s": capture.duration_s,
         "max_samples": capture.max_samples,
+        "unkept": unkept,
     }

@@ -106,6 +106,14 @@ class Trajectories:
 
     # Recording
 
+    @property
+    def unkept(self) -> Capture | None:
+        """The recording that has ended and is stored nowhere, if it has samples."""
+        capture = self.capture
+        if capture is None or capture.is_taken or self._is_keeping:
+            return None
+        return capture if capture.is_over and capture.samples else None
+
     def record(
         self,
         owner: Owner,

@@ -40,6 +40,29 @@ def test_broken_off_by_hand_it_is_no_good_recording(end: str) -> None:
     assert watcher.result("trajectory.record_stop", allow_partial=True)["samples"] > 40
 
 
+def test_the_status_tells_what_is_not_kept_until_it_is() -> None:
+    """Whoever comes later may keep it: a replay, which is the latest then, does not hide it."""
+    world, client = recording()
+    world.run(0.5)
+    assert client.result("trajectory.status")["unkept"] is None  # it is under way
+    client.leave()
+    world.run(0.1)
+    other = world.client()
+    status = other.result("trajectory.status")
+    part = {name: status[name] for name in ("samples", "duration_s", "error")}
+    assert part["samples"] > 40
+    assert status["unkept"] == part
+    world.run(0.5)
+    other.result("lease.take", ttl_s=60.0, why="to replay")
+    send(other, lgt([(0.0, 0.5), (1.0, 0.5)]), name="pose")
+    other.result("trajectory.play", name="pose")
+    status = other.result("trajectory.status")
+    assert (status["kind"], status["unkept"]) == ("play", part)
+    world.run(3.0)
+    other.result("trajectory.record_stop", name="kept", allow_partial=True)
+    assert other.result("trajectory.status")["unkept"] is None
+
+
 def test_of_one_without_a_sample_there_is_no_part_to_take() -> None:
     world = World()
     client = world.enabled()

@@ -234,7 +234,7 @@ def test_the_gains_are_at_most_the_wanted_ones_but_stiff_enough_to_reach(
 def test_the_status_tells_of_the_latest_of_recordings_and_replays() -> None:
     world, client = ready()
     empty = {"active": False, "kind": None, "job": None, "samples": 0, "error": None}
-    assert client.result("trajectory.status") == empty
+    assert client.result("trajectory.status") == {**empty, "unkept": None}
     client.result("trajectory.record_start")
     world.run(0.3)
     client.result("trajectory.record_stop", name="pick")

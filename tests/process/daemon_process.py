@@ -321,6 +321,7 @@ def begin_again(running: DaemonProcess) -> None:
         client.result("calibration.load", template=mount)
         for kept in client.result("trajectory.list")["trajectories"]:
             client.result("trajectory.delete", name=kept["name"])
+        client.call("trajectory.record_stop", allow_partial=True)  # what a test has left unkept
         client.despite_silence("motion.move", opening_mm=START_MM, speed_mm_s=140)
         disable(client)
 

@@ -243,6 +243,24 @@ def two_grippers(
         yield tab, daemons, clients
 
 
+def test_of_two_grippers_each_question_names_the_one_that_it_is_about(
+    window: BrowserContext, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with two_grippers(window, tmp_path, monkeypatch) as (tab, _daemons, clients):
+        for side, client in zip(("left", "right"), clients, strict=True):
+            name = f"{side}-{os.getpid()}"
+            panel = tab.get_by_role("article", name=f"Gripper {name}")
+            panel.get_by_role("button", name="Take control").click()
+            panel.get_by_role("button", name="Enable").click()
+            client.until(lambda state: bool(state["enabled"]))
+            panel.get_by_role("button", name="Zero …").click()
+            expect(tab.get_by_role("dialog", name=f"{name}: Measure the travel")).to_be_visible()
+            tab.get_by_role("button", name="Correct the scale only").click()
+            expect(tab.get_by_role("dialog", name=f"{name}: The scale will use")).to_be_visible()
+            tab.get_by_role("button", name="No, leave it").click()
+            tab.get_by_role("button", name="Cancel").click()
+
+
 def test_of_two_grippers_nothing_is_covered_by_what_has_to_be_done_now(
     window: BrowserContext, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

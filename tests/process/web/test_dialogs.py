@@ -268,6 +268,38 @@ def test_a_result_of_measuring_moves_and_cuts_nothing_that_the_dialog_says(
         assert not progress.evaluate("(node) => node.scrollHeight > node.clientHeight")
 
 
+def test_all_that_the_dialog_tells_is_in_sight_on_a_phone_before_it_measures(
+    operated: Tab, client: Client
+) -> None:
+    operated.set_viewport_size({"width": 390, "height": 844})
+    wait_until_it_fits(operated)
+    enable(operated, client)
+    zero_dialog(operated)
+    told = operated.locator("#zero .told")
+    assert not told.evaluate("(node) => node.scrollHeight > node.clientHeight")
+
+
+def test_what_is_done_is_closed_by_the_main_button(operated: Tab, client: Client) -> None:
+    enable(operated, client)
+    zero_dialog(operated)
+    move, cancel = (
+        button(operated, "The jaws are free: move them"),
+        operated.locator("#zero-cancel"),
+    )
+    colour = "(node) => getComputedStyle(node).backgroundColor"
+    blue, plain = move.evaluate(colour), cancel.evaluate(colour)
+    assert blue != plain
+    correct_the_scale(operated)
+    expect(cancel).to_have_text("Done")
+    expect(cancel).to_have_css("background-color", blue)
+    expect(move).to_be_enabled()
+    expect(move).to_have_css("background-color", plain)
+    cancel.click()
+    zero_dialog(operated)
+    expect(move).to_have_css("background-color", blue)
+    button(operated, "Cancel").click()
+
+
 def test_a_second_click_where_measuring_was_stopped_begins_and_saves_nothing(
     sized: Tab, client: Client
 ) -> None:

@@ -762,7 +762,7 @@ def test_a_taught_motion_is_not_replaced_unasked(operated: Tab, client: Client) 
     samples = client.result("trajectory.list")["trajectories"][0]["samples"]
     button(operated, "Teach").click()
     dialog = operated.get_by_role("dialog")
-    expect(dialog).to_contain_text("“wave” already. Replace it?")
+    expect(dialog).to_contain_text("“wave” already. Replace it by a new one?")
     button(operated, "No, leave it").click()
     assert client.result("trajectory.list")["trajectories"][0]["samples"] == samples
     assert client.result("state.get")["job"] is None

@@ -3,11 +3,20 @@
 import re
 
 import pytest
+from playwright.sync_api import BrowserContext, Dialog, expect
 from playwright.sync_api import Page as Tab
-from playwright.sync_api import expect
 
 from tests.process.daemon_process import Client
-from tests.process.web.on_page import button, enable, part, wait_until_it_fits
+from tests.process.web.on_page import (
+    button,
+    enable,
+    opened,
+    part,
+    take_control,
+    teach,
+    wait_until_it_fits,
+)
+from tests.process.web.page_process import Page
 
 SAMPLES = 30
 
@@ -75,6 +84,109 @@ def test_a_recording_under_way_is_discarded(operated: Tab, client: Client, recor
     expect(operated.locator("#toasts li")).to_have_count(0)
     assert client.result("trajectory.status")["job"] == recording
     assert kept(client) == []
+
+
+def test_a_page_opened_anew_offers_what_a_closed_one_has_recorded(
+    window: BrowserContext, operating: Page, operated: Tab, client: Client, recording: int
+) -> None:
+    operated.close()
+    client.until(lambda state: state["job"] is None)
+    there_are = client.result("trajectory.status")["samples"]
+    tab = opened(window, operating)
+    take_control(tab)
+    told = tab.locator("#toasts li")
+    expect(told).to_contain_text(f"The recording was broken off after {there_are} samples (")
+    expect(told).to_contain_text("“Keep the part” or “Discard”: the client that owned it went away")
+    part(tab, "name").fill("part")
+    button(tab, "Keep the part").click()
+    expect(part(tab, "outcome")).to_contain_text("kept as part")
+    [there] = client.result("trajectory.list")["trajectories"]
+    assert (there["name"], there["samples"]) == ("part", there_are)
+
+
+def test_teach_throws_nothing_away_that_was_recorded_elsewhere(
+    operated: Tab, client: Client
+) -> None:
+    enable(operated, client)
+    client.result("trajectory.record_start", zero_gravity=False, max_samples=SAMPLES)
+    client.until(lambda _state: not client.result("trajectory.status")["active"])
+    button(operated, "Teach").click()
+    told = f"The recording has ended after {SAMPLES} samples (0.3 s), “End and keep” or “Discard”"
+    expect(part(operated, "outcome")).to_have_text(told)
+    assert client.result("state.get")["job"] is None
+    button(operated, "Discard").click()
+    expect(part(operated, "outcome")).to_have_text("The recording is discarded.")
+    button(operated, "Give control back").click()
+    take_control(operated)
+    button(operated, "Teach").click()
+    expect(part(operated, "outcome")).to_contain_text("Recording: ")
+
+
+def test_what_another_program_has_kept_is_offered_no_more(
+    operated: Tab, client: Client, recording: int
+) -> None:
+    break_off(client, recording, "cancel")
+    expect(button(operated, "Keep the part")).to_be_visible()
+    client.result("trajectory.record_stop", name="elsewhere", allow_partial=True)
+    button(operated, "Give control back").click()
+    take_control(operated)
+    expect(button(operated, "Teach")).to_be_visible()
+    expect(operated.locator("#toasts li")).to_have_count(0)
+
+
+def test_a_question_whether_to_replace_ends_with_the_recording_of_which_it_was(
+    operated: Tab, client: Client
+) -> None:
+    """Otherwise a part would replace a whole motion by a yes that was meant for another one."""
+    teach(operated, client, "whole")
+    [whole] = client.result("trajectory.list")["trajectories"]
+    name, dialog = part(operated, "name"), operated.get_by_role("dialog")
+    name.fill("new")
+    button(operated, "Teach").click()
+    client.until(lambda _state: client.result("trajectory.status")["samples"] > SAMPLES)
+    name.fill("whole")
+    button(operated, "End and keep").click()
+    long = f"There is a motion of {whole['duration_s']:.1f} s with the name “whole” already. "
+    expect(dialog).to_contain_text(f"{long}Replace it by the new one, which goes on until")
+    operated.keyboard.press("Escape")
+    expect(dialog).to_be_hidden()
+    button(operated, "Keep the part").click()
+    part_s = client.result("trajectory.status")["unkept"]["duration_s"]
+    told = f"Replace it by the part of {part_s:.1f} s of a recording that was broken off?"
+    expect(dialog).to_contain_text(f"{long}{told}")
+    button(operated, "No, leave it").click()
+    assert client.result("trajectory.list")["trajectories"] == [whole]
+
+
+def test_a_yes_for_a_whole_motion_is_none_for_a_part_of_it(operated: Tab, client: Client) -> None:
+    teach(operated, client, "wave")
+    button(operated, "Teach").click()
+    button(operated, "Replace it").click()
+    client.until(lambda _state: client.result("trajectory.status")["samples"] > SAMPLES)
+    operated.keyboard.press("Escape")
+    button(operated, "Keep the part").click()
+    expect(operated.get_by_role("dialog")).to_contain_text("Replace it by the part of ")
+    button(operated, "No, leave it").click()
+
+
+def test_who_leaves_the_page_is_warned_only_while_it_records(
+    operated: Tab, client: Client, recording: int
+) -> None:
+    warned: list[str] = []
+
+    def stay(dialog: Dialog) -> None:
+        warned.append(dialog.type)
+        dialog.dismiss()
+
+    operated.on("dialog", stay)
+    with operated.expect_event("dialog"):
+        operated.close(run_before_unload=True)
+    assert warned == ["beforeunload"]
+    button(operated, "End and keep").click()
+    expect(part(operated, "outcome")).to_contain_text("kept as part")
+    with operated.expect_event("close"):  # in control, and not asked
+        operated.close(run_before_unload=True)
+    assert warned == ["beforeunload"]
 
 
 @pytest.mark.parametrize("name", ["a/b", "", ".hidden", "end "])
