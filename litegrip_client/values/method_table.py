@@ -324,6 +324,11 @@ METHODS: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "motion.hold": {
         "calibration": (),
+        "if_busy": (
+            "reject",
+            "replace",
+            "queue",
+        ),
         "lease": (),
         "sent_s": (),
         "stop_generation": (),

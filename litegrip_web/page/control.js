@@ -59,6 +59,7 @@ export class Control {
   #isDragging = false;
   #isChosen = false; // the slider's value, by a person
   #slides = 0; // motions of the slider that run
+  #isDisabling = false; // which ends a motion that this page has begun
   #isHolding = false;
   #isHoldKnown = true;
   #bars = {}; // what bars what, by its name in BARS
@@ -80,12 +81,16 @@ export class Control {
     on("give", () => this.#give());
     on("clear", () => this.#do("clear the stop", "stop.clear"));
     on("enable", () => this.#do("enable", "motor.enable"));
-    on("disable", () => this.#do("disable", "motor.disable"));
+    on("disable", async () => {
+      this.#isDisabling = true;
+      await this.#do("disable", "motor.disable");
+      this.#isDisabling = false;
+    });
     on("clear-fault", () => this.#do("clear the fault", "motor.clear_fault"));
     const pace = { speed_mm_s: "pace" }; // the daemon's default without one
     on("open", () => this.#with(pace, (params) => this.#move("open", "motion.open", params)));
     on("close", () => this.#with(pace, (params) => this.#move("close", "motion.close", params)));
-    on("hold", () => this.#do("hold", "motion.hold"));
+    on("hold", () => this.#move("hold", "motion.hold"));
     on("release", async () => {
       if (await this.#move("let go", "motion.zero_gravity")) this.#panel.forgive("motion"); // which may have advised it
     });
@@ -208,7 +213,7 @@ export class Control {
     this.#isChosen &&= isBusy || (document.activeElement === slider && Math.abs(opening - slider.value) < NEAR_MM);
     if (opening !== null && !isBusy && !this.#isChosen) slider.value = opening;
     this.#isHolding = state.is_grasped !== false;
-    this.#isHoldKnown = state.is_grasped !== null;
+    this.#isHoldKnown = state.is_grasped !== null && !this.#panel.isPushedOpen;
     const { textContent: clear } = this.#panel.node("clear");
     this.#bars = {
       late: this.#lateness,
@@ -365,7 +370,8 @@ export class Control {
     } else if (error.reason === "stopped") this.#panel.tell(text);
     else if (error.reason !== "replaced") {
       const about = ABOUT[error.reason];
-      this.#panel.complain(text, about ?? name, OVER[error.reason], about && "trouble");
+      const isOwn = this.#isDisabling && error.reason === "cancelled"; // said until the next motion
+      this.#panel.complain(text, about ?? (isOwn ? "motion" : name), OVER[error.reason], about && "trouble");
     }
   }
 

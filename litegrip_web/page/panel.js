@@ -32,6 +32,11 @@ const GONE = {
   control: "you no longer have control",
 };
 const MISSED = "NOT STOPPED: press STOP again. It did not get through.";
+const LOWERED = "FORCE LOWERED BY HEAT: support what is held, it may slip, and set less force (“Set force”)";
+/* The softest object that the daemon counts on gives way by 20 N·m/rad: what it springs back by when all of the force
+   is taken from it is 0.37 mm/N, and no push. 5 mm is more than what a hard one and the gripper's own parts give way. */
+const PUSHED_MM_PER_N = 0.4;
+const PUSHED_MM = 5;
 const UNSEEN =
   "No software sees what else pushes the jaws, a hand or a weight, nor a motor that makes other than it reports.";
 
@@ -66,6 +71,14 @@ const TROUBLES = {
     return { text: [...remedy, ...bus, ...why].join(": "), isIn: ({ bus }) => bus === name };
   },
 };
+
+/* Where the jaws have gripped, and with which set force, by the moments of before; null if they do not hold by force. */
+function gripIn(moments) {
+  const began = moments.findLastIndex(({ set }) => set === null) + 1;
+  const held = moments.slice(began).filter(({ opening }) => opening !== null);
+  if (!held.length) return null;
+  return { mm: Math.min(...held.map(({ opening }) => opening)), n: Math.max(...held.map(({ set }) => set)) };
+}
 
 /* Whether an event begins what moves the jaws; a replay only loads at first, and may be refused then. */
 function isMotion({ kind, data }) {
@@ -102,6 +115,8 @@ export class Panel extends EventTarget {
   #before = null; // what was so when the connection ended
   #gone = new Map(); // what of that is no more, and has not been read
   #weak = null; // the event of a motor that is weak
+  #wasLowered = false; // the force of the hold, by heat
+  #grip = null; // the narrowest opening (mm) since something is held, and the greatest set force (N)
   #troubles = new Map(); // of motor and bus, by the event's kind
   #isMissed = false; // by a STOP that was pressed on the page
   #hasLostControl = false; // which has not been read
@@ -109,6 +124,7 @@ export class Panel extends EventTarget {
   #lateSinceMs = 0;
   #away = ""; // what the bar says of why there is no newer state
   #operates = false;
+  #told = ""; // beside the buttons
   #isOver = false;
   #isGrasped = null;
   #toldS = 0;
@@ -116,6 +132,7 @@ export class Panel extends EventTarget {
   #facts = new Map();
   gripper = null;
   state = null;
+  isPushedOpen = false;
   alarms = [];
 
   constructor(channel, secret, place) {
@@ -157,10 +174,19 @@ export class Panel extends EventTarget {
 
   /* Say how something ended, until something else happens; or what goes on, if it is not over. */
   tell(text, isOver = true) {
-    this.#nodes.outcome.textContent = text;
-    delete this.#nodes.outcome.dataset.stop;
+    this.#told = text;
+    this.#showTold(false);
     this.#isOver = isOver;
     this.#toldS = this.wire.age(0) ?? Infinity; // by the daemon's clock, at the latest
+  }
+
+  /* Show what was told last; what was told before the page was late may be over, and is marked then. */
+  #showTold(isOld) {
+    const { outcome } = this.#nodes;
+    const isMarked = isOld && this.#told !== "";
+    outcome.textContent = isMarked ? `${this.#told.replace(/\.$/, "")}, last known` : this.#told;
+    outcome.classList.toggle("last-known", isMarked);
+    delete outcome.dataset.stop;
   }
 
   /* Say no more what was said of a connection that has ended; what came of a STOP stays. */
@@ -251,7 +277,9 @@ export class Panel extends EventTarget {
       this.gripper = hello.gripper;
       this.#nodes.simulated.hidden = !hello.simulated;
       const { ranges } = await this.wire.call("config.get");
-      this.plots.begin(this.#moments(history));
+      const moments = this.#moments(history);
+      this.plots.begin(moments);
+      this.#grip ??= gripIn(moments);
       const events = await this.wire.call("events.subscribe");
       this.events.begin(events.events, this.#offsetS);
       this.#weak = null;
@@ -293,6 +321,7 @@ export class Panel extends EventTarget {
     if (this.#isLate) alarms.push("LATE");
     if (stop !== null) alarms.push("STOPPED");
     if (this.#hasLostControl) alarms.push("CONTROL LOST");
+    if (this.#isLowered) alarms.push("FORCE LOWERED BY HEAT");
     if (this.#isWeak) alarms.push(`WEAK MOTOR${force === null ? "" : ": makes less than was asked for"}`);
     this.#alarm(alarms);
   }
@@ -372,6 +401,7 @@ export class Panel extends EventTarget {
     const isLate = age === null || age > LATE_S;
     if (isLate) this.plots.advance(Date.now() / 1000);
     if (!isLate && !this.#isLate) return;
+    if (isLate !== this.#isLate && !this.#nodes.outcome.dataset.stop) this.#showTold(isLate);
     if (!this.#isLate) this.#lateSinceMs = performance.now();
     this.#isLate = isLate;
     const { is_grasped: isGrasped, mode } = this.state;
@@ -391,7 +421,10 @@ export class Panel extends EventTarget {
     this.#noteLoss(event);
     this.#noteWeak(event);
     this.#noteTrouble(event);
-    if (isMotion(event)) this.forgive("motion");
+    if (isMotion(event)) {
+      this.forgive("motion");
+      this.#grip = null; // it may grip another thing, or elsewhere
+    }
     if (OVERTAKES.has(event.kind) && this.#isOver && event.monotonic_s > this.#toldS) this.#hush();
     if (event.kind === "lease" || event.kind === "lease_lost") await this.#look();
     if (event.kind === "calibration") {
@@ -509,6 +542,28 @@ export class Panel extends EventTarget {
     toast(this.channel, text, "weak", { isOver: () => !this.#isWeak, atS: event.monotonic_s + this.#offsetS });
   }
 
+  /* Keep where the jaws grip what they hold, and note whether something has pushed them clearly further open. */
+  #noteGrip({ is_grasped: isGrasped, opening_mm: mm, force_set_n: n }) {
+    if (isGrasped === null || mm === null) return;
+    const { mm: leastMm = mm, n: mostN = n } = this.#grip ?? {};
+    this.#grip = isGrasped ? { mm: Math.min(mm, leastMm), n: Math.max(n, mostN) } : null;
+    const isPushed = isGrasped && mm - this.#grip.mm > Math.max(PUSHED_MM, PUSHED_MM_PER_N * this.#grip.n);
+    if (isPushed && !this.isPushedOpen && this.#isOver) this.#hush(); // it says that something is held
+    this.isPushedOpen = isPushed;
+  }
+
+  /* Whether the coil's heat leaves a hold less than its set force. */
+  get #isLowered() {
+    return this.state?.force_set_n > 0 && this.state.limited.includes("heat");
+  }
+
+  /* Say in the bar what a hold that heat has lowered means, and what to do, as long as it is so. */
+  #noteHeat() {
+    if (this.#isLowered === this.#wasLowered) return;
+    this.#wasLowered = this.#isLowered;
+    if (this.#wasLowered) toast(this.channel, LOWERED, "heat", { isOver: () => !this.#isLowered });
+  }
+
   /* Say in the bar what to do about a trouble of motor or bus, until a state shows that it is over. */
   #noteTrouble({ kind, data, monotonic_s: beganS }) {
     if (!Object.hasOwn(TROUBLES, kind)) return;
@@ -584,6 +639,8 @@ export class Panel extends EventTarget {
   #show(state) {
     this.state = state;
     if (state.is_grasped) this.#heldS = state.monotonic_s;
+    this.#noteGrip(state);
+    this.#noteHeat();
     if (state.stop !== null) {
       this.regain("stop");
       this.miss(false);
@@ -609,7 +666,7 @@ export class Panel extends EventTarget {
     this.jaws.show({
       opening: state.opening_mm,
       command: this.#openingAt(state.command_rad),
-      isGrasped: state.is_grasped,
+      isGrasped: this.isPushedOpen ? null : state.is_grasped,
       isStale: this.isLastKnown,
     });
   }
@@ -639,7 +696,7 @@ export class Panel extends EventTarget {
       why.textContent = capital([isFault ? "" : `it is ${does}`, this.#reason(state)].filter(Boolean).join("; "));
     } else {
       mode.dataset.mode = does === STILL ? STILL : state.mode;
-      mode.textContent = does;
+      mode.textContent = does === "holding" && this.isPushedOpen ? "pushed open" : does;
       why.textContent = this.#lost === null ? this.#reason(state) : capital(this.#reason(state));
     }
     if (isCleared) this.#showWhole(false);
@@ -666,10 +723,11 @@ export class Panel extends EventTarget {
     const { held } = this.#nodes;
     const isOld = this.isLastKnown && this.#isGrasped !== null;
     held.dataset.on = this.#isGrasped ?? "unknown";
-    const told = { true: "object detected", false: "nothing held", null: "object?" }[this.#isGrasped];
+    const known = { true: "object detected", false: "nothing held", null: "object?" }[this.#isGrasped];
+    const told = this.isPushedOpen ? "object?" : known;
     held.textContent = isOld ? `${told}, last known` : told;
     held.classList.toggle("last-known", isOld);
-    this.article.classList.toggle("is-weak", this.#isWeak);
+    this.article.classList.toggle("is-weak", this.#isWeak || this.#isLowered || this.isPushedOpen);
   }
 
   /* Show all that is said in the head, however long it is; or as much as there is room for. */
@@ -707,6 +765,7 @@ export class Panel extends EventTarget {
     if (state.job) parts.push(`by ${owner(state.job.owner)}`);
     if (state.is_grasped === null) parts.push(state.motor === "silent" ? "something was held: whether it still is, is not known"
         : "the motor is too weak to tell if something is held");
+    else if (this.isPushedOpen) parts.push("something pushed the jaws open: look if what they gripped is still between them");
     else if (isNumber(state.pressing_n)) parts.push(`the jaws press with about ${figure(state.pressing_n, 0, "N")}`);
     if (state.limited.length) parts.push(`limited by ${state.limited.join(", ").replaceAll("_", " ")}`);
     return parts.join("; ");
@@ -719,7 +778,8 @@ export class Panel extends EventTarget {
     const lease = this.#lease;
     const toLimit = heat?.time_to_limit_s;
     const held = lease?.owner;
-    const purpose = held?.purpose ? `, ${held.purpose}` : "";
+    const isOld = this.#isLate && lease !== null; // it takes the purpose's place: nothing moves
+    const purpose = !isOld && held?.purpose ? `, ${held.purpose}` : "";
     this.#figure("Opening", figure(state?.opening_mm, 1, "mm"));
     this.#figure("Force", figure(state?.force_n, 1, "N"));
     this.#figure("Set force", figure(state?.force_set_n, 1, "N"));
@@ -729,7 +789,8 @@ export class Panel extends EventTarget {
     this.#figure("Time to the heat limit", isNumber(toLimit) ? figure(toLimit, 0, "s") : heat ? "no limit" : "--");
     this.#showHealth();
     this.#figure("On the object", felt, "wide", UNSEEN);
-    this.#fact("Lease", held ? `${owner(held)}${purpose}` : lease ? "free" : "--", "wide");
+    const has = held ? `${owner(held)}${purpose}` : lease ? "free" : "--";
+    this.#fact("Lease", isOld ? `${has}, last known` : has, "wide").classList.toggle("last-known", isOld);
   }
 
   /* Health is a lamp with one sentence; the details are behind it. */

@@ -341,7 +341,7 @@ class Controller:
         terms: Terms | None = None,
     ) -> Job:
         """Begin a job on these terms; the caller has checked that it may begin at this turn."""
-        self._end_replaced(turn)
+        self.end_replaced(turn)
         if kind not in _SAFE_JOBS:
             self.put_in_force(terms or self.terms)
         job = self._new_job(kind, owner, detached, turn)
@@ -366,7 +366,7 @@ class Controller:
 
         Slack jaws that are let go again, perhaps 50 times a second, are no news.
         """
-        self._end_replaced(turn)
+        self.end_replaced(turn)
         is_news = not (isinstance(idle, Slack) and isinstance(self.idle, Slack))
         if isinstance(idle, Grip) and kind == "set_force":
             self._moved_by = kind
@@ -446,7 +446,8 @@ class Controller:
         self.end(ending)
         self._drop_queued(ending, lambda _job: True)
 
-    def _end_replaced(self, turn: Turn) -> None:
+    def end_replaced(self, turn: Turn) -> None:
+        """End the running motion if a request takes its place, which nothing refuses any more."""
         if turn.replaces is not None:
             self.end(turn.replaces)
 

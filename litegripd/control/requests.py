@@ -254,11 +254,15 @@ class MotionRequests:
         )
         return controller.begin("move", action, owner, detached, turn, terms=terms)
 
-    def hold(self, owner: Owner, terms: Terms) -> Job | Refusal:
-        """Hold from now on: the present object or hold, otherwise the measured position."""
-        controller, feedback = self._controller, self._powered()
+    def hold(self, owner: Owner, terms: Terms, turn: Turn) -> Job | Refusal:
+        """Hold from now on: the present object or hold, otherwise the measured position.
+
+        What a replaced motion leaves, is held: what it has grasped, or the jaws where they are.
+        """
+        controller, feedback = self._controller, self._powered(turn)
         if isinstance(feedback, Refusal):
             return feedback
+        controller.end_replaced(turn)
         idle = controller.idle
         if isinstance(idle, Slack):  # a new hold would lose the force of the present one
             idle = controller.hold_here(feedback, terms)
@@ -267,7 +271,7 @@ class MotionRequests:
         if isinstance(idle, Grip):
             idle.stay()
         position_rad = idle.position_rad if isinstance(idle, Hold) else feedback.position_rad
-        return controller.settle("hold", idle, owner, HoldResult(position_rad), terms=terms)
+        return controller.settle("hold", idle, owner, HoldResult(position_rad), turn, terms=terms)
 
     def zero_gravity(self, owner: Owner, turn: Turn) -> Job | Refusal:
         """Release the jaws: enabled, but without stiffness, damping and torque."""

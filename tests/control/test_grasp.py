@@ -131,6 +131,16 @@ def test_an_object_that_vanishes_is_reported_within_50_ms() -> None:
     assert world.gripper.opening_mm == pytest.approx(width_mm, abs=1.0)  # they hold where they are
 
 
+def test_a_hold_in_place_of_a_running_grasp_keeps_what_it_has_grasped() -> None:
+    world, client = world_with(40.0)
+    number = client.send("motion.grasp", force_n=20, hold_s=60)
+    world.run(3.0)
+    client.result("motion.hold", if_busy="replace")
+    assert client.answers[number]["error"]["data"]["reason"] == "replaced"
+    world.run(1.0)
+    assert (world.state.is_grasped, world.state.force_set_n) == (True, 20.0)
+
+
 def test_an_object_that_vanishes_ends_a_running_grasp() -> None:
     world, client = world_with(50.0)
     number = client.send("motion.grasp", force_n=20, hold_s=60)

@@ -291,6 +291,29 @@ def test_the_jaws_go_slack_in_place_of_the_clients_own_motion_but_of_no_other() 
     assert world.state.mode == "relaxed"
 
 
+def test_a_hold_freezes_the_jaws_in_place_of_the_clients_own_motion_but_of_no_other() -> None:
+    world, client = at_opening(60.0)
+    number = client.send("motion.move", opening_mm=10.0)
+    world.run(0.3)
+    other = world.client(pid=200)
+    assert other.refusal("motion.hold", if_busy="replace") == "busy"
+    assert client.refusal("motion.hold") == "busy"
+    here_mm = world.state.opening_mm
+    assert here_mm is not None
+    client.result("motion.hold", if_busy="replace")
+    assert client.answers[number]["error"]["data"]["reason"] == "replaced"
+    world.run(1.0)
+    assert world.state.mode == "holding"
+    assert world.state.opening_mm == pytest.approx(here_mm, abs=2.0)
+
+
+def test_a_hold_waits_for_the_end_of_a_motion_if_it_is_queued() -> None:
+    world, client = at_opening(60.0)
+    client.send("motion.move", opening_mm=50.0)
+    client.result("motion.hold", if_busy="queue")
+    assert world.state.opening_mm == pytest.approx(50.0, abs=0.5)
+
+
 def test_progress_tells_phase_and_steps() -> None:
     _world, client = at_opening(60.0)
     number = client.send("motion.move", opening_mm=85.0, progress=True)

@@ -302,14 +302,14 @@ class MotionMethods:
         "Hold from now on: what is held already, else the measured position.",
         "The position and the state.",
         HoldResult,
-        (CALIBRATION,),
+        (CALIBRATION, IF_BUSY),
         role="operator",
         needs_lease=True,
         stop_voids=True,
         waits=True,
     )
     def _hold(self, call: Call) -> Answer:
-        return later(self._motions.hold(call.owner, call.terms(self._controller)))
+        return later(self._motions.hold(call.owner, call.terms(self._controller), call.turn))
 
     @Method(
         "motion.zero_gravity",

@@ -324,6 +324,50 @@ def test_of_two_grippers_a_stop_is_seen_beside_a_fault_that_let_go(
         assert tab.locator("header").bounding_box() == bar
 
 
+def test_of_two_grippers_no_line_is_cut_that_says_what_is_wrong(
+    window: BrowserContext, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with two_grippers(window, tmp_path, monkeypatch) as (tab, _daemons, clients):
+        bar, alarm = tab.locator("header").bounding_box(), tab.locator("#alarm")
+        left, right = f"left-{os.getpid()}", f"right-{os.getpid()}"
+        panel = tab.get_by_role("article", name=f"Gripper {left}")
+        panel.get_by_role("button", name="Take control").click()
+        expect(panel.get_by_role("button", name="Disable")).to_be_enabled()
+        clients[0].result("lease.take", why="my turn")
+        grasp(clients[0])
+        clients[0].result("sim.object")
+        expect(alarm).to_have_text(f"{left}: OBJECT LOST, CONTROL LOST")
+        clients[0].result("sim.fault", name="communication_lost")
+        clients[0].result("stop", level="hold")
+        own = "OBJECT LOST, FAULT: communication lost, STOPPED, CONTROL LOST"
+        expect(alarm).to_have_text(f"{left}: {own}")
+        assert tab.evaluate(CUT_LINES) == {"cut": 0, "hidden": 0}
+        grasp(clients[1])
+        clients[1].result("sim.fault", name="over_current")
+        own = own.replace("STOPPED, ", "")
+        clients[1].result("stop", level="hold")
+        expect(alarm).to_contain_text(f"{right}: LET GO, FAULT: over current; all: STOPPED")
+        expect(alarm).to_contain_text(f"{left}: {own}")
+        assert tab.evaluate(CUT_LINES)["cut"] == 0
+        assert tab.locator("header").bounding_box() == bar
+
+
+CUT_LINES = """
+() => {
+  const alarm = document.querySelector("#alarm");
+  const {top, bottom} = alarm.getBoundingClientRect();
+  const words = document.createRange();
+  words.selectNodeContents(alarm);
+  const lines = [...words.getClientRects()];
+  const isIn = (line) => line.top > top - 2 && line.bottom < bottom + 2;
+  const isOut = (line) => line.top > bottom - 2;
+  const count = (is) => lines.filter(is).length;
+  return {cut: count((line) => !isIn(line) && !isOut(line)), hidden: count(isOut)};
+}
+"""
+"""How many words of the list are cut through, and how many are reached by scrolling only."""
+
+
 def test_a_second_click_at_the_same_place_clears_no_other_stop(
     window: BrowserContext, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -250,6 +250,53 @@ def test_a_motion_that_ended_wrongly_says_why_until_the_next_one(
     expect(toasts(operated)).to_have_text([re.compile(why)])
 
 
+def begin_to_close(tab: Tab, client: Client) -> None:
+    """Close slowly, and return on the way."""
+    button(tab, "Open").click()
+    expect(part(tab, "outcome")).to_contain_text("open: reached")
+    part(tab, "pace").fill("10")
+    button(tab, "Close").click()
+    client.until(lambda state: bool(state["job"] and state["job"]["kind"] == "close"))
+    expect(part(tab, "mode")).to_contain_text("moving: close")
+
+
+def test_a_motion_that_disable_has_ended_is_said_until_the_next_one_begins(
+    operated: Tab, client: Client
+) -> None:
+    enable(operated, client)
+    begin_to_close(operated, client)
+    button(operated, "Disable").click()
+    expect(toasts(operated)).to_contain_text([re.compile("close: .*disabled the motor")])
+    button(operated, "Enable").click()
+    expect(button(operated, "Open")).to_be_enabled()
+    expect(toasts(operated)).to_have_count(1)
+    part(operated, "pace").fill("")
+    button(operated, "Open").click()
+    expect(part(operated, "outcome")).to_contain_text("open: reached")
+    expect(toasts(operated)).to_have_count(0)
+
+
+@pytest.mark.parametrize("press", ["button", "key"])
+def test_hold_freezes_the_jaws_in_the_middle_of_this_pages_motion(
+    operated: Tab, client: Client, press: str
+) -> None:
+    enable(operated, client)
+    begin_to_close(operated, client)
+    if press == "button":
+        button(operated, "Hold").click()
+    else:
+        operated.locator("h1").click()
+        operated.keyboard.press("h")
+    expect(part(operated, "outcome")).to_have_text("hold: done")
+    state = client.until(lambda state: state["job"] is None)
+    expect(toasts(operated)).to_have_count(0)
+    assert state["mode"] == "holding"
+    operated.wait_for_timeout(500)
+    now_mm = client.result("state.get")["opening_mm"]
+    assert now_mm == pytest.approx(state["opening_mm"], abs=1)
+    assert now_mm > 20
+
+
 def test_nothing_is_minus_0(operated: Tab) -> None:
     figures = """async () => {
       const { figure } = await import("./format.js");

@@ -16,13 +16,14 @@ from tests.process.web.on_page import (
     OBJECT_MM,
     button,
     enable,
+    fact,
     grasp,
     opened,
     part,
     take_control,
     teach,
 )
-from tests.process.web.page_process import Page, page
+from tests.process.web.page_process import Page, mortal, page
 
 BACK = "(node) => getComputedStyle(node).backgroundColor"
 
@@ -217,6 +218,106 @@ def test_a_weak_motor_is_said_while_it_lasts_and_its_hold_is_not_green(
     expect(toasts(tab)).to_have_count(0)
     expect(mode).to_have_css("color", green)
     assert held.evaluate(MARK) == green
+
+
+def test_a_force_that_heat_has_lowered_is_said_while_it_is_so_and_its_hold_is_not_green(
+    window: BrowserContext, tmp_path: Path
+) -> None:
+    with (
+        mortal(tmp_path, "hot") as (_, daemon, running),  # it stays hot for long
+        daemon.connect() as client,
+    ):
+        client.until(lambda state: bool(state["motor"] == "disabled" and state["calibrated"]))
+        grasp(client, force_n=30)
+        tab = opened(window, running)
+        held, mode, bar = part(tab, "held"), part(tab, "mode"), tab.locator("header")
+        expect(held).to_have_text("object detected")
+        green, before = held.evaluate(MARK), bar.bounding_box()
+        expect(mode).to_have_css("color", green)
+        client.result("sim.heat", coil_c=79)
+        phone = opened(window, running)
+        phone.set_viewport_size({"width": 390, "height": 844})
+        for shown in (phone, tab):
+            shown.bring_to_front()
+            expect(alarm(shown)).to_have_text("FORCE LOWERED BY HEAT")
+            expect(alarm(shown)).to_be_in_viewport(ratio=1)
+            said = toasts(shown).locator("span")
+            expect(said).to_contain_text(["support what is held, it may slip, and set less force"])
+            assert said.evaluate("(node) => node.scrollHeight <= node.clientHeight")
+            expect(part(shown, "mode")).not_to_have_css("color", green)
+            assert part(shown, "held").evaluate(MARK) != green
+        assert bar.bounding_box() == before
+        button(tab, "Read").click()
+        expect(toasts(tab)).to_have_count(0)
+        expect(alarm(tab)).to_have_text("FORCE LOWERED BY HEAT")
+        client.result("motion.set_force", force_n=5)
+        expect(alarm(tab)).to_be_hidden()
+        expect(toasts(phone)).to_have_count(0)
+        expect(mode).to_have_css("color", green)
+        assert held.evaluate(MARK) == green
+
+
+def test_jaws_that_are_pushed_open_are_not_said_to_hold_until_they_are_back(
+    operated: Tab, client: Client
+) -> None:
+    tab = operated
+    enable(tab, client)
+    client.result("sim.object", width_mm=OBJECT_MM)
+    button(tab, "Grasp").click()
+    held, mode, outcome = part(tab, "held"), part(tab, "mode"), part(tab, "outcome")
+    expect(outcome).to_contain_text("grasp: object held")
+    expect(mode).to_have_text("holding")
+    green = held.evaluate(MARK)
+    for is_there in (True, False):
+        client.result("sim.push", torque_nm=-3)
+        expect(mode).to_have_text("pushed open")
+        expect(mode).not_to_have_css("color", green)
+        expect(held).to_have_text("object?")
+        assert held.evaluate(MARK) != green
+        expect(tab.locator(".jaws .holds")).to_have_count(0)
+        expect(part(tab, "slider-text")).to_have_text("held or not?")
+        expect(part(tab, "why")).to_contain_text("pushed the jaws open")
+        expect(outcome).to_have_text("")
+        assert client.result("state.get")["is_grasped"]
+        if not is_there:
+            client.result("sim.object")
+        client.result("sim.push", torque_nm=0)
+        if is_there:
+            expect(held).to_have_text("object detected")
+            expect(mode).to_have_css("color", green)
+    expect(alarm(tab)).to_have_text("OBJECT LOST")
+    expect(mode).to_have_text("still")
+
+
+def test_a_page_that_is_opened_then_says_too_that_the_jaws_are_pushed_open(
+    window: BrowserContext, looking: Page, client: Client
+) -> None:
+    tab = opened(window, looking)
+    grasp(client)
+    expect(part(tab, "mode")).to_have_text("holding")
+    tab.wait_for_timeout(1500)  # until litegripd-web has kept a batch of it
+    client.result("sim.push", torque_nm=-3)
+    client.until(lambda state: bool(state["opening_mm"] > 80))
+    expect(part(opened(window, looking), "mode")).to_have_text("pushed open")
+    client.result("sim.push", torque_nm=0)
+
+
+def test_a_soft_object_that_springs_back_from_a_lowered_force_pushes_nothing_open(
+    window: BrowserContext, looking: Page, client: Client
+) -> None:
+    grasp(client)
+    client.despite_silence("motion.open")
+    client.result("sim.object", width_mm=60, stiffness_nm_rad=20)
+    assert client.result("motion.grasp", force_n=40, until="verdict")["ok"]
+    tab = opened(window, looking)
+    expect(part(tab, "held")).to_have_text("object detected")
+    squeezed_mm = client.until(lambda state: bool(state["force_n"] > 39))["opening_mm"]
+    expect(fact(tab, "Force")).to_have_text(re.compile("^(39|40)"))  # the page has seen it, too
+    client.result("motion.set_force", force_n=1)
+    client.until(lambda state: bool(state["opening_mm"] > squeezed_mm + 7))
+    tab.wait_for_timeout(1000)
+    expect(part(tab, "mode")).to_have_text("holding")
+    expect(part(tab, "held")).to_have_text("object detected")
 
 
 def test_jaws_with_nothing_between_them_are_still_and_not_said_to_hold(

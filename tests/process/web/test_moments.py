@@ -108,6 +108,27 @@ def test_what_is_held_is_last_known_once_nothing_measures_it(
     expect(held).to_have_text("object detected, last known")
 
 
+def test_a_late_page_says_of_a_motion_and_a_lease_that_they_may_be_over(
+    operated: Tab, client: Client, simulated: DaemonProcess
+) -> None:
+    enable(operated, client)
+    button(operated, "Open").click()
+    outcome, lease = part(operated, "outcome"), fact(operated, "Lease")
+    expect(outcome).to_contain_text("open: reached")
+    expect(lease).to_contain_text("litegripd-web")
+    part(operated, "pace").fill("5")
+    button(operated, "Close").click()
+    expect(part(operated, "mode")).to_contain_text("moving: close")
+    expect(outcome).to_have_text("close …")
+    with frozen(simulated.process):
+        expect(outcome).to_have_text("close …, last known")
+        expect(lease).to_have_text(re.compile(r"^litegripd-web \(pid \d+\), last known$"))
+        operated.keyboard.press("o")
+        expect(outcome).to_have_text("open: late: it would act later, unseen")
+    expect(lease).not_to_contain_text("last known")
+    expect(outcome).not_to_contain_text("last known")
+
+
 SIZES = {"wide": (1400, 900), "phone": (360, 740)}
 
 
