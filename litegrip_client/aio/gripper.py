@@ -480,6 +480,11 @@ class Subscription(_BegunLate[Feed[_Item]], Generic[_Item]):
             raise StopAsyncIteration
         return item
 
+    @property
+    def dropped(self) -> int:
+        """How many items this reader has missed up to the newest that it got: it was too slow."""
+        return self._feed.dropped
+
     async def close(self) -> None:
         """End the subscription, also for a task that waits for an item. Again does nothing."""
         if not self._closed:

@@ -399,7 +399,8 @@ class GripperActions:
         they press with at most on what stands in their way (1 by default).
         """
         limits = self._limits() | given_numbers(speed_mm_s=speed_mm_s, torque_nm=torque_nm)
-        return SetpointStream(self._session, valid_s, limits, self._end_frames)
+        tuned = "speed_mm_s" if speed_mm_s is None and "speed_mm_s" in limits else None
+        return SetpointStream(self._session, valid_s, limits, self._end_frames, tuned=tuned)
 
     async def send_mit_frame(
         self, q: float, kp: float, kd: float, dq: float = 0.0, tau: float = 0.0

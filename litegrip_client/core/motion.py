@@ -155,9 +155,10 @@ _EXPIRED = "set_point_expired"
 class SetpointStream(AsyncBlock):
     """A stream of targets for the jaws: `async with gripper.stream() as stream:`.
 
-    The latest target wins. When none comes for `valid_s`, and at the end of the block, the jaws
-    hold where they are. Each object is for one thread or task. Without a block it works until
-    `close`; after that, or the block, `set_target` raises `ConnectError`.
+    The latest target wins, of whichever stream of the program. When none comes for `valid_s`, and
+    at the end of the block, the jaws hold where they are. Each object is for one thread or task.
+    Without a block it works until `close`; after that, or the block, `set_target` raises
+    `ConnectError`.
 
     The first target, and one after a pause, waits for the daemon's answer; the others are sent
     without. What the daemon refuses of those is raised by one of the next calls, at the latest by
@@ -174,16 +175,19 @@ class SetpointStream(AsyncBlock):
         before: Callable[[], Awaitable[None]] | None = None,
         *,
         is_told_at_end: bool = True,
+        tuned: str | None = None,
     ) -> None:
         """`before` is awaited once, before the first target is sent.
 
         Unless `is_told_at_end`, `close` raises no refusal of a target: it must hinder nothing.
+        `tuned` is the limit that comes from `motion_config`, if one does.
         """
         self._session = session
         self._valid_s = number("valid_s", valid_s)
         self._limits = limits
         self._before = before
         self._is_told_at_end = is_told_at_end
+        self._tuned = tuned
         self._wire: Wire | None = None
         self._job: int | None = None
         self._asks = False
@@ -219,6 +223,7 @@ class SetpointStream(AsyncBlock):
         `kd` (0.1 to 5 N·m·s/rad) are the most stiffness and damping, the calibration's by default.
         Raises `CommandError` (a target outside the travel, another motion runs, ...) and all that
         motions raise: for the first target at once, for others by a later call, `close` included.
+        The call that raises sends nothing: send its target again.
         """
         if self._is_closed:
             raise self._ended()
@@ -235,7 +240,12 @@ class SetpointStream(AsyncBlock):
         if self._before is not None:
             before, self._before = self._before, None
             await before()
-        await self._send({**target, "valid_s": self._valid_s, **limits, **own})
+        try:
+            await self._send({**target, "valid_s": self._valid_s, **limits, **own})
+        except ParameterError as error:
+            if error.data.get("parameter") == self._tuned is not None:
+                error.message = f"motion_config: {error.message}"
+            raise
 
     def _ended(self) -> ConnectError:
         from litegrip_client.values.voices import in_python  # noqa: PLC0415 - an error

@@ -476,30 +476,30 @@ def _is_own(connection: Exchange, owner: Mapping[str, Any]) -> bool:
 
 async def _disable(wire: Wire, channel: str) -> None:
     is_told = wire.connection.is_danger_told
+    cannot = f"{channel}: the motor could not be disabled, cut its power"
     try:
         done = (await wire.call("motor.disable", None, ACTION_TIMEOUT_S)).get("ok")
     except LeaseError as error:  # the motor is another's to disable
         warn(f"{channel}: the end of this block leaves the motor as it is: {error.message}")
         return
     except HardwareError as error:
-        error.message = f"the motor could not be disabled, cut its power: {error.message}"
+        error.message = f"{cannot}: {error.message}"
         raise
     except ConnectError as error:
         why = error.message
         if error.reason == "shutting_down":
-            danger = "the motor is not known to be off; to be sure, cut its power"
-            error.message = f"{danger}: {why}"
+            error.message = f"{channel}: nothing has confirmed that the motor is off: {why}"
             raise
         if error.reason == "no_answer":
             why = "the daemon does not answer"
             error.is_told = is_told
         elif error.reason == "connection_lost":
             why = f"{why}: {LEFT_ALONE}"
-        error.message = f"the motor could not be disabled, cut its power: {why}"
+        error.message = f"{cannot}: {why}"
         raise
     if not done:
         raise HardwareError(
-            "the motor did not confirm that it is disabled, cut its power",
+            f"{channel}: the motor did not confirm that it is disabled, cut its power",
             reason="not_confirmed",
             data={"retryable": True},
         )

@@ -62,9 +62,9 @@ class Event:
 class Feed(Generic[_Item]):
     """The inbox of one subscription, and how to ask for it.
 
-    `identity` is the daemon's number for it, -1 before it has one. `silence_s` is the longest
-    time that may pass between two items. `what` is the name of an item, and
-    `voice` the connection's.
+    `identity` is the daemon's number for it, -1 before it has one. `dropped` counts what was lost
+    before the item that was taken last. `silence_s` is the longest time that may pass between two
+    items. `what` is the name of an item, and `voice` the connection's.
     """
 
     notification: str
@@ -79,6 +79,7 @@ class Feed(Generic[_Item]):
         self.params = params
         self.silence_s = silence_s
         self.identity = -1
+        self.dropped = 0
         self.inbox: deque[Any] = deque(maxlen=most_items)
 
     def __repr__(self) -> str:
@@ -293,7 +294,10 @@ class StateFeed(Feed[_Item]):
     def take(self) -> _Item | None:
         """Take the oldest sample, converted; raises what `convert` does."""
         sample: StateSample | None = self.inbox.popleft()
-        return None if sample is None else self._convert(sample)
+        if sample is None:
+            return None
+        self.dropped = sample.dropped
+        return self._convert(sample)
 
 
 def whole_state(sample: StateSample) -> GripperState:
@@ -375,6 +379,11 @@ class Subscription(Generic[_Item]):
         if item is None:
             raise StopIteration
         return item
+
+    @property
+    def dropped(self) -> int:
+        """How many items this reader has missed up to the newest that it got: it was too slow."""
+        return self._feed.dropped
 
     def close(self) -> None:
         """End the subscription, also for a thread that waits for an item. Again does nothing."""

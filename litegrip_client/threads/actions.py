@@ -118,9 +118,10 @@ class ManualCalibration:
 class SetpointStream:
     """A stream of targets for the jaws: `with gripper.stream() as stream:`.
 
-    The latest target wins. When none comes for `valid_s`, and at the end of the block, the jaws
-    hold where they are. Each object is for one thread or task. Without a block it works until
-    `close`; after that, or the block, `set_target` raises `ConnectError`.
+    The latest target wins, of whichever stream of the program. When none comes for `valid_s`, and
+    at the end of the block, the jaws hold where they are. Each object is for one thread or task.
+    Without a block it works until `close`; after that, or the block, `set_target` raises
+    `ConnectError`.
 
     The first target, and one after a pause, waits for the daemon's answer; the others are sent
     without. What the daemon refuses of those is raised by one of the next calls, at the latest by
@@ -156,6 +157,7 @@ class SetpointStream:
         `kd` (0.1 to 5 N·m·s/rad) are the most stiffness and damping, the calibration's by default.
         Raises `CommandError` (a target outside the travel, another motion runs, ...) and all that
         motions raise: for the first target at once, for others by a later call, `close` included.
+        The call that raises sends nothing: send its target again.
         """
         complete(
             self._core.set_target(

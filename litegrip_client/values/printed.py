@@ -68,6 +68,14 @@ class HealthReport(_Shown, dict["str", "Any"]):
 
     __slots__ = ()
 
+    if not TYPE_CHECKING:  # else a type checker would find every name here
+
+        def __getattr__(self, name):
+            """Raise the error; it says how a member is read."""
+            how = f": it is a dictionary: health[{name!r}]" if name in self else ""
+            text = f"{type(self).__name__!r} object has no attribute {name!r}{how}"
+            raise AttributeError(text, name=name)
+
     def __str__(self) -> str:
         figures = {name: value for name, value in self.items() if name not in _WORDS}
         lines = [f"verdict: {plain(self.get('verdict'))}"]

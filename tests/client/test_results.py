@@ -21,6 +21,7 @@ from litegrip_client import (
 from litegrip_client.aio import LiteGrip as AioLiteGrip
 from litegrip_client.values.calibration import NOMINAL_RAD_TO_MM
 from litegrip_client.values.fields import STILL_RAD_S
+from litegrip_client.values.printed import HealthReport
 from litegrip_client.values.results import NEWER_FIELDS
 from tests.client.fake_daemon import GRASP, MOVE, STATE
 
@@ -191,3 +192,11 @@ def test_the_time_of_a_state_and_of_an_event_is_also_the_time_of_day() -> None:
 def test_what_counts_as_moving_is_told_in_the_scale_that_ships(kind: type) -> None:
     told = f"{STILL_RAD_S:g} rad/s ({STILL_RAD_S * NOMINAL_RAD_TO_MM:.1f} mm/s at"
     assert told in str(inspect.getdoc(kind.is_moving))  # type: ignore[attr-defined]
+
+
+def test_a_member_of_health_that_is_read_as_an_attribute_is_told_how() -> None:
+    health = HealthReport({"verdict": "ok"})
+    with pytest.raises(AttributeError, match=r"it is a dictionary: health\['verdict'\]"):
+        _ = health.verdict  # type: ignore[attr-defined]
+    with pytest.raises(AttributeError, match=r"no attribute 'colour'$"):
+        _ = health.colour  # type: ignore[attr-defined]

@@ -71,6 +71,16 @@ def test_whole_states_come_one_by_one_and_none_twice(
     assert daemon.methods() == ["hello", "state.get", "state.subscribe", "state.unsubscribe"]
 
 
+def test_what_a_slow_reader_has_missed_is_counted(
+    site: Bench, daemon: Heard, gripper: LiteGrip, state: dict[str, Any]
+) -> None:
+    with gripper.states(200, batch=BATCH) as states:
+        assert (next(states).seq, states.dropped) == (7, 0)
+        site.after(0.01, lambda: send(daemon, state, 60, dropped=44))
+        seen = [(next(states).seq, states.dropped) for _ in range(12 + BATCH)]
+    assert seen[11:] == [(12, 0), *((seq, 44) for seq in range(57, 61))]
+
+
 def test_a_daemon_that_lacks_a_newer_field_is_not_asked_for_it(
     daemon: Heard, gripper: LiteGrip, state: dict[str, Any]
 ) -> None:

@@ -371,7 +371,7 @@ def test_a_motor_that_cannot_be_disabled_is_told_once(
 ) -> None:
     why = "the motor does not answer: is it powered?"
     lost = Refuse("motor_silent", -32032, why)
-    told = "the motor could not be disabled, cut its power"
+    told = "can0: the motor could not be disabled, cut its power"
     daemon.instead["motor.disable"] = daemon.instead["motion.open"] = lost
     with pytest.raises(CANTimeoutError, match=r"^the motor does not"), kind.gripper() as gripper:
         fail(gripper, gripper.open)

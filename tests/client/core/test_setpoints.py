@@ -129,6 +129,16 @@ def test_a_stream_follows_at_the_speed_of_the_tunables(daemon: Heard, enabled: L
     assert all("config" not in one.params for one in sent(daemon))
 
 
+def test_a_speed_of_the_tunables_that_is_refused_is_named_as_theirs(enabled: LiteGrip) -> None:
+    enabled.motion_config.speed_mm_s = 500.0
+    with enabled.stream() as stream, pytest.raises(CommandError) as caught:
+        stream.set_target(20.0)
+    assert caught.value.message.startswith("motion_config: speed_mm_s is 500, it must be")
+    with enabled.stream(speed_mm_s=600.0) as stream, pytest.raises(CommandError) as caught:
+        stream.set_target(20.0)
+    assert caught.value.message.startswith("speed_mm_s is 600, it must be")
+
+
 def test_a_first_target_that_is_refused_raises_at_once(
     daemon: Heard, enabled: LiteGrip, kind: Kind
 ) -> None:

@@ -10,13 +10,13 @@ from tests.client.rig import SILENT, Bench, Ctl, Heard, Kind, run_ctl
 
 UNKNOWN = "what the jaws do is not known; to be sure, cut the motor's power"
 NOT_OFF = "the motor is not known to be off, cut its power"
-NOT_DISABLED = "the motor could not be disabled, cut its power: the daemon does not answer"
-NOT_OFF_GONE = "the motor could not be disabled, cut its power"
+NOT_DISABLED = "can0: the motor could not be disabled, cut its power: the daemon does not answer"
+NOT_OFF_GONE = "can0: the motor could not be disabled, cut its power"
 GONE = (
     f"{NOT_OFF_GONE}: the daemon ended the connection: if it is gone, the motor soon lets go by"
     " itself, and what was held falls"
 )
-NOT_OFF_ENDING = "the motor is not known to be off; to be sure, cut its power"
+NOT_OFF_ENDING = "can0: nothing has confirmed that the motor is off"
 ENDING = "the daemon is about to end: it disables the motor, and what was held falls"
 
 
