@@ -24,6 +24,7 @@ const OVER = {
   sent_before_stop: ({ stop }) => stop === null,
 };
 const CUT_OFF = new Set(["no_daemon", "connection_lost"]);
+const CUT = "the connection was cut before it was answered: look where the jaws are";
 
 /* What bars an act that needs this, the worst first. */
 const BARS = {
@@ -161,7 +162,7 @@ export class Control {
   /* Press the button that a key stands for, or say why that does nothing; return whether there is one. */
   press(key) {
     const name = { e: "enable", o: "open", c: "close", g: "grasp", h: "hold" }[key];
-    if (name === undefined || this.#panel.state === null) return false;
+    if (name === undefined) return false;
     const why = this.whyNot(NEEDS[name] ?? "motion");
     if (why === null) this.#panel.node(name).click();
     else this.#refuse(name, why);
@@ -363,7 +364,7 @@ export class Control {
 
   /* Say why something was not done, or not to its end; a stop is said as long as it is latched, in the bar. */
   #wrong(name, error) {
-    const text = `${name}: ${refusal(error)}`;
+    const text = `${name}: ${error.reason === "connection_lost" ? CUT : refusal(error)}`;
     if (error.reason === "lease_lost") {
       this.#set(false);
       this.#panel.loseControl(lossOfControl(error));

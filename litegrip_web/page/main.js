@@ -124,17 +124,20 @@ async function copy(address) {
   }
 }
 
-/* A key acts on the gripper that this page controls; of several on the one that was used last. */
+/* A key acts on the gripper that was used last, and on no other, even if that one can do nothing now. */
 function press(event, panels) {
   const isTyping = /^(INPUT|TEXTAREA)$/.test(event.target.tagName) && event.target.type !== "range";
   if (isTyping || event.ctrlKey || event.metaKey || event.altKey || event.repeat) return;
   if (document.querySelector("dialog[open]")) return;
-  const controlled = panels.filter((panel) => panel.control.has);
-  const focused = panels.find(({ article }) => article.classList.contains("focused"));
-  const panel = controlled.length === 1 ? controlled[0] : focused;
+  const panel = panels.find(({ article }) => article.classList.contains("focused"));
   if (panel.control.press(event.key.toLowerCase())) event.preventDefault();
 }
 
+/* The wheel turns no figure: browsers change the one of a field in which one has clicked. */
+const turnsNothing = (event) => {
+  if (event.target.type === "number" && event.target === document.activeElement) event.preventDefault();
+};
+addEventListener("wheel", turnsNothing, { passive: false });
 addEventListener("dragover", (event) => event.preventDefault());
 addEventListener("drop", (event) => {
   event.preventDefault();

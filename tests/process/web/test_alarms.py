@@ -261,6 +261,36 @@ def test_of_two_grippers_each_question_names_the_one_that_it_is_about(
             tab.get_by_role("button", name="Cancel").click()
 
 
+def test_of_two_grippers_a_key_moves_only_the_one_that_was_used_last(
+    window: BrowserContext, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with two_grippers(window, tmp_path, monkeypatch) as (tab, daemons, clients):
+        left, right = (
+            tab.get_by_role("article", name=f"Gripper {side}-{os.getpid()}")
+            for side in ("left", "right")
+        )
+        left.get_by_role("button", name="Take control").click()
+        left.get_by_role("button", name="Enable").click()
+        expect(left.get_by_role("button", name="Open", exact=True)).to_be_enabled()
+        expect(left.get_by_text("keys act here")).to_be_visible()
+        before = len(clients[0].result("job.list")["jobs"])
+        right.get_by_role("heading").first.click()
+        expect(left.get_by_text("keys act here")).to_be_hidden()
+        tab.keyboard.press("c")
+        expect(right.locator("[data-is=outcome]")).to_contain_text("close: press “Take control”")
+        right.get_by_role("button", name="Take control").click()
+        expect(right.get_by_text("keys act here")).to_be_visible()
+        daemons[1].kill()
+        tab.keyboard.press("o")
+        expect(right.locator("[data-is=mode]")).to_have_text("no daemon")
+        tab.keyboard.press("o")
+        expect(right.locator("[data-is=outcome]")).to_contain_text("the gripper is not connected")
+        assert len(clients[0].result("job.list")["jobs"]) == before
+        left.get_by_role("heading").first.click()
+        tab.keyboard.press("o")
+        clients[0].until(lambda state: bool(state["mode"] == "moving"))
+
+
 def test_of_two_grippers_nothing_is_covered_by_what_has_to_be_done_now(
     window: BrowserContext, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -454,6 +454,20 @@ def test_a_loss_is_said_while_litegripd_web_is_gone(
     expect(tab.locator("article")).to_have_class(re.compile("has-lost"), timeout=1)
 
 
+def test_a_motion_whose_answer_a_cut_connection_took_is_said_to_be_that(
+    window: BrowserContext, client: Client, place: Path
+) -> None:
+    with page("--socket", str(place), "--operate") as running:
+        tab = opened(window, running)
+        enable(tab, client)
+        part(tab, "speed").fill("5")
+        button(tab, "Close").click()
+        client.until(lambda state: bool(state["mode"] == "moving"))
+    told = "close: the connection was cut before it was answered: look where the jaws are"
+    expect(toasts(tab).filter(has_text=told)).to_have_count(1)
+    expect(toasts(tab).filter(has_text="Start litegripd-web again")).to_have_count(1)
+
+
 def test_a_daemon_that_was_restarted_while_the_jaws_hold_has_let_go_of_nothing(
     window: BrowserContext, tmp_path: Path
 ) -> None:

@@ -203,6 +203,19 @@ def test_a_letter_in_a_field_is_a_letter(operated: Tab, client: Client) -> None:
     assert client.result("job.list")["jobs"] == before
 
 
+def test_the_wheel_over_a_field_changes_no_figure(operated: Tab, client: Client) -> None:
+    enable(operated, client)
+    field = part(operated, "force")
+    field.click()
+    field.hover()
+    for _ in range(3):
+        operated.mouse.wheel(0, -100)
+    expect(field).to_be_focused()
+    operated.keyboard.press("End")
+    operated.keyboard.type("5")
+    expect(field).to_have_value("105")
+
+
 def test_a_grasp_with_a_force_and_letting_go(operated: Tab, client: Client) -> None:
     client.result("sim.object", width_mm=OBJECT_MM)
     enable(operated, client)
