@@ -6,7 +6,7 @@ import { Secret } from "./proof.js";
 import { Stop } from "./stop.js";
 import * as theme from "./theme.js";
 
-const QUIET = /^((NO|WEAK) MOTOR|CONTROL LOST|FORCE LOWERED)/;
+const QUIET = /^((NO|WEAK) MOTOR|CONTROL LOST|PUSHED OPEN|FORCE LOWERED)/;
 const $ = (id) => document.getElementById(id);
 
 /* Here is nothing to stop with: STOP and Esc say so, and what to do then. */

@@ -32,7 +32,10 @@ const GONE = {
   control: "you no longer have control",
 };
 const MISSED = "NOT STOPPED: press STOP again. It did not get through.";
-const LOWERED = "FORCE LOWERED BY HEAT: support what is held, it may slip, and set less force (“Set force”)";
+const SUPPORT = "support what is held, it may slip";
+const LOWERED = `FORCE LOWERED BY HEAT: ${SUPPORT}, and set less force (“Set force”)`;
+const PUSHED = "PUSHED OPEN: look whether what the jaws gripped is still between them";
+const WAS_PUSHED = "The jaws were pushed open: look if what they gripped is still held";
 /* The softest object that the daemon counts on gives way by 20 N·m/rad: what it springs back by when all of the force
    is taken from it is 0.37 mm/N, and no push. 5 mm is more than what a hard one and the gripper's own parts give way. */
 const PUSHED_MM_PER_N = 0.4;
@@ -115,8 +118,11 @@ export class Panel extends EventTarget {
   #before = null; // what was so when the connection ended
   #gone = new Map(); // what of that is no more, and has not been read
   #weak = null; // the event of a motor that is weak
+  #toldWeak = ""; // what the bar says of it
+  #isWeakRead = false;
   #wasLowered = false; // the force of the hold, by heat
   #grip = null; // the narrowest opening (mm) since something is held, and the greatest set force (N)
+  #pushedS = null; // since when something has pushed the jaws open, which has not been read
   #troubles = new Map(); // of motor and bus, by the event's kind
   #isMissed = false; // by a STOP that was pressed on the page
   #hasLostControl = false; // which has not been read
@@ -321,6 +327,7 @@ export class Panel extends EventTarget {
     if (this.#isLate) alarms.push("LATE");
     if (stop !== null) alarms.push("STOPPED");
     if (this.#hasLostControl) alarms.push("CONTROL LOST");
+    if (this.isPushedOpen) alarms.push("PUSHED OPEN");
     if (this.#isLowered) alarms.push("FORCE LOWERED BY HEAT");
     if (this.#isWeak) alarms.push(`WEAK MOTOR${force === null ? "" : ": makes less than was asked for"}`);
     this.#alarm(alarms);
@@ -424,6 +431,7 @@ export class Panel extends EventTarget {
     if (isMotion(event)) {
       this.forgive("motion");
       this.#grip = null; // it may grip another thing, or elsewhere
+      this.#forgetPush();
     }
     if (OVERTAKES.has(event.kind) && this.#isOver && event.monotonic_s > this.#toldS) this.#hush();
     if (event.kind === "lease" || event.kind === "lease_lost") await this.#look();
@@ -533,23 +541,56 @@ export class Panel extends EventTarget {
 
   #noteWeak(event) {
     if (event.kind !== "weak") return;
-    const { weak, hint, made_nm: made, commanded_nm: commanded } = event.data;
-    this.#weak = weak ? event : null;
+    this.#weak = event.data.weak ? event : null;
+    this.#toldWeak = "";
+    this.#isWeakRead = false;
     this.#showHeld();
     this.#showAlarms();
-    if (!weak) return this.forgive("weak");
-    const text = `WEAK MOTOR: ${hint}; it makes ${made.toFixed(2)} of the commanded ${figure(commanded, 2, "N·m")}`;
-    toast(this.channel, text, "weak", { isOver: () => !this.#isWeak, atS: event.monotonic_s + this.#offsetS });
+    if (this.#weak === null) this.forgive("weak");
+    else this.#tellWeak();
   }
 
-  /* Keep where the jaws grip what they hold, and note whether something has pushed them clearly further open. */
-  #noteGrip({ is_grasped: isGrasped, opening_mm: mm, force_set_n: n }) {
+  /* Say in the bar that the motor is weak, first what to do about what it holds, or may hold. What has been read is
+     said again for such a hold alone. */
+  #tellWeak() {
+    if (!this.#isWeak) return;
+    const { hint, made_nm: made, commanded_nm: commanded } = this.#weak.data;
+    const isHeld = this.state.is_grasped !== false;
+    const act = isHeld ? `${SUPPORT}; ` : "";
+    const text = `WEAK MOTOR: ${act}${hint}; it makes ${made.toFixed(2)} of the commanded ${figure(commanded, 2, "N·m")}`;
+    if (text === this.#toldWeak || (this.#isWeakRead && !isHeld)) return;
+    this.#toldWeak = text;
+    this.#isWeakRead = false;
+    toast(this.channel, text, "weak", {
+      isOver: () => !this.#isWeak,
+      atS: this.#weak.monotonic_s + this.#offsetS,
+      onRead: () => (this.#isWeakRead = true),
+    });
+  }
+
+  /* Keep where the jaws grip what they hold, and say in the bar that something pushes them clearly further open; and
+     that it did, for the daemon says then that something is held. */
+  #noteGrip({ is_grasped: isGrasped, opening_mm: mm, force_set_n: n, monotonic_s: atS }) {
     if (isGrasped === null || mm === null) return;
     const { mm: leastMm = mm, n: mostN = n } = this.#grip ?? {};
     this.#grip = isGrasped ? { mm: Math.min(mm, leastMm), n: Math.max(n, mostN) } : null;
-    const isPushed = isGrasped && mm - this.#grip.mm > Math.max(PUSHED_MM, PUSHED_MM_PER_N * this.#grip.n);
-    if (isPushed && !this.isPushedOpen && this.#isOver) this.#hush(); // it says that something is held
+    if (!isGrasped) return this.#forgetPush();
+    const isPushed = mm - this.#grip.mm > Math.max(PUSHED_MM, PUSHED_MM_PER_N * this.#grip.n);
+    if (isPushed === this.isPushedOpen) return;
     this.isPushedOpen = isPushed;
+    if (isPushed) this.#pushedS = atS;
+    if (this.#pushedS === null) return; // it has been read
+    toast(this.channel, isPushed ? PUSHED : WAS_PUSHED, "pushed", {
+      atS: this.#pushedS + this.#offsetS,
+      onRead: () => (this.#pushedS = null),
+    });
+  }
+
+  /* Nothing is held any more, or it is gripped anew: that the jaws were pushed open matters no more. */
+  #forgetPush() {
+    this.isPushedOpen = false;
+    this.#pushedS = null;
+    this.forgive("pushed");
   }
 
   /* Whether the coil's heat leaves a hold less than its set force. */
@@ -589,7 +630,7 @@ export class Panel extends EventTarget {
   #tellLoss() {
     if (!this.#lost?.data || this.#lost.monotonic_s === this.#seenS) return;
     const { kind, monotonic_s: atS } = this.#lost;
-    const text = `${LOSSES[kind]}: ${this.#lossText()}`;
+    const text = `${LOSSES[kind]}: ${[...this.#troublesBefore(kind), this.#lossText()].join("; ")}`;
     if (text === this.#toldLoss) return;
     this.#toldLoss = text;
     toast(this.channel, text, "let go", {
@@ -604,6 +645,12 @@ export class Panel extends EventTarget {
         }
       },
     });
+  }
+
+  /* What troubles the gripper which has lost an object: that has to be put right first. What let go says it itself. */
+  #troublesBefore(kind) {
+    if (kind !== "object_lost" || this.state === null) return [];
+    return [...this.#troubles.values()].filter(({ isIn }) => isIn(this.state)).map(({ text }) => text);
   }
 
   /* What is said of a loss, first what to do: of a lost object no hold, once the motor does not hold; of a fault that
@@ -641,6 +688,7 @@ export class Panel extends EventTarget {
     if (state.is_grasped) this.#heldS = state.monotonic_s;
     this.#noteGrip(state);
     this.#noteHeat();
+    this.#tellWeak();
     if (state.stop !== null) {
       this.regain("stop");
       this.miss(false);
@@ -783,7 +831,7 @@ export class Panel extends EventTarget {
     this.#figure("Opening", figure(state?.opening_mm, 1, "mm"));
     this.#figure("Force", figure(state?.force_n, 1, "N"));
     this.#figure("Set force", figure(state?.force_set_n, 1, "N"));
-    const felt = clamp ? `${clamp[0].toFixed(1)} to ${clamp[1].toFixed(1)} N by the motor` : "--";
+    const felt = clamp && !this.isPushedOpen ? `${clamp[0].toFixed(1)} to ${clamp[1].toFixed(1)} N by the motor` : "--";
     this.#figure("Coil", figure(state?.coil_temperature_c, 0, "°C"));
     this.#figure("Driver", figure(state?.driver_temperature_c, 0, "°C"));
     this.#figure("Time to the heat limit", isNumber(toLimit) ? figure(toLimit, 0, "s") : heat ? "no limit" : "--");

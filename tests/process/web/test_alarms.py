@@ -354,6 +354,26 @@ def test_of_two_grippers_a_stop_is_seen_beside_a_fault_that_let_go(
         assert tab.locator("header").bounding_box() == bar
 
 
+def test_of_two_grippers_a_loss_is_said_before_a_fault_of_the_other_and_its_own_fault_with_it(
+    window: BrowserContext, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with two_grippers(window, tmp_path, monkeypatch) as (tab, _daemons, clients):
+        left, right = f"left-{os.getpid()}", f"right-{os.getpid()}"
+        seen = tab.locator("#toasts li").filter(visible=True)
+        grasp(clients[0])
+        clients[0].result("sim.object")
+        lost = f"{left}: OBJECT LOST: "
+        expect(seen).to_contain_text([f"{lost}“Open”, then “Grasp” again"])
+        clients[1].despite_silence("motor.enable")
+        clients[1].result("sim.fault", name="overload")
+        expect(tab.locator("#alarm")).to_contain_text(f"{right}: FAULT: overload")
+        expect(tab.locator("#toasts li")).to_have_count(2)
+        expect(seen).to_contain_text([lost])
+        clients[0].result("sim.fault", name="overload")
+        expect(seen).to_contain_text([f"{lost}remove what loads the jaws"])
+        assert seen.locator("span").evaluate(SEEN, "remove what loads the jaws")
+
+
 def test_of_two_grippers_no_line_is_cut_that_says_what_is_wrong(
     window: BrowserContext, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

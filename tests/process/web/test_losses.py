@@ -209,7 +209,8 @@ def test_a_weak_motor_is_said_while_it_lasts_and_its_hold_is_not_green(
     for shown in (tab, opened(window, looking)):
         told = "WEAK MOTOR: makes less than was asked for"
         expect(alarm(shown)).to_have_text(told)
-        expect(toasts(shown)).to_contain_text(["WEAK MOTOR: check the supply's voltage"])
+        now = "WEAK MOTOR: support what is held, it may slip; check the supply's voltage"
+        expect(toasts(shown)).to_contain_text([now])
         expect(toasts(shown)).to_have_text([WEAK_FIGURES])
         expect(part(shown, "mode")).not_to_have_css("color", green)
         assert part(shown, "held").evaluate(MARK) != green
@@ -218,6 +219,23 @@ def test_a_weak_motor_is_said_while_it_lasts_and_its_hold_is_not_green(
     expect(toasts(tab)).to_have_count(0)
     expect(mode).to_have_css("color", green)
     assert held.evaluate(MARK) == green
+
+
+def test_a_weak_motor_that_holds_nothing_has_nothing_to_be_supported(
+    window: BrowserContext, looking: Page, client: Client
+) -> None:
+    grasp(client)
+    tab = opened(window, looking)
+    client.result("sim.fault", name="weak")
+    expect(toasts(tab)).to_contain_text(["support what is held"])
+    client.despite_silence("motion.open")
+    expect(part(tab, "held")).to_have_text("nothing held")
+    expect(toasts(tab)).to_contain_text(["WEAK MOTOR: check the supply's voltage"])
+    button(tab, "Read").click()
+    expect(toasts(tab)).to_have_count(0)
+    client.despite_silence("motion.grasp", until="verdict")
+    expect(toasts(tab)).to_contain_text(["WEAK MOTOR: support what is held"])  # which is new
+    client.result("sim.fault", name="none")
 
 
 def test_a_force_that_heat_has_lowered_is_said_while_it_is_so_and_its_hold_is_not_green(
@@ -277,6 +295,7 @@ def test_jaws_that_are_pushed_open_are_not_said_to_hold_until_they_are_back(
         expect(tab.locator(".jaws .holds")).to_have_count(0)
         expect(part(tab, "slider-text")).to_have_text("held or not?")
         expect(part(tab, "why")).to_contain_text("pushed the jaws open")
+        expect(fact(tab, "On the object")).to_have_text("--")
         expect(outcome).to_have_text("")
         assert client.result("state.get")["is_grasped"]
         if not is_there:
@@ -284,9 +303,49 @@ def test_jaws_that_are_pushed_open_are_not_said_to_hold_until_they_are_back(
         client.result("sim.push", torque_nm=0)
         if is_there:
             expect(held).to_have_text("object detected")
+            expect(fact(tab, "On the object")).to_contain_text(" N by the motor")
             expect(mode).to_have_css("color", green)
     expect(alarm(tab)).to_have_text("OBJECT LOST")
+    expect(toasts(tab)).to_contain_text(["OBJECT LOST"])  # and no push
     expect(mode).to_have_text("still")
+
+
+def test_that_the_jaws_are_pushed_open_stands_in_the_bar_and_afterwards_that_they_were(
+    window: BrowserContext, looking: Page, client: Client
+) -> None:
+    grasp(client)
+    tab, other = opened(window, looking), opened(window, looking)
+    told = "PUSHED OPEN: look whether what the jaws gripped is still between them"
+    past = "The jaws were pushed open: look if what they gripped is still held"
+    for one in (tab, other):
+        expect(part(one, "held")).to_have_text("object detected")
+    client.result("sim.push", torque_nm=-3)
+    for one in (tab, other):
+        one.bring_to_front()
+        one.evaluate("scrollTo(0, document.body.scrollHeight)")
+        expect(alarm(one)).to_have_text("PUSHED OPEN")
+        expect(alarm(one)).to_be_in_viewport(ratio=1)
+        expect(alarm(one).locator(".loud")).to_have_count(0)
+        expect(toasts(one)).to_contain_text([told])
+    button(other, "Read").click()
+    expect(toasts(other)).to_have_count(0)
+    expect(alarm(other)).to_have_text("PUSHED OPEN")
+    client.result("sim.push", torque_nm=0)
+    for one in (tab, other):
+        expect(part(one, "held")).to_have_text("object detected")
+        expect(alarm(one)).to_be_hidden()
+    expect(toasts(tab)).to_contain_text([past])
+    expect(toasts(other)).to_have_count(0)
+    client.result("sim.push", torque_nm=-3)
+    for one in (tab, other):
+        expect(toasts(one)).to_contain_text([told])
+    client.result("sim.push", torque_nm=0)
+    for one in (tab, other):
+        expect(toasts(one)).to_contain_text([past])
+    button(tab, "Read").click()
+    expect(toasts(tab)).to_have_count(0)
+    client.despite_silence("motion.open")
+    expect(toasts(other)).to_have_count(0)
 
 
 def test_a_page_that_is_opened_then_says_too_that_the_jaws_are_pushed_open(
