@@ -154,6 +154,10 @@ class VirtualStream:
         *lines, rest = self._received.split(b"\n")
         return lines, rest
 
+    @property
+    def has_more(self) -> bool:
+        return bool(self._session.outgoing) or self.hung_up
+
     def _take(self) -> bool:
         self._received += b"".join(self._session.outgoing)
         self._session.outgoing.clear()

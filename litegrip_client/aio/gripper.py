@@ -32,6 +32,7 @@ from litegrip_client.line.exchange import (
     or_closed,
 )
 from litegrip_client.line.feeds import (
+    KEPT_S,
     Event,
     EventFeed,
     Feed,
@@ -561,9 +562,6 @@ class Latest(BaseLatest, _BegunLate[NewestFeed]):
 
 _Result = TypeVar("_Result")
 
-_KEPT_S = 0.5
-"""The most states that wait for a slow task: it should get new ones."""
-
 
 class AsyncSession(DaemonSession):
     """A daemon, by channel, and the connection to it while there is one."""
@@ -695,8 +693,8 @@ class LiteGrip(Gripper):
         """
         connection = self._session.connection
         if fields is None:
-            return Subscription(connection, StateFeed(hz, None, whole_state, _KEPT_S, batch))
-        return Subscription(connection, StateFeed(hz, fields, some_fields, _KEPT_S, batch))
+            return Subscription(connection, StateFeed(hz, None, whole_state, KEPT_S, batch))
+        return Subscription(connection, StateFeed(hz, fields, some_fields, KEPT_S, batch))
 
     def events(self, kinds: Sequence[str] | None = None) -> EventSubscription:
         """Iterate over the events from now on, or only those of some `kinds`."""

@@ -177,7 +177,7 @@ class Gripper(GripperActions):
         try:
             await self._session.ask("motion.zero_gravity", {"if_busy": "replace"})
         except (BusyError, NotPermittedError, StoppedError) as error:
-            await self.software_stop("relax", "stop() of a client that does not move it")
+            await self.software_stop("relax", "stop() beside another call or client")
             warn(
                 f"stop(): {error.message}. So the gripper is stopped for every client, until"
                 " clear_stop()"

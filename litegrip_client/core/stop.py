@@ -26,6 +26,7 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
 
     from litegrip_client.core.session import DaemonSession, Wire
 
+NOT_CONFIRMED = "the stop is not confirmed and may still act, cut the motor's power"
 WHY_CHARACTERS = 80
 """So many of a stop's reason are shown by the daemon."""
 _MAX_ANSWER_BYTES = 65_536
@@ -104,8 +105,9 @@ async def stop(session: DaemonSession, params: dict[str, str]) -> dict[str, Any]
                     await _by_stop_socket(session, wire, params)
                     or await session.ask("stop", params)
                 )
-            except ConnectError:
+            except ConnectError as error:
                 if not wire.connection.closed:
+                    error.message = f"{NOT_CONFIRMED}: {error.message}"
                     raise
             else:
                 wire.connection.note_stops(result)
@@ -148,7 +150,7 @@ async def _anew(session: DaemonSession, params: dict[str, str]) -> dict[str, Any
     try:
         apart = await session.connect_apart()
     except ConnectError as error:
-        error.message = f"the stop is not confirmed, cut the motor's power: {error.message}"
+        error.message = f"{NOT_CONFIRMED}: {error.message}"
         raise
 
     async def give() -> None:

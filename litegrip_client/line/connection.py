@@ -139,6 +139,11 @@ class LineStream:
         self._chunks[:] = [rest] if rest else []
 
     @property
+    def has_more(self) -> bool:
+        """True if something can be received without waiting, the end of the stream included."""
+        return self._ready(select.POLLIN, 0.0)
+
+    @property
     def hung_up(self) -> bool:
         """True if the other side is gone, as far as the kernel knows."""
         poller = select.poll()
@@ -347,6 +352,15 @@ class Multiplexer:
             self._stop_leading(me)
         self._router.check(is_asked_late=True)
 
+    def drain(self) -> None:
+        """Route all that has come already, and nothing else."""
+        me = threading.get_ident()
+        try:
+            while self._router.ending is None and self._stream.has_more and self._may_lead(me):
+                self._read(0.0)
+        finally:
+            self._stop_leading(me)
+
     def _may_lead(self, me: int) -> bool:
         with self._lock:
             if self._leader is None:
@@ -396,7 +410,8 @@ class Multiplexer:
             self._woken.notify_all()
 
 
-_WAITING = {way.__code__ for way in (Multiplexer.ask, Multiplexer.wait, Multiplexer.poll)}
+_WAYS = (Multiplexer.ask, Multiplexer.wait, Multiplexer.poll, Multiplexer.drain)
+_WAITING = {way.__code__ for way in _WAYS}
 
 
 class Connection(Exchange):
@@ -525,8 +540,10 @@ class Connection(Exchange):
             raise
 
     def wait_for(self, feed: Feed[Any], timeout_s: float) -> None:
-        """Wait until a feed has something in its inbox."""
+        """Wait until a feed has something in its inbox, of what has come already the newest."""
         self._multiplexer.check_usable()
+        if feed.is_newest_wanted:
+            self._multiplexer.drain()
         what = f"with a {feed.what}"
         self._multiplexer.wait(feed.inbox, timeout_s, what, time.monotonic())
 

@@ -72,6 +72,8 @@ class Feed(Generic[_Item]):
     what: str
 
     voice: Voice | None = None
+    is_newest_wanted = False
+    """If the oldest items that a slow reader has not taken yet are to be dropped."""
     asks_first: str | None = None
     """The method whose result `learn` needs before the subscription is asked for."""
 
@@ -186,6 +188,8 @@ def _no_names(what: str, problem: str) -> ParameterError:
     return ParameterError(text, reason="invalid_params", data={"parameter": what})
 
 
+KEPT_S = 0.5
+"""The most states that wait for a slow reader, in seconds: it should get new ones."""
 _INBOX_SAMPLES = 256
 """More than a second at 200 Hz. Only fills while others read the connection, and not this one."""
 
@@ -243,6 +247,7 @@ class StateFeed(Feed[_Item]):
         period_s = 1.0 / hz if hz > 0.0 else 0.0  # what is no rate is refused by the daemon
         most = max(2, int(min(max(2 * batch, keep_s * hz), _INBOX_SAMPLES)))
         super().__init__(params, (1 + batch) * period_s, most)
+        self.is_newest_wanted = batch == 1 and keep_s < math.inf
         self._convert = convert
         self._newest_seq: int | None = None
         self._dropped = 0

@@ -5,6 +5,7 @@ It only sends requests; the daemon decides and moves.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from litegrip_client.threads.actions import GripperActions
@@ -149,19 +150,23 @@ class LiteGrip(SdkGripper):
     def states(self, hz: float = 20.0, fields: Sequence[str] | None = None, batch: int = 1) -> Any:
         """Iterate over states, `hz` times a second (0.1 to 200), until closed.
 
-        With `fields`, each item is a dictionary of these only. A slow reader misses states, but
-        always gets new ones. Use it as `with gripper.states(50) as states:`.
+        With `fields`, each item is a dictionary of these only. A slow reader misses states
+        (`dropped` counts them), and gets none older than 0.5 s: `age_s` of a state is its age when
+        it was taken. For the newest of all there is `latest`. Use it as
+        `with gripper.states(50) as states:`.
 
-        A `batch` of up to 50 states per message costs both sides less work: use it to get every
-        state of 200 Hz. The states still come one by one, but not before the last of a batch.
+        A `batch` of up to 50 states per message is for a data set: every state of 200 Hz comes, one
+        by one, but not before the last of a batch. While the reader is busy they wait, for a second
+        and more.
         """
         from litegrip_client.line import feeds  # noqa: PLC0415 - see above
 
         connection = self._session.connection
+        kept_s = feeds.KEPT_S if batch == 1 else math.inf
         if fields is None:
-            feed = feeds.StateFeed(hz, None, feeds.whole_state, batch=batch)
+            feed = feeds.StateFeed(hz, None, feeds.whole_state, kept_s, batch)
             return connection.subscribe(feed)
-        return connection.subscribe(feeds.StateFeed(hz, fields, feeds.some_fields, batch=batch))
+        return connection.subscribe(feeds.StateFeed(hz, fields, feeds.some_fields, kept_s, batch))
 
     def events(self, kinds: Sequence[str] | None = None) -> EventSubscription:
         """Iterate over events from now on (jobs, stops, faults, ...), until closed.

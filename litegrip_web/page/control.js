@@ -170,7 +170,7 @@ export class Control {
   }
 
   #refuse(name, why) {
-    if (this.#panel.state !== null && this.#operates && !this.#has) this.#panel.complain(`${name}: ${why}`, "lack");
+    if (this.#operates && !this.#has) this.#panel.complain(`${name}: ${why}`, "lack");
     else this.#panel.tell(`${name}: ${why}`);
   }
 

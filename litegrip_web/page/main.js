@@ -51,18 +51,23 @@ function way({ article, channel }) {
   return button;
 }
 
-/* Say in the bar, which is always in sight, what is wrong with each gripper; what all have is said once. */
+/* Say in the bar, which is always in sight, what is wrong with each gripper; what all have is said once. The loud
+   comes first, whosever it is: there may be no room for all of it. */
 function showAlarms(panels) {
   const isShared = (alarm) => panels.length > 1 && panels.every(({ alarms }) => alarms.includes(alarm));
-  const listed = (alarms) => between(alarms.map(badge), ", ");
-  const told = [];
-  for (const panel of panels) {
-    const own = panel.alarms.filter((alarm) => !isShared(alarm));
-    if (own.length) told.push([...(panels.length > 1 ? [way(panel), ": "] : []), ...listed(own)]);
+  const told = []; // of whom, and what
+  const tell = (whose, alarms) => {
+    if (told.at(-1)?.whose === whose) told.at(-1).alarms.push(...alarms);
+    else if (alarms.length) told.push({ whose, alarms });
+  };
+  for (const isQuiet of [false, true]) {
+    const those = (panel, ofAll) => panel.alarms.filter((one) => QUIET.test(one) === isQuiet && isShared(one) === ofAll);
+    for (const panel of panels) tell(panel, those(panel, false));
+    tell(null, those(panels[0], true));
   }
-  const shared = panels[0].alarms.filter(isShared);
-  if (shared.length) told.push(["all: ", ...listed(shared)]);
-  $("alarm").replaceChildren(...between(told, "; ").flat());
+  const name = (panel) => (panels.length === 1 ? [] : [panel === null ? "all" : way(panel), ": "]);
+  const lines = told.map(({ whose, alarms }) => [...name(whose), ...between(alarms.map(badge), ", ")]);
+  $("alarm").replaceChildren(...between(lines, "; ").flat());
   $("alarm").hidden = told.length === 0;
   $("stop").classList.toggle("unreached", panels.every(({ alarms, state }) => alarms.length && !state));
 }

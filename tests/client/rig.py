@@ -165,7 +165,7 @@ class Line(VirtualStream):
         return not self._heard.is_frozen and super()._take()
 
     @property
-    def has_news(self) -> bool:
+    def has_more(self) -> bool:
         is_heard = bool(self._session.outgoing) and not self._heard.is_frozen
         return is_heard or self.hung_up
 
@@ -221,7 +221,7 @@ class AsyncLine:
 
     def deliver(self) -> bool:
         """Have what has come taken soon; return False if there is nothing."""
-        if self._line is None or not self._line.has_news:
+        if self._line is None or not self._line.has_more:
             return False
         asyncio.get_running_loop().call_soon(self._taken, self._line.take(), self._line.hung_up)
         if self._line.hung_up:

@@ -39,6 +39,18 @@ def test_a_motion_does_not_wait_for_a_frozen_daemon(
     assert enabled.get_state().mode == "holding"
 
 
+def test_a_stop_that_a_frozen_daemon_does_not_confirm_says_to_cut_the_power(
+    daemon: Heard, enabled: LiteGrip
+) -> None:
+    daemon.freeze()
+    with pytest.raises(ConnectError) as caught:
+        enabled.software_stop()
+    told = "the stop is not confirmed and may still act, cut the motor's power: the daemon did not"
+    assert caught.value.message.startswith(told)
+    daemon.thaw()
+    assert enabled.get_state().mode == "holding"
+
+
 def test_the_end_of_a_subscription_does_not_wait_for_a_frozen_daemon(
     site: Bench, daemon: Heard, enabled: LiteGrip, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -333,19 +333,20 @@ def test_who_leaves_thousands_of_events_unread_gets_an_error(
         assert caught.value.reason == "backlog_full"
 
 
-# Tasks beside each other
-
-
-def test_what_a_slow_task_gets_is_new(site: Bench, daemon: Heard, tasks: Asyncio) -> None:
-    async def main() -> None:
-        async with aio.LiteGrip() as gripper, gripper.states(20, ["monotonic_s"]) as states:
-            await states.__anext__()
-            await asyncio.sleep(1.5)
-            ages_s = [site.now_s - (await states.__anext__())["monotonic_s"] for _ in range(10)]
+def test_what_a_slow_reader_gets_is_new_and_what_it_missed_is_counted(
+    site: Bench, gripper: LiteGrip, kind: Kind
+) -> None:
+    with gripper.states(20, ["monotonic_s"]) as states:
+        next(states)
+        for _ in range(2):
+            kind.pause(1.5)
+            ages_s = [site.now_s - next(states)["monotonic_s"] for _ in range(10)]
             assert ages_s == sorted(ages_s, reverse=True)
             assert 0.4 < ages_s[0] < 0.55
+        assert states.dropped == pytest.approx(40, abs=4)
 
-    tasks.run(main())
+
+# Tasks beside each other
 
 
 def test_closing_ends_the_iteration_of_another_task(daemon: Heard, tasks: Asyncio) -> None:

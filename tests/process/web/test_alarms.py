@@ -284,7 +284,8 @@ def test_of_two_grippers_a_key_moves_only_the_one_that_was_used_last(
         tab.keyboard.press("o")
         expect(right.locator("[data-is=mode]")).to_have_text("no daemon")
         tab.keyboard.press("o")
-        expect(right.locator("[data-is=outcome]")).to_contain_text("the gripper is not connected")
+        lack = tab.locator("#toasts li").filter(has_text="open: the gripper is not connected")
+        expect(lack).to_have_count(1)
         assert len(clients[0].result("job.list")["jobs"]) == before
         left.get_by_role("heading").first.click()
         tab.keyboard.press("o")
@@ -394,10 +395,12 @@ def test_of_two_grippers_no_line_is_cut_that_says_what_is_wrong(
         assert tab.evaluate(CUT_LINES) == {"cut": 0, "hidden": 0}
         grasp(clients[1])
         clients[1].result("sim.fault", name="over_current")
-        own = own.replace("STOPPED, ", "")
         clients[1].result("stop", level="hold")
-        expect(alarm).to_contain_text(f"{right}: LET GO, FAULT: over current; all: STOPPED")
-        expect(alarm).to_contain_text(f"{left}: {own}")
+        loud = (
+            f"{left}: OBJECT LOST, FAULT: communication lost;"
+            f" {right}: LET GO, FAULT: over current; all: STOPPED"
+        )
+        expect(alarm).to_have_text(f"{loud}; {left}: CONTROL LOST")
         assert tab.evaluate(CUT_LINES)["cut"] == 0
         assert tab.locator("header").bounding_box() == bar
 

@@ -139,7 +139,7 @@ def test_that_control_was_taken_is_said_beside_a_loss_and_a_present_fault_before
     expect_act(tab, "OBJECT LOST")
     expect(alarm).to_have_text("OBJECT LOST, CONTROL LOST")
     client.result("sim.fault", name="overload")
-    expect(row(tab)).to_contain_text("Remove what loads the jaws, then enable again")
+    expect(row(tab)).to_contain_text("OBJECT LOST: remove what loads the jaws, then enable again")
     client.result("sim.fault", name="none")
     client.despite_silence("motor.clear_fault")
     client.despite_silence("motor.enable")
