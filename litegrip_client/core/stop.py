@@ -26,7 +26,6 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
 
     from litegrip_client.core.session import DaemonSession, Wire
 
-NOT_CONFIRMED = "the stop is not confirmed and may still act, cut the motor's power"
 WHY_CHARACTERS = 80
 """So many of a stop's reason are shown by the daemon."""
 _MAX_ANSWER_BYTES = 65_536
@@ -107,7 +106,8 @@ async def stop(session: DaemonSession, params: dict[str, str]) -> dict[str, Any]
                 )
             except ConnectError as error:
                 if not wire.connection.closed:
-                    error.message = f"{NOT_CONFIRMED}: {error.message}"
+                    danger = "the stop is not confirmed and may still act, cut the motor's power"
+                    error.message = f"{danger}: {error.message}"
                     raise
             else:
                 wire.connection.note_stops(result)
@@ -150,7 +150,7 @@ async def _anew(session: DaemonSession, params: dict[str, str]) -> dict[str, Any
     try:
         apart = await session.connect_apart()
     except ConnectError as error:
-        error.message = f"{NOT_CONFIRMED}: {error.message}"
+        error.message = f"the stop is not confirmed, cut the motor's power: {error.message}"
         raise
 
     async def give() -> None:
