@@ -96,10 +96,10 @@ class Motion:
 
     async def _cancel(self, call: Call) -> None:
         connection = self._wire.connection
+        if connection.closed:
+            self.cancel_error = ConnectError("the daemon is gone", reason="connection_lost")
+            return
         try:
-            if connection.closed:
-                self.cancel_error = ConnectError("the daemon is gone", reason="connection_lost")
-                return
             number = call.job if call.job is not None else await self._find_job(call)
             # By now this motion may have ended, and what runs may be another's.
             if number is not None and not call.answered:

@@ -253,7 +253,7 @@ class Multiplexer:
 
     def check_usable(self) -> None:
         """Raise when this thread must not wait here, or cannot any more."""
-        if self._leader is not None and self.is_waiting_here and self.is_own:
+        if self._leader is not None and self.is_own and self.is_waiting_here:
             raise CommandError(
                 "this thread waits for an answer on this connection already, so its signal "
                 "handler cannot use it",

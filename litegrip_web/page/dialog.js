@@ -3,10 +3,10 @@
 const DEAF_MS = 1000; // longer than between the two clicks of somebody who clicks twice
 let settling = 0;
 
-/* Show a dialog of `panel`'s, which names it where there are several, and in which what needs something obeys the rule of the page's other buttons, and waits
-   while `isBusy`; what moves says that it drops what is held. What moves or saves is deaf for a moment at first, and
-   whenever what is returned is called, which says that the dialog shows something else now: a click that was meant
-   for what was there before does nothing. */
+/* Show a dialog of `panel`'s, which names it where there are several, and in which what needs something obeys the rule
+   of the page's other buttons, and waits while `isBusy`; what moves says that it drops what is held. What moves or
+   saves is deaf for a moment at first, and whenever what is returned is called, which says that the dialog shows
+   something else now: a click that was meant for what was there before does nothing. */
 export function open(dialog, panel, isBusy = () => false) {
   const [barred, drops] = [".barred", ".drops"].map((name) => dialog.querySelector(name));
   let deaf = 0;

@@ -275,15 +275,23 @@ def test_it_takes_one_target_and_a_speed_or_a_time(params: dict[str, float]) -> 
     assert world.controller.jobs.running is None
 
 
-def test_the_jaws_go_slack_in_place_of_the_clients_own_motion_but_of_no_other() -> None:
+def in_place_of_its_own_motion(method: str) -> tuple[World, float]:
+    """Have a client's request take the place of its motion; return the world, and the opening."""
     world, client = at_opening(60.0)
     number = client.send("motion.move", opening_mm=10.0)
-    world.run(0.2)
+    world.run(0.3)
     other = world.client(pid=200)
-    assert other.refusal("motion.zero_gravity", if_busy="replace") == "busy"
-    assert client.refusal("motion.zero_gravity") == "busy"
-    client.result("motion.zero_gravity", if_busy="replace")
+    assert other.refusal(method, if_busy="replace") == "busy"
+    assert client.refusal(method) == "busy"
+    here_mm = world.state.opening_mm
+    assert here_mm is not None
+    client.result(method, if_busy="replace")
     assert client.answers[number]["error"]["data"]["reason"] == "replaced"
+    return world, here_mm
+
+
+def test_the_jaws_go_slack_in_place_of_the_clients_own_motion_but_of_no_other() -> None:
+    world, _ = in_place_of_its_own_motion("motion.zero_gravity")
     world.tick()
     last = commands(world)[-1]
     last_gains = (last.kp_nm_rad, last.kd_nm_s_rad, last.torque_nm)
@@ -292,16 +300,7 @@ def test_the_jaws_go_slack_in_place_of_the_clients_own_motion_but_of_no_other() 
 
 
 def test_a_hold_freezes_the_jaws_in_place_of_the_clients_own_motion_but_of_no_other() -> None:
-    world, client = at_opening(60.0)
-    number = client.send("motion.move", opening_mm=10.0)
-    world.run(0.3)
-    other = world.client(pid=200)
-    assert other.refusal("motion.hold", if_busy="replace") == "busy"
-    assert client.refusal("motion.hold") == "busy"
-    here_mm = world.state.opening_mm
-    assert here_mm is not None
-    client.result("motion.hold", if_busy="replace")
-    assert client.answers[number]["error"]["data"]["reason"] == "replaced"
+    world, here_mm = in_place_of_its_own_motion("motion.hold")
     world.run(1.0)
     assert world.state.mode == "holding"
     assert world.state.opening_mm == pytest.approx(here_mm, abs=2.0)
