@@ -92,6 +92,7 @@ def test_a_full_pipe_keeps_nobody_waiting_and_what_is_lost_is_said(pipe: tuple[i
         found += empty(reader)
     assert not lines.is_stuck
     lines.write("again\n")
+    assert lines.finish(DEADLINE_S)
     found += empty(reader)
     assert found.endswith(b"again\n")
     reported = re.findall(rb"(\d+) log lines were lost", found)

@@ -112,7 +112,8 @@ def test_a_tick_that_fails_by_a_defect_is_recorded(tmp_path: Path, config: Path)
         began = [tick["failed"] for tick in ticks].index(True)
         assert began >= 100
         assert all(tick["failed"] and not tick["frames"] for tick in ticks[began:])
-        assert len(ticks) - began > 150  # what came after it, too
+        after_s = float(str(ticks[-1]["monotonic_s"])) - float(str(ticks[began]["monotonic_s"]))
+        assert after_s > 0.75, "what came after it, too"  # a busy machine leaves ticks out
     finally:
         running.kill()
     assert "the tick failed" in running.log
