@@ -13,13 +13,16 @@ from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess
 from tests.process.web.on_page import opened
 from tests.process.web.page_process import Page, page
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+# The first one draws no window around a page, which would need processes of its own: it opens a
+# page in a quarter of the time.
+PROGRAMS = ("chromium-headless-shell", "chromium", "chromium-browser")
+CHROMIUM = next(filter(None, map(shutil.which, PROGRAMS)), None)
 
 
 @pytest.fixture(scope="module")
 def chromium() -> Iterator[Browser]:
     if CHROMIUM is None:
-        pytest.skip("no Chromium: apt install chromium")
+        pytest.skip("no Chromium: apt install chromium-headless-shell")
     with sync_playwright() as playwright:
         sandbox = ["--no-sandbox"] if os.getuid() == 0 else []
         names = "--host-resolver-rules=MAP robot.lab 127.0.0.1"
