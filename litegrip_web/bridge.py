@@ -169,7 +169,7 @@ class Bridge:
             except ConnectError as error:
                 why = error.message
             else:
-                link.writer = writer
+                link.writer, began_s = writer, time.monotonic()
                 welcome = {
                     "channel": gripper.channel,
                     "operate": self._operate,
@@ -184,6 +184,8 @@ class Bridge:
                     link.writer = None
                 outbox.forget_states()
                 told = ""
+                if time.monotonic() - began_s > RECONNECT_EVERY_S:
+                    continue  # a successor may serve already: only who finds none says so
             if why != told:
                 told = why
                 outbox.put_now(_notification("web.no_daemon", {"message": why}))

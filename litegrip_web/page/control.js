@@ -2,7 +2,7 @@
 
 import { ask } from "./ask.js";
 import { numberIn } from "./fields.js";
-import { figure, inPageWords, outcome, owner } from "./format.js";
+import { figure, inPageWords, isNumber, outcome, owner } from "./format.js";
 import { REPLAY_SPEEDS } from "./motions.js";
 import { askZero } from "./zero.js";
 
@@ -28,6 +28,7 @@ const CUT = "the connection was cut before it was answered: look where the jaws 
 
 /* What bars an act that needs this, the worst first. */
 const BARS = {
+  take: [],
   control: [],
   enable: ["late", "silent", "stop"],
   release: ["silent", "off"],
@@ -45,6 +46,12 @@ function lossOfControl({ message, data: { cause, by, why } }) {
   if (cause !== "taken" || !by) return `You no longer have control: ${message}`;
   const who = by.program === "litegripd-web" ? "Another page" : by.program;
   return `${who} took control${why ? `: ${why}` : ""}`;
+}
+
+/* What a job does that moves the jaws. */
+function inMotion({ kind }) {
+  if (kind === "record") return "it teaches: the jaws are slack";
+  return kind === "play" ? "it replays a motion" : `it moves the jaws (${kind})`;
 }
 
 /* Why something was refused, in the words of the buttons that there are then. */
@@ -65,7 +72,8 @@ export class Control {
   #isHoldKnown = true;
   #bars = {}; // what bars what, by its name in BARS
   #isRenewing = false;
-  #isTaken = false; // by another program
+  #owner = null; // another program that has control
+  #isTakingOver = false; // which is asked about
   #mayReplace = null;
   #recording = null; // "on", "ending", or "ended" by itself; null without one
   #job = null;
@@ -78,7 +86,9 @@ export class Control {
       panel.node(name).onclick = act;
     };
     on("take", () => this.#take("lease.acquire", LEASE));
-    on("take-over", () => this.#take("lease.take", { ...LEASE, why: "taken over on the page" }));
+    on("take-over", async () => {
+      if (await this.#mayTakeOver()) await this.#take("lease.take", { ...LEASE, why: "taken over on the page" });
+    });
     on("give", () => this.#give());
     on("clear", () => this.#do("clear the stop", "stop.clear"));
     on("enable", () => this.#do("enable", "motor.enable"));
@@ -190,7 +200,7 @@ export class Control {
   whyNot(needs) {
     if (this.#panel.state === null) return "the gripper is not connected";
     if (!this.#operates) return "this page looks and stops only";
-    if (!this.#has) return `press “${this.#panel.node(this.#isTaken ? "take-over" : "take").textContent}” first`;
+    if (!this.#has && needs !== "take") return `press “${this.#panel.node(this.#owner ? "take-over" : "take").textContent}” first`;
     return BARS[needs].map((name) => this.#bars[name]).find(Boolean) ?? null;
   }
 
@@ -248,9 +258,11 @@ export class Control {
   showLease(lease) {
     if (lease && !lease.mine) this.#renew(); // who has lost it is told why
     if (lease) this.#set(lease.mine);
-    const isTaken = Boolean(lease?.owner) && !lease.mine;
-    if (isTaken !== this.#isTaken) {
-      this.#isTaken = isTaken;
+    const before = this.#owner;
+    this.#owner = lease?.mine ? null : lease?.owner ?? null;
+    if (this.#isTakingOver && this.#owner?.number !== before?.number) this.#panel.dispatchEvent(new Event("withdrawn"));
+    const isTaken = this.#owner !== null;
+    if (isTaken !== (before !== null)) {
       this.#panel.forgive("lack"); // it named another button
       this.#allow();
     }
@@ -297,6 +309,32 @@ export class Control {
     this.#panel.regain("control");
   }
 
+  /* Return whether control may be taken from its owner; ask where that ends or inherits something: a motion, or a hold. */
+  async #mayTakeOver() {
+    const { state, channel, isLate } = this.#panel;
+    if (this.#owner === null || state === null) return true; // the daemon says what is so
+    const { mode, job, is_grasped: isGrasped, force_set_n: force } = state;
+    const isMoving = mode === "moving";
+    if (!isMoving && isGrasped === false && !isLate) return true;
+    const now = [];
+    if (isLate) now.push("what it does is not known");
+    else {
+      if (isMoving) now.push(job ? inMotion(job) : "the jaws move");
+      if (isGrasped) now.push(isNumber(force) ? `it holds an object, with the force set to ${figure(force, 0, "N")}` : "it holds an object");
+      if (isGrasped === null) now.push("whether it holds an object is not known");
+    }
+    const { program, purpose } = this.#owner;
+    const whose = `${owner(this.#owner)}${purpose ? `, ${purpose}` : ""}`;
+    const what = this.#panel.whose ? "it" : channel; // the dialog names it before
+    let then = "The jaws hold on, with the same force";
+    if (isMoving || isLate) then = `${isLate ? "A" : "That"} motion ends then, and the jaws hold on where they are`;
+    const text = `Take ${what} over from ${whose}? At this moment ${now.join(", and ")}. ${then}. ${program} moves nothing more until it asks for control again.`;
+    this.#isTakingOver = true;
+    const isMeant = await ask(this.#panel, text, "Take it over", "take");
+    this.#isTakingOver = false;
+    return isMeant;
+  }
+
   async #take(method, params) {
     try {
       await this.#call(method, params);
@@ -322,7 +360,7 @@ export class Control {
     try {
       await this.#panel.wire.call("lease.renew");
     } catch (error) {
-      if (CUT_OFF.has(error.reason)) return; // the connection's end says it
+      if (CUT_OFF.has(error.reason) || error.data.followed) return; // the connection's end says it
       this.#set(false);
       this.#panel.loseControl(lossOfControl(error));
     } finally {
@@ -427,6 +465,22 @@ export class Control {
       this.#wrong("look for a recording", error);
       return false;
     }
+  }
+
+  /* Offer an ended recording no longer than there is one: another page or program may keep or discard it. */
+  async look() {
+    const offered = this.#unkept;
+    if (this.#recording !== "ended") return;
+    let unkept;
+    try {
+      ({ unkept } = await this.#panel.wire.call("trajectory.status"));
+    } catch {
+      return; // "down" says why
+    }
+    if (unkept || this.#recording !== "ended" || this.#unkept !== offered) return;
+    this.#showRecording(null);
+    this.#panel.forgive("teach");
+    this.#panel.tell("The recording is there no more: it was kept, discarded or replaced elsewhere.");
   }
 
   /* Say at once that a recording was broken off, and why: the jaws hold against the hand then. */

@@ -109,14 +109,15 @@ export function inPageWords(text, terms = []) {
 
 const KINDS = { record: "teach", play: "replay" };
 
-/* What a motion ended with, in words: "grasp: held, 40.1 mm, 10.0 N"; and of one that ended wrongly why. */
+/* What a motion ended with, in words: "grasp: object held, 40.1 mm, force set to 10.0 N", which nobody has measured;
+   and of one that ended wrongly why. */
 export function outcome(kind, result) {
   const parts = [];
   if (kind === "record" && result.outcome === "stopped") parts.push("ended"); // by its own button, not by STOP
   else if (result.outcome) parts.push(result.outcome.replaceAll("_", " "));
   else if (result.ok !== undefined) parts.push(result.ok ? "done" : "failed");
   if (isNumber(result.width_mm)) parts.push(figure(result.width_mm, 1, "mm"));
-  if (isNumber(result.force_n)) parts.push(figure(result.force_n, 1, "N"));
+  if (isNumber(result.force_n)) parts.push(`force set to ${figure(result.force_n, 1, "N")}`);
   if (result.message) parts.push(inPageWords(result.message, result.terms?.message));
   const why = result.ok === false && !result.message ? WHY_NOT[result.outcome] : undefined;
   return `${KINDS[kind] ?? kind}: ${parts.join(", ") || "done"}${why ? `: ${why}` : ""}`;

@@ -7,7 +7,7 @@ import { Jaws } from "./jaws.js";
 import { Plots } from "./plots.js";
 import { Stop } from "./stop.js";
 import { suspend, sweep, toast, untoast } from "./toasts.js";
-import { Wire } from "./wire.js";
+import { FOLLOWED, Wire } from "./wire.js";
 import { World } from "./world.js";
 
 const HZ = 20;
@@ -16,7 +16,6 @@ const AGE_EVERY_MS = 200;
 const OVERTAKES = new Set(["job_started", "motor", "stop", "stop_cleared"]);
 const LATE_S = 1;
 const JUST_S = 1;
-const LATE_FOR_MS = 1000; // over a slow link it is for a moment now and then
 const HEALTH = { ok: "Healthy", degraded: "Degraded", down: "Down" };
 const HAND_OVER_MS = 1500;
 const DEAD = "no daemon: what was held must be taken for let go: a motor without commands lets go by itself";
@@ -114,6 +113,7 @@ export class Panel extends EventTarget {
   #seenS = null; // of a lost object whose line in the bar has been read
   #last = null; // the state when the connection ended
   #epoch = null; // which start of the daemon it was
+  #pid = null; // which process
   #heldS = -Infinity; // when something was held last
   #before = null; // what was so when the connection ended
   #gone = new Map(); // what of that is no more, and has not been read
@@ -127,7 +127,6 @@ export class Panel extends EventTarget {
   #isMissed = false; // by a STOP that was pressed on the page
   #hasLostControl = false; // which has not been read
   #isLate = false;
-  #lateSinceMs = 0;
   #away = ""; // what the bar says of why there is no newer state
   #operates = false;
   #told = ""; // beside the buttons
@@ -168,6 +167,7 @@ export class Panel extends EventTarget {
     const { wire } = this;
     wire.addEventListener("up", ({ detail }) => this.#begin(detail));
     wire.addEventListener("down", ({ detail }) => this.#end(detail));
+    wire.addEventListener("replaced", () => this.#goOn());
     wire.addEventListener("state.sample", ({ detail }) => this.#show(detail.state));
     wire.addEventListener("event", ({ detail }) => this.#take(detail));
     setInterval(() => this.#look(), LOOK_EVERY_MS);
@@ -298,7 +298,7 @@ export class Panel extends EventTarget {
       this.#hush();
       this.#tellAway("");
       suspend(this.channel, false);
-      this.#compare(hello.epoch, states.state);
+      this.#compare(hello, states.state);
       this.#show(states.state);
       this.control.begin(operate, ranges);
       this.world.begin(hello.simulated, operate);
@@ -351,11 +351,9 @@ export class Panel extends EventTarget {
   #end({ message, lacks }) {
     if (this.state !== null) {
       this.#last = this.state;
-      const { monotonic_s: atS, stop } = this.state;
-      const held = atS - this.#heldS < JUST_S; // a daemon that ends disables the motor first
-      const before = { lacks, held, stop: stop !== null, control: this.control.has };
-      this.#before = before;
-      if (lacks === "daemon" && held) setTimeout(() => this.#noteDeath(before, atS), HAND_OVER_MS);
+      const atS = this.state.monotonic_s;
+      const before = this.#note(lacks);
+      if (lacks === "daemon" && before.held) setTimeout(() => this.#noteDeath(before, atS), HAND_OVER_MS);
     }
     this.state = null;
     this.#lacks = lacks;
@@ -371,8 +369,9 @@ export class Panel extends EventTarget {
     this.#sayFirst("why");
     this.#doubt = undefined;
     this.#isLate = false;
-    this.article.classList.remove("late", "late-loud");
+    this.article.classList.remove("late");
     this.article.classList.add("down");
+    this.#showLoud();
     this.#showHeld();
     this.#showLack();
     if (this.#last !== null) this.#showJaws(this.#last);
@@ -380,6 +379,24 @@ export class Panel extends EventTarget {
     this.world.end();
     this.#showFacts();
     this.dispatchEvent(new Event("ended"));
+  }
+
+  /* Keep what was so when a connection ended, for what comes after it; return that. */
+  #note(lacks) {
+    const { monotonic_s: atS, stop } = this.state;
+    const held = atS - this.#heldS < JUST_S; // a daemon that ends disables the motor first
+    this.#before = { lacks, held, stop: stop !== null, control: this.control.has || this.#before?.control === true };
+    return this.#before;
+  }
+
+  /* A daemon answers again at once where one has ended the connection: what is shown stays until its first state, or
+     is late. Nothing is to be done but to take control again. */
+  #goOn() {
+    if (this.state === null) return; // no state has come since the connection before
+    this.#note("daemon");
+    this.#hush();
+    this.control.end();
+    this.world.end();
   }
 
   async #look() {
@@ -398,6 +415,14 @@ export class Panel extends EventTarget {
     if (this.#health?.verdict === "ok" && this.#weak === weak) this.#weak = null;
     this.control.showLease(this.#lease);
     this.#showFacts();
+    await this.control.look();
+  }
+
+  /* The head is red while nobody knows what the jaws do that moved, or may have held something. */
+  #showLoud() {
+    const isAway = this.state === null || this.#isLate;
+    const { mode, is_grasped: isGrasped } = this.state ?? this.#last ?? { is_grasped: false };
+    this.article.classList.toggle("away-loud", isAway && (mode === "moving" || isGrasped !== false));
   }
 
   /* Mark what is shown as late when it is older than a second, by the daemon's own clock. */
@@ -409,13 +434,10 @@ export class Panel extends EventTarget {
     if (isLate) this.plots.advance(Date.now() / 1000);
     if (!isLate && !this.#isLate) return;
     if (isLate !== this.#isLate && !this.#nodes.outcome.dataset.stop) this.#showTold(isLate);
-    if (!this.#isLate) this.#lateSinceMs = performance.now();
     this.#isLate = isLate;
-    const { is_grasped: isGrasped, mode } = this.state;
     this.article.classList.toggle("late", isLate);
-    this.article.classList.toggle("late-loud", isLate && (mode === "moving" || isGrasped !== false));
-    const isLasting = isLate && performance.now() - this.#lateSinceMs > LATE_FOR_MS;
-    this.#tellAway(isLasting ? `LATE: ${OLD}` : "");
+    this.#showLoud();
+    this.#tellAway(isLate ? `LATE: ${OLD}` : "");
     this.#showMode(this.state, age);
     this.#showJaws(this.state);
     this.control.showTarget();
@@ -502,13 +524,15 @@ export class Panel extends EventTarget {
   }
 
   /* Say what is gone that was before the connection ended: with another daemon all of it, otherwise the control. */
-  #compare(epoch, { is_grasped: isGrasped, stop, monotonic_s: atS }) {
-    const [isNew, before] = [epoch !== this.#epoch, this.#before];
-    [this.#epoch, this.#before, this.#heldS] = [epoch, null, -Infinity];
+  #compare({ epoch, pid }, { is_grasped: isGrasped, stop, monotonic_s: atS }) {
+    const [isNew, isFollowed, before] = [epoch !== this.#epoch, pid !== this.#pid, this.#before];
+    [this.#epoch, this.#pid, this.#before, this.#heldS] = [epoch, pid, null, -Infinity];
     if (this.#lost !== null && (isGrasped || this.#lost.isDead)) this.#lose(null);
     if (before === null) return;
     const where = before.lacks === "daemon" ? "the daemon" : "litegripd-web";
-    const why = isNew ? "the daemon was restarted" : `the connection to ${where} was cut`;
+    let why = `the connection to ${where} was cut`;
+    if (isNew) why = "the daemon was restarted";
+    else if (isFollowed) why = FOLLOWED;
     const isGone = {
       held: isNew && before.held && !isGrasped,
       stop: isNew && before.stop && stop === null,
@@ -698,6 +722,7 @@ export class Panel extends EventTarget {
       this.forgive("motion");
     }
     this.article.classList.remove("down");
+    this.#showLoud();
     this.jaws.setScale(this.travel, state.work_stroke_mm ?? null);
     this.#showJaws(state);
     this.plots.add(this.#moment(state));

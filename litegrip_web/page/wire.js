@@ -17,16 +17,20 @@ const STRANGER =
   "or litegripd-web has a newer secret, or a stranger answers. Look whether yours runs, and open the address that " +
   "litegripd-web printed.";
 
+export const FOLLOWED = "a new daemon has taken the gripper over";
+const CUT = "the connection to the daemon was cut";
+
 export class RpcError extends Error {
   constructor({ message, data }) {
-    super(inPageWords(message, data?.terms?.message));
+    super(data?.followed ? FOLLOWED : inPageWords(message, data?.terms?.message)); // the page connects by itself
     this.reason = data?.reason;
     this.data = data ?? {};
   }
 }
 
 export class Wire extends EventTarget {
-  /* Dispatches "up" (what the bridge says first), "down" ({message, lacks}) and each notification by its method. */
+  /* Dispatches "up" (what the bridge says first), "down" ({message, lacks}), "replaced" (another connection to a
+     daemon has taken the place of the one before, at once: "up" follows) and each notification by its method. */
   #channel;
   #secret;
   #socket = null;
@@ -119,8 +123,11 @@ export class Wire extends EventTarget {
 
   #take(message) {
     if (message.method === "web.welcome") {
+      if (this.#isUp) {
+        this.#cut(CUT);
+        this.#tell("replaced");
+      } else this.#clock = null; // it may be another machine's
       this.#isUp = true;
-      this.#clock = null; // it may be another daemon's
       this.#tell("up", message.params);
     } else if (message.method === "web.no_daemon") {
       this.#down(message.params.message, "daemon");
@@ -148,10 +155,15 @@ export class Wire extends EventTarget {
   /* `lacks` is what there is not: a connection to litegripd-web, or behind that one the daemon. */
   #down(message, lacks = "connection") {
     this.#isUp = false;
+    this.#cut(message);
+    this.#tell("down", { message, lacks });
+  }
+
+  /* What was asked on a connection that has ended is answered no more. */
+  #cut(message) {
     const lost = { message, data: { reason: "connection_lost" } };
     for (const call of this.#waiting.values()) call.reject(new RpcError(lost));
     this.#waiting.clear();
-    this.#tell("down", { message, lacks });
   }
 
   #tell(type, detail) {

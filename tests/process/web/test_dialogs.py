@@ -1,5 +1,6 @@
 """What acts in a dialog obeys the rule of the page's other buttons, and says why not."""
 
+import os
 from collections.abc import Callable
 
 import pytest
@@ -13,11 +14,13 @@ from tests.process.web.on_page import (
     button,
     correct_the_scale,
     enable,
+    grasp,
     part,
     sent,
     teach,
     wait_until_it_fits,
 )
+from tests.process.web.page_process import CHANNEL
 
 SAMPLES = 30
 STOPPED = "Not now: a stop is latched, “Clear the stop” first."
@@ -187,6 +190,54 @@ def test_what_would_drop_what_is_held_says_so(operated: Tab, client: Client) -> 
     button(operated, "Teach").click()
     expect(operated.get_by_role("dialog")).to_contain_text(told)
     button(operated, "No, leave it").click()
+
+
+def test_control_is_taken_from_who_moves_the_jaws_only_when_that_is_meant(
+    operated: Tab, client: Client
+) -> None:
+    client.despite_silence("motor.enable")
+    client.despite_silence("motion.open")
+    client.result("lease.acquire", purpose="a script")
+    moves = client.send("motion.close", speed_mm_s=3)
+    expect(part(operated, "mode")).to_contain_text("moving: close")
+    dialog, take = operated.get_by_role("dialog"), operated.locator("[data-do=take-over]")
+    take.click()
+    expect(dialog).to_contain_text(
+        f"Take {CHANNEL} over from python (pid {os.getpid()}), a script?"
+    )
+    expect(dialog).to_contain_text("At this moment it moves the jaws (close).")
+    expect(dialog).to_contain_text("That motion ends then, and the jaws hold on where they are.")
+    expect(dialog).to_contain_text("python moves nothing more until it asks for control again.")
+    button(operated, "No, leave it").click()
+    expect(dialog).to_be_hidden()
+    state = client.result("state.get")
+    assert (state["mode"], client.result("lease.get")["mine"]) == ("moving", True)
+    take.click()
+    dialog.get_by_role("button", name="Take it over").click()
+    expect(button(operated, "Disable")).to_be_enabled()
+    assert client.answer(moves)["error"]["data"]["reason"] == "lease_lost"
+    stopped_mm = client.until(lambda state: bool(state["mode"] == "holding"))["opening_mm"]
+    assert stopped_mm > 30
+
+
+def test_control_of_a_hold_is_taken_only_when_that_is_meant_and_the_hold_stays(
+    operated: Tab, client: Client
+) -> None:
+    grasp(client, force_n=8.0)
+    client.result("lease.acquire")
+    expect(part(operated, "held")).to_have_text("object detected")
+    dialog, take = operated.get_by_role("dialog"), operated.locator("[data-do=take-over]")
+    take.click()
+    told = "it holds an object, with the force set to 8 N. The jaws hold on, with the same force."
+    expect(dialog).to_contain_text(told)
+    client.result("lease.release")
+    expect(dialog).to_be_hidden()  # there is nobody to be asked about
+    client.result("lease.acquire")
+    take.click()
+    dialog.get_by_role("button", name="Take it over").click()
+    expect(button(operated, "Disable")).to_be_enabled()
+    state = client.result("state.get")
+    assert (state["is_grasped"], state["force_set_n"]) == (True, 8.0)
 
 
 SCREENS = {"wide": (1400, 900), "phone": (390, 844), "phone, on its side": (844, 390)}

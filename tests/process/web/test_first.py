@@ -95,6 +95,59 @@ def test_what_to_do_is_said_first_about_what_is_so_now(
     expect_act(tab, "NO CONNECTION")
 
 
+KEEP_WHAT_THE_BAR_SAYS = """
+() => {
+  window.bar = [];
+  const text = () => {
+    const lines = [...document.querySelectorAll("#toasts li")];
+    const seen = lines.filter((one) => one.checkVisibility());
+    return [document.querySelector("#alarm"), ...seen].map((node) => node.textContent).join("; ");
+  };
+  new MutationObserver(() => window.bar.push(text()))
+    .observe(document.querySelector("header"), {childList: true, subtree: true});
+}
+"""
+
+
+def test_the_word_late_and_what_to_do_about_it_come_together(
+    window: BrowserContext, tmp_path: Path
+) -> None:
+    with mortal(tmp_path, "word") as (_, daemon, running):
+        tab = opened(window, running)
+        with daemon.connect() as client:
+            client.until(lambda state: bool(state["motor"] == "disabled" and state["calibrated"]))
+        tab.evaluate(KEEP_WHAT_THE_BAR_SAYS)
+        with frozen(daemon):
+            expect_act(tab, "LATE")
+        expect(tab.locator("#alarm")).not_to_contain_text("LATE")
+    bar = tab.evaluate("window.bar")
+    late = [said for said in bar if "LATE" in said]
+    assert late
+    assert [said for said in late if not said.startswith(f"LATE; {ACTS['LATE']}")] == []
+
+
+@pytest.mark.parametrize("is_moving", [True, False])
+def test_a_daemon_that_is_gone_while_the_jaws_move_is_as_loud_as_a_late_one(
+    window: BrowserContext, tmp_path: Path, is_moving: bool
+) -> None:
+    with mortal(tmp_path, "loud") as (run, daemon, running):
+        tab = opened(window, running)
+        head = tab.locator(".head")
+        with daemon.connect() as client:
+            client.until(lambda state: bool(state["motor"] == "disabled" and state["calibrated"]))
+            if is_moving:
+                client.despite_silence("motor.enable")
+                client.despite_silence("motion.close", speed_mm_s=5, wait=False)
+                expect(part(tab, "mode")).to_contain_text("moving")
+            daemon.kill()
+        expect(part(tab, "mode")).to_have_text("no daemon")
+        color = head.evaluate("(node) => getComputedStyle(node).backgroundColor")
+        assert (color == RED) is is_moving
+        run()
+        expect(part(tab, "mode")).not_to_have_text("no daemon")
+        expect(head).not_to_have_css("background-color", RED)
+
+
 def test_what_nobody_can_do_without_a_daemon_is_not_said_then(
     window: BrowserContext, tmp_path: Path
 ) -> None:

@@ -527,6 +527,15 @@ def test_a_motion_whose_answer_a_cut_connection_took_is_said_to_be_that(
     expect(toasts(tab).filter(has_text="Start litegripd-web again")).to_have_count(1)
 
 
+KEEP_WHAT_IS_SAID = """
+() => {
+  window.said = [];
+  new MutationObserver(() => window.said.push(document.body.innerText))
+    .observe(document.body, {childList: true, characterData: true, subtree: true});
+}
+"""
+
+
 def test_a_daemon_that_was_restarted_while_the_jaws_hold_has_let_go_of_nothing(
     window: BrowserContext, tmp_path: Path
 ) -> None:
@@ -536,8 +545,17 @@ def test_a_daemon_that_was_restarted_while_the_jaws_hold_has_let_go_of_nothing(
         with page("--socket", socket_path, "--operate") as running:
             tab, other = opened(window, running), opened(window, running)
             take_control(tab)
+            other.evaluate(KEEP_WHAT_IS_SAID)
+            tab.evaluate(KEEP_WHAT_IS_SAID)
             daemon.restart_despite_silence(client)
             told = re.compile("you no longer have control", re.IGNORECASE)
             expect(toasts(tab).filter(has_text=told)).to_have_count(1)  # by whom, who is first says
             expect(part(other, "mode")).not_to_have_text("no daemon")
             expect(toasts(other).filter(has_text="restarted")).to_have_count(0)
+            why = "A new daemon has taken the gripper over: you no longer have control."
+            expect(toasts(tab).filter(has_text=why)).to_have_count(1)
+            for shown in (tab, other):
+                said = " ".join(shown.evaluate("window.said"))
+                assert not re.search("no daemon|start the daemon|connect again", said, re.I)
+            take_control(tab)
+            expect(toasts(tab).filter(has_text=why)).to_have_count(0)

@@ -229,7 +229,10 @@ def test_no_outcome_stands_beside_what_contradicts_it(
     client.result("sim.object", width_mm=OBJECT_MM)
     enable(operated, client)
     button(operated, "Grasp").click()
-    expect(outcome).to_contain_text("grasp: object held")
+    measured = r"grasp: object held, \d\d\.\d mm, force set to 10\.0 N"  # but for the force
+    expect(outcome).to_have_text(re.compile(rf"^{measured}$"))
+    events = part(operated, "events")
+    expect(events).to_contain_text(re.compile(rf"job \d+, {measured}, \d+\.\d s"))
     client.result("sim.object")
     expect(part(operated, "lost")).to_be_visible()
     expect(outcome).to_have_text("")

@@ -134,6 +134,30 @@ def test_what_another_program_has_kept_is_offered_no_more(
     expect(operated.locator("#toasts li")).to_have_count(0)
 
 
+@pytest.mark.parametrize("has_control", [True, False])
+def test_what_another_page_has_discarded_is_offered_no_more(
+    window: BrowserContext,
+    operating: Page,
+    operated: Tab,
+    client: Client,
+    recording: int,
+    has_control: bool,
+) -> None:
+    break_off(client, recording, "cancel")
+    expect(button(operated, "Keep the part")).to_be_visible()
+    if has_control:
+        client.result("trajectory.record_stop", allow_partial=True)
+    else:
+        other = opened(window, operating)
+        button(other, "Take it over").click()
+        button(other, "Discard").click()
+    expect(button(operated, "Keep the part")).to_be_hidden()
+    expect(button(operated, "Teach")).to_be_visible()
+    expect(operated.locator("#toasts li", has_text="The recording was")).to_have_count(0)
+    told = "The recording is there no more: it was kept, discarded or replaced elsewhere."
+    expect(part(operated, "outcome")).to_have_text(told)
+
+
 def test_a_question_whether_to_replace_ends_with_the_recording_of_which_it_was(
     operated: Tab, client: Client
 ) -> None:
