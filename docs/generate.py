@@ -339,7 +339,8 @@ user who may not write there.
   counted, in the state's `stop` as `repeats`, which the event `stop_cleared` tells.
 - A client that lets too much wait to be read is closed, with the reason `backlog_full`: behind the
   whole lines that were sent to it.
-- A connection that the daemon closes gets a last line first, an error whose `id` is null.
+- A connection that the daemon closes gets a last line first, an error whose `id` is null. That of
+  the daemon's orderly end, `shutting_down`, has `motor_off`: true if the motor has confirmed that.
 
 ## Names in texts
 

@@ -167,10 +167,44 @@ def simulated(
                 env={**os.environ, "STATE_DIRECTORY": folder, "HOME": folder},
             )
         try:
-            _wait(process, path, log, time.monotonic() + within_s)
-            yield SimulatedDaemon(channel, str(path))
+            with _ending_with_us(process):
+                _wait(process, path, log, time.monotonic() + within_s)
+                yield SimulatedDaemon(channel, str(path))
         finally:
             _end(process)
+
+
+_WATCH = """\
+import signal, sys
+sys.stdin.buffer.read()
+try:
+    signal.pidfd_send_signal(int(sys.argv[1]), signal.SIGTERM)
+except ProcessLookupError:
+    pass
+"""
+"""Waits for the end of its input, which is the starter's end, however that comes."""
+
+
+@contextmanager
+def _ending_with_us(process: subprocess.Popen[bytes]) -> Iterator[None]:
+    """Have the daemon ended also when this process is killed, and so ends nothing itself."""
+    daemon = os.pidfd_open(process.pid)
+    try:
+        watch = subprocess.Popen(
+            [sys.executable, "-I", "-S", "-c", _WATCH, str(daemon)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            pass_fds=(daemon,),
+            start_new_session=True,  # it outlives Ctrl-C, and what ends a whole group
+        )
+    finally:
+        os.close(daemon)
+    try:
+        yield
+    finally:
+        watch.kill()  # `_end` ends the daemon, and waits for it
+        watch.communicate()
 
 
 def _wait(process: subprocess.Popen[bytes], path: Path, log: Path, ends_s: float) -> None:

@@ -32,6 +32,7 @@ if TYPE_CHECKING:  # see the package: what is seldom needed takes its time to im
     from litegrip_client.core.session import Wire
     from litegrip_client.core.trajectories import Trajectories
     from litegrip_client.values.calibration import CalibrationData, GripperConfig
+    from litegrip_client.values.printed import TrajectoryTable
     from litegrip_client.values.trajectory import Trajectory
 
     ProgressCallback: TypeAlias = Callable[[MoveProgress], None]
@@ -606,13 +607,17 @@ class GripperActions:
         """
         return await self._trajectories.status()
 
-    async def kept_trajectories(self) -> list[dict[str, Any]]:
+    async def kept_trajectories(self) -> TrajectoryTable:
         """Return what the daemon keeps, by name: `litegripctl trajectories` shows the same.
+
+        It is a list of dictionaries, which prints as a table.
 
         Of each `name`, `samples`, `duration_s` (s), `sample_hz`, `created_s` (Unix time), `grips`,
         `bytes`, `uid`, and `error`, which says why it cannot be used, or is None.
         """
-        return await self._trajectories.kept()
+        from litegrip_client.values.printed import TrajectoryTable  # noqa: PLC0415 - see above
+
+        return TrajectoryTable(await self._trajectories.kept())
 
     async def fetch_trajectory(self, name: str) -> Trajectory:
         """Return what the daemon keeps under `name`, to be replayed or saved to a file.

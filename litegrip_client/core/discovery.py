@@ -186,7 +186,7 @@ def _no_daemon(
         tried += "; XDG_RUNTIME_DIR, where else it may be, is not set"
     unit = f"'systemctl start litegripd@{channel}' or " if is_unit_installed() else ""
     hint = (
-        f"start one with {unit}'litegripd {channel}', or try "
+        f"start {channel}'s with {unit}'litegripd {channel}', or try "
         f"without hardware: 'litegripd {channel} --simulate'"
     )
     if not of_channel:  # which channel the socket is of, and so which unit, is not known
@@ -235,17 +235,19 @@ _CLOSE = 0.7
 
 
 def _others(channel: str) -> str:
-    """Return which channel may be meant in place of `channel`, and which have a daemon."""
+    """Return which channel may be meant in place of `channel`, and whose daemons run."""
     from difflib import get_close_matches  # noqa: PLC0415 - seldom needed
 
-    others = [c for c in channels_with_socket() if c != channel]
+    # left1 is no slip for left2: where grippers are numbered, both names are meant.
+    stem = channel.rstrip("0123456789")
+    others = [c for c in channels_with_socket() if c.rstrip("0123456789") != stem]
     close = get_close_matches(channel, others, 1, _CLOSE)
     meant = f"did you mean {close[0]}? " if close else ""
     if others := [other for other in running_channels() if other != channel]:
-        return f"{meant}there is one for {', '.join(others)}: name that; or "
+        return f"{meant}running: {', '.join(others)}; "
     if closed := [other for other in _channels("closed") if other != channel]:
         how = f"'litegripctl -c {closed[0]} doctor' says what opens it"
-        return f"{meant}there is one for {', '.join(closed)}, closed to this user ({how}); or "
+        return f"{meant}running: {', '.join(closed)}, closed to this user ({how}); "
     return meant
 
 

@@ -282,6 +282,9 @@ class Gripper(GripperActions):
         return (await self.get_state()).mount
 
 
+_AWAITED = "(await gripper.get_state())."
+
+
 def no_member(owner: object, name: str, *, is_assigned: bool = False) -> AttributeError:
     """Return the error for a member that no gripper has; it names the one that was meant."""
     from litegrip_client.values.motion_config import MotionConfig  # noqa: PLC0415 - an error
@@ -290,6 +293,8 @@ def no_member(owner: object, name: str, *, is_assigned: bool = False) -> Attribu
     read: dict[str, type] = {"get_state().": GripperState}
     assigned: dict[str, type] = {"motion_config.": MotionConfig}
     error = no_attribute(owner, name, assigned if is_assigned else read | assigned)
+    if isinstance(owner, Gripper):  # that of asyncio: the other one only has such a gripper
+        error.args = tuple(str(text).replace("get_state().", _AWAITED) for text in error.args)
     if is_assigned and error.obj is owner:  # nothing like it was found
         error.args = (f"{error}: only a subclass may have attributes of its own",)
     return error

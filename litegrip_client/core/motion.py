@@ -147,6 +147,9 @@ class Motion:
         return None
 
 
+_VALID_S = (0.02, 2.0)
+"""How long a target may count, as the protocol has it."""
+
 _EXPIRED = "set_point_expired"
 """A target that came too late, on a busy machine say: the next one takes its place."""
 
@@ -184,6 +187,13 @@ class SetpointStream(AsyncBlock):
         """
         self._session = session
         self._valid_s = number("valid_s", valid_s)
+        least_s, most_s = _VALID_S
+        if not least_s <= self._valid_s <= most_s:
+            raise ParameterError(
+                f"valid_s is {self._valid_s:g}, it must be {least_s:g} to {most_s:g} s",
+                reason="invalid_params",
+                data={"parameter": "valid_s", "limit": list(_VALID_S)},
+            )
         self._limits = limits
         self._before = before
         self._is_told_at_end = is_told_at_end
@@ -231,8 +241,10 @@ class SetpointStream(AsyncBlock):
             opening_mm=opening_mm, position_rad=position_rad, openness=openness, push_nm=push_nm
         )
         if len(target) != 1:
+            given = " and ".join(target) or "none"
             raise ParameterError(
-                "a set-point needs exactly one of opening_mm, position_rad, openness and push_nm",
+                "a target is exactly one of opening_mm, position_rad, openness and push_nm, each a"
+                f" number; given: {given}",
                 reason="invalid_params",
             )
         own = given_numbers(torque_nm=torque_nm, kp=kp, kd=kd)

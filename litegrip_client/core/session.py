@@ -488,7 +488,9 @@ async def _disable(wire: Wire, channel: str) -> None:
     except ConnectError as error:
         why = error.message
         if error.reason == "shutting_down":
-            error.message = f"{channel}: nothing has confirmed that the motor is off: {why}"
+            is_off = error.data.get("motor_off")
+            doubt = "" if is_off else "nothing has confirmed that the motor is off: "
+            error.message = f"{channel}: {doubt}{why}"
             raise
         if error.reason == "no_answer":
             why = "the daemon does not answer"

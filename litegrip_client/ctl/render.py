@@ -55,14 +55,6 @@ def lease(data: Data) -> str:
     return plain(f"{owner(holder)}, uid {holder.get('uid')}, has it{what}{queue}")
 
 
-def date(unix_s: object) -> str:
-    """Return a Unix time as date and time, `--` for what is none."""
-    try:
-        return strftime("%Y-%m-%d %H:%M", localtime(float(str(unix_s))))
-    except (ValueError, OverflowError, OSError):
-        return "--"
-
-
 CHOOSE_MOUNT = "choose a mount: litegripctl calibration load normal|reverse, then litegripctl zero"
 """What to do when there is no calibration."""
 

@@ -186,7 +186,9 @@ class Router:
     """
 
     def __init__(
-        self, on_orphan: Callable[[Key], None], how_to_go_on: Callable[[], str | None]
+        self,
+        on_orphan: Callable[[Key], None],
+        how_to_go_on: Callable[[LiteGripError], str | None],
     ) -> None:
         self.calls: dict[int, Call] = {}
         self.listeners: dict[Key, ref[Listener]] = {}
@@ -230,7 +232,7 @@ class Router:
         data = dict(self.ending.data)
         if is_asked_late:
             data["retryable"] = False
-        if "hint" not in data and (hint := self._how_to_go_on()) is not None:
+        if "hint" not in data and (hint := self._how_to_go_on(self.ending)) is not None:
             data["hint"] = hint
         # A new object for each raise: a traceback belongs to one thread or task.
         raise ConnectError(
@@ -414,7 +416,7 @@ class Exchange:
         self.has_clock = True
         self.voice: Voice | None = None
         self._is_accepted = False
-        self._router = Router(self._end_orphan, self._how_to_connect)
+        self._router = Router(self._end_orphan, self._how_to_go_on)
         self._ids = itertools.count(1)
 
     @property
@@ -520,7 +522,7 @@ class Exchange:
             if call.result is not None:
                 take_back(call.result)
 
-    def _how_to_connect(self) -> str | None:
+    def _how_to_go_on(self, ended: LiteGripError) -> str | None:
         """Return how to go on after the end, None where the reader cannot, or never was here."""
         from litegrip_client.values.voices import connecting, in_python  # noqa: PLC0415 - an error
 
@@ -528,7 +530,9 @@ class Exchange:
         if connect is None:
             return None
         enable = (self.voice or in_python)("motor.enable", None, None)
-        return f"{connect} connects again" + (f", then: {enable}" if enable else "")
+        is_down = ended.reason == "shutting_down" and not ended.data.get("followed")
+        start = "start the daemon again; " if is_down else ""
+        return f"{start}{connect} connects again" + (f", then: {enable}" if enable else "")
 
     # Answers
 
@@ -589,9 +593,8 @@ class Exchange:
             owner = error.data.get("owner")
             if isinstance(owner, dict) and owner.get("pid") == os.getpid():
                 error.message += "; that is this very program"
-        if error.reason == "shutting_down" and (how := self._how_to_connect()) is not None:
-            start = "" if error.data.get("followed") else "start the daemon again; "
-            error.data.setdefault("hint", f"{start}{how}")
+        if error.reason == "shutting_down" and (how := self._how_to_go_on(error)) is not None:
+            error.data.setdefault("hint", how)
         return error
 
     def _newest_refusal(self) -> LiteGripError | None:

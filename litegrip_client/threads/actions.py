@@ -19,7 +19,7 @@ if TYPE_CHECKING:  # importing typing and dataclasses is slow
     from litegrip_client.core.actions import ProgressCallback
     from litegrip_client.values.calibration import CalibrationData, GripperConfig
     from litegrip_client.values.motion_config import MotionConfig
-    from litegrip_client.values.printed import HealthReport, JobTable
+    from litegrip_client.values.printed import HealthReport, JobTable, TrajectoryTable
     from litegrip_client.values.results import (
         EnableResult,
         GraspResult,
@@ -619,8 +619,10 @@ class GripperActions:
         """
         return complete(self._core.trajectory_status())
 
-    def kept_trajectories(self) -> list[dict[str, Any]]:
+    def kept_trajectories(self) -> TrajectoryTable:
         """Return what the daemon keeps, by name: `litegripctl trajectories` shows the same.
+
+        It is a list of dictionaries, which prints as a table.
 
         Of each `name`, `samples`, `duration_s` (s), `sample_hz`, `created_s` (Unix time), `grips`,
         `bytes`, `uid`, and `error`, which says why it cannot be used, or is None.

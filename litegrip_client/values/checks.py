@@ -30,10 +30,16 @@ def number(name: str, value: Any) -> float:
             raise TypeError
         result = float(value)
     except (TypeError, ValueError, OverflowError):
-        raise _wrong(name, f"is {value!r:.60}, it must be a number") from None
+        item = "; pass its element, x.item()" if _is_array_of_one(value) else ""
+        raise _wrong(name, f"is {value!r:.60}, it must be a number{item}") from None
     if not math.isfinite(result):
         raise _wrong(name, f"is {result}, it must be a finite number")
     return result
+
+
+def _is_array_of_one(value: Any) -> bool:
+    """Return True for an array of one element, as numpy's, which newer ones make no float of."""
+    return getattr(value, "size", None) == 1 and callable(getattr(value, "item", None))
 
 
 def integer(name: str, value: Any) -> int:

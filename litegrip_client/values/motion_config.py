@@ -41,8 +41,9 @@ class MotionConfig(Hinting):
     `frame_interval` is the daemon's control period and `stop_speed_ratio` its guard's: they cannot
     be changed from here. `sleep_fn` and `monotonic_fn` have no effect across a process. So only
     their defaults are accepted.
-    Raises `CommandError` for those, and for what is no finite number. The daemon refuses a value
-    out of its range when it is used.
+    Raises `CommandError` for those, and for what is no finite number, or negative, or 0 where that
+    can never be. The daemon refuses any other value out of its range when it is used: how much may
+    be depends on the gripper.
     """
 
     speed_mm_s: float = UnsetFloat(50.0)
@@ -103,6 +104,16 @@ class MotionConfig(Hinting):
             for each in _ONE if name in _ONE else (name,):
                 object.__setattr__(self, each, _DEFAULTS[each])
 
+    def __str__(self) -> str:
+        """Tell what is set, which is sent, from what is not."""
+        given = self.to_wire()
+        told = [f"{name}={getattr(self, name):g}" for name in DAEMON_FIELDS if name in given]
+        rest = [f"{name}={getattr(self, name):g}" for name in DAEMON_FIELDS if name not in given]
+        return (
+            f"set here, and sent: {', '.join(told) or 'nothing'}\n"
+            f"not set, so as the daemon has it (by default: {', '.join(rest)})"
+        )
+
     def to_wire(self) -> dict[str, float]:
         """Return the fields that were set: what is sent as `config`."""
         values = {name: getattr(self, name) for name in DAEMON_FIELDS}
@@ -117,6 +128,9 @@ DAEMON_FIELDS = tuple(
     name for name in _NUMBERS if name not in ("force_ramp_n_s", "stop_speed_ratio")
 )
 """The fields that the daemon has, too."""
+_MAY_BE_ZERO = frozenset(
+    ("margin", "settle_s", "press_overshoot", "press_zone_mm", "hold_kp", "stop_release_s")
+)
 _READ_ONLY = {
     "frame_interval": (
         "it is the daemon's control period and read-only",
@@ -146,13 +160,18 @@ def _checked(name: str, value: Any) -> Any:
     if _is_unset(value) and value == default:
         return value  # of another MotionConfig, so that a copy of it sends no more than it does
     try:
-        if isinstance(default, _Int):
-            return integer(name, value)
-        result = number(name, value)
+        result = (integer if isinstance(default, _Int) else number)(name, value)
     except ParameterError as error:
         if value is None:
             error.data["hint"] = f"to unset it: del gripper.motion_config.{name}"
         raise
+    if result < 0.0 or (result == 0.0 and name not in _MAY_BE_ZERO):
+        least = "0 or more" if name in _MAY_BE_ZERO else "more than 0"
+        raise ParameterError(
+            f"{name} is {result:g}, it must be {least}",
+            reason="invalid_params",
+            data={"parameter": name},
+        )
     if name in _READ_ONLY and result != default:
         why, hint = _READ_ONLY[name]
         raise _unsupported(name, f"{name} cannot be {result:g}: {why}", hint)

@@ -1,12 +1,12 @@
-"""How what the daemon tells is printed: tables, trees, jobs and health."""
+"""How what the daemon tells is printed: tables, trees, jobs, trajectories and health."""
 
 from __future__ import annotations
 
-from litegrip_client.values.figures import plain
+from litegrip_client.values.figures import Data, figure, plain
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing these is slow
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
     from typing import Any
 
 
@@ -63,6 +63,15 @@ class JobTable(_Shown, list["dict[str, Any]"]):
         return aligned([_HEAD, *map(_row, self)])
 
 
+class TrajectoryTable(_Shown, list["dict[str, Any]"]):
+    """Trajectories as the daemon tells them; `str()` is a table of them, as the shell shows it."""
+
+    __slots__ = ()
+
+    def __str__(self) -> str:
+        return listed_text(self)
+
+
 class HealthReport(_Shown, dict["str", "Any"]):
     """Health as the daemon tells it; `str()` has the verdict, why, and the figures, in lines."""
 
@@ -97,3 +106,43 @@ def _row(job: dict[str, Any]) -> tuple[str, ...]:
     by = f"{owner.get('program')} (pid {owner.get('pid')})" if owner else ""
     cells = (job.get("job"), job.get("kind"), job.get("state"), by, took, how)
     return tuple(map(plain, cells))
+
+
+def listed_text(rows: Iterable[Data], *, owners: bool = False) -> str:
+    """Return a table of trajectories, or why one cannot be used; `owners` are names by uid."""
+    head = ("NAME", "SAMPLES", "LENGTH", "RATE", "MOUNT", "GRIPS", "CREATED")
+    table: list[tuple[str, ...]] = [(*head, "UID") if owners else head]
+    broken = []
+    for row in rows:
+        name = plain(row.get("name"))
+        if row.get("error") is not None:
+            broken.append(f"{name}: NOT usable: {plain(row['error'])}")
+        else:
+            uid = row.get("uid")
+            owner = ("-" if uid is None else str(uid),) if owners else ()
+            table.append((name, *_trajectory_row(row), *owner))
+            if row.get("grip_problem") is not None:
+                broken.append(f"{name}: its grips are NOT usable: {plain(row['grip_problem'])}")
+    return "\n".join([aligned(table), *broken])
+
+
+def _trajectory_row(row: Data) -> tuple[str, ...]:
+    hz = row.get("sample_hz") or 0.0
+    return (
+        str(row.get("samples") or 0),
+        figure(row.get("duration_s"), ".2f", "s"),
+        figure(hz, "g", "Hz"),
+        plain(row.get("mount") or "-"),
+        str(row.get("grips") or "-"),
+        date(row.get("created_s")),
+    )
+
+
+def date(unix_s: object) -> str:
+    """Return a Unix time as date and time, `--` for what is none."""
+    from time import localtime, strftime  # noqa: PLC0415 - see above
+
+    try:
+        return strftime("%Y-%m-%d %H:%M", localtime(float(str(unix_s))))
+    except (ValueError, OverflowError, OSError):
+        return "--"

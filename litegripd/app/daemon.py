@@ -327,7 +327,7 @@ class Daemon:
         self._send_tasks()
         if self._retirement is None:
             self._server.flush()
-            self._server.close()
+            self._server.close(self._ending.parting())
             self._stop_listener.close()
             self._places.remove()
             self._bus.close()

@@ -113,6 +113,16 @@ FIND_WITHIN_S = 0.3
 """How long the end waits for a motor that does not answer: it may be found, and be enabled."""
 
 
+_PARTING = {
+    may_be_energised: Refusal("shutting_down", text, {"motor_off": may_be_energised is False})
+    for may_be_energised, text in (
+        (False, "the daemon has ended; the motor is off, and what was held falls"),
+        (True, "the daemon has ended; the motor did not confirm that it is off: cut its power"),
+        (None, "the daemon has ended; it is not known whether the motor is off: cut its power"),
+    )
+}
+
+
 class Ending:
     """The end of a daemon: disables the motor, and waits for that for a limited time."""
 
@@ -140,6 +150,12 @@ class Ending:
         if self._machine.is_out_of_reach and waited_s >= FIND_WITHIN_S:
             return True
         return self._machine.is_disabled or waited_s >= END_WITHIN_S
+
+    def parting(self) -> Refusal | None:
+        """Return what to tell clients at the end of their connections; None before the end."""
+        if self._since_s is None:
+            return None
+        return _PARTING[self._machine.may_be_energised]
 
     def report(self) -> bool:
         """Log the outcome; return False if the motor may still be energised.

@@ -106,6 +106,7 @@ def busy_with(running: Job) -> Refusal:
             "job": running.number,
             "kind": running.kind,
             "owner": {"pid": owner.pid, "uid": owner.uid, "program": owner.program},
+            "hint": how,
         },
     )
 

@@ -90,6 +90,7 @@ class StopLatch:
         whose = "" if self.latched is None else f", by {_stopper(self.latched)},"
         who = [f"{user}, who stopped it, " for user in known]
         why = sentence("; {why}", why=lease_held.message)
+        hint = {"hint": "ask one of them to clear it"} if lease_held.reason == "lease_held" else {}
         if isinstance(owner, dict):
             who = [f"{owner['program']} (pid {owner['pid']}), who has the lease, ", *who]
             why = sentence("")
@@ -101,7 +102,7 @@ class StopLatch:
                 who="".join(who),
                 why=why,
             ),
-            {**lease_held.data, "may_clear_uids": [user.uid for user in known]},
+            {**lease_held.data, **hint, "may_clear_uids": [user.uid for user in known]},
         )
 
     def refusal_of_sent(
@@ -381,7 +382,8 @@ class Lease:
         holder = self.holder
         if owner.grant is not None and (holder is None or holder.number != owner.grant):
             text = "the lease of this token is lost for good: acquire a new one"
-            return Refusal("lease_lost", text, _held_by(holder))
+            hint = method_name("lease.acquire")
+            return Refusal("lease_lost", text, {**_held_by(holder), "hint": hint})
         if owner.grant is not None:
             return None
         loss = self._losses.get(owner.client)
@@ -412,11 +414,13 @@ class Lease:
         if holder is not None:
             return held_refusal(holder)
         if self._waiting:
+            hint = sentence("wait, too ({.wait_s})")
             text = sentence(
-                "{count} are waiting for the lease already: wait, too ({.wait_s})",
+                "{count} are waiting for the lease already: {hint}",
                 count=len(self._waiting),
+                hint=hint,
             )
-            return Refusal("lease_held", text, {"waiting": len(self._waiting)})
+            return Refusal("lease_held", text, {"waiting": len(self._waiting), "hint": hint})
         return self._grant(owner, options, now_s)
 
     def wait(
@@ -462,7 +466,7 @@ class Lease:
                 "the lease of this token cannot be resumed: it was given back, or somebody has had"
                 " the lease since; acquire it again ({lease.acquire})"
             )
-            return Refusal("lease_lost", text)
+            return Refusal("lease_lost", text, {"hint": method_name("lease.acquire")})
         options = lapsed.options
         if owner.remote is not None:  # behind a network, nobody sees that the holder has gone
             ttl_s = min(options.ttl_s or LONGEST_REMOTE_TTL_S, LONGEST_REMOTE_TTL_S)
@@ -536,6 +540,9 @@ class Lease:
         self.holder, self._expires_s, self._lapsed = None, None, None
 
 
+_TO_GET_IT = sentence("wait for it ({lease.acquire with wait_s}), or take it over ({lease.take})")
+
+
 def held_refusal(holder: Grant) -> Refusal:
     """Return who has the lease, and what for."""
     owner, purpose = holder.owner, holder.options.purpose
@@ -543,13 +550,13 @@ def held_refusal(holder: Grant) -> Refusal:
     return Refusal(
         "lease_held",
         sentence(
-            "{program} (pid {pid}) has the gripper{what}: wait for it"
-            " ({lease.acquire with wait_s}), or take it over ({lease.take})",
+            "{program} (pid {pid}) has the gripper{what}: {how}",
             program=owner.program,
             pid=owner.pid,
             what=what,
+            how=_TO_GET_IT,
         ),
-        {"owner": _owner_data(holder)},
+        {"owner": _owner_data(holder), "hint": _TO_GET_IT},
     )
 
 
@@ -567,4 +574,8 @@ def process_of(owner: Owner) -> Taker:
     return {"pid": owner.pid, "uid": owner.uid, "program": owner.program}
 
 
-_NOT_FREE = Refusal("lease_held", "the gripper was not free in time: wait longer, or try again")
+_NOT_FREE = Refusal(
+    "lease_held",
+    "the gripper was not free in time: wait longer, or try again",
+    {"hint": "wait longer, or try again"},
+)

@@ -28,7 +28,7 @@ from litegripd.model.motor import (
     remedy,
 )
 from litegripd.model.plain import Carried
-from litegripd.model.sentence import joined, sentence
+from litegripd.model.sentence import joined, method_name, sentence
 from litegripd.model.state import (
     Event,
     GraspResult,
@@ -537,12 +537,13 @@ def loss_refusal(loss: Loss | None, *, is_owner: bool = True) -> Refusal:
         text = f"the client {whose} went away"
         return Refusal("client_lost", text, {"on_lost": on_lost})
     text = f"the lease under which it ran is lost: {loss.text}"
-    return Refusal("lease_lost", text, loss.data)
+    return Refusal("lease_lost", text, {**loss.data, "hint": method_name("lease.acquire")})
 
 
 def taken_refusal(by: Owner, why: str, left: OnLost) -> Refusal:
     """Return why a motion ends when somebody takes the gripper over."""
     data = {"on_lost": left, "cause": "taken", "why": why, "by": process_of(by)}
+    data |= {"hint": method_name("lease.acquire")}
     return Refusal("lease_lost", f"the gripper was taken over by {_named(by)}: {why}", data)
 
 

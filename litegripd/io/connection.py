@@ -304,9 +304,16 @@ class Connection:
 
     def _refuse(self, refusal: Refusal, before: bytes) -> None:
         """Send the reason in a last line after `before`, and close."""
-        self.line = None
         peer = self.session.peer
         _log.warning("closing %s (pid %d): %s", peer.program, peer.pid, refusal.message)
+        self._say_last(refusal, before)
+
+    def part(self, refusal: Refusal) -> None:
+        """Send the reason in a last line, and close: nothing is wrong with the client."""
+        self._say_last(refusal, bytes(self._unsent) + b"".join(self.session.outgoing))
+
+    def _say_last(self, refusal: Refusal, before: bytes) -> None:
+        self.line = None
         try:
             # Make room for the reason where a client that does not read has left none.
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 2 * MAX_UNSENT_BYTES)

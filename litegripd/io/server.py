@@ -292,12 +292,15 @@ class Server:
         while self.pending and time.monotonic() < until_s:
             self.serve(until_s)
 
-    def close(self) -> None:
-        """Close the listening socket and every connection."""
+    def close(self, parting: Refusal | None = None) -> None:
+        """Close the listening socket and every connection, of which `parting` is the last line."""
         self._reactor.remove(self._listener.fileno())
         self._listener.close()
         for connection in list(self._connections.values()):
-            self.drop(connection)
+            if parting is None:
+                self.drop(connection)
+            else:
+                connection.part(parting)
 
     def note_stop(self, stopped_s: float) -> None:
         """Count all that clients have sent until now as received before a stop of `stopped_s`.

@@ -1,6 +1,7 @@
 """What the daemon's end tells of the motor: off, not known to be off, or not known at all."""
 
 import logging
+from functools import partial
 
 import pytest
 
@@ -28,6 +29,10 @@ def left_enabled() -> World:
     return world
 
 
+def _is_over(ending: Ending, world: World) -> bool:
+    return ending.is_over(world.now_s)
+
+
 def ended(world: World, caplog: pytest.LogCaptureFixture) -> tuple[bool, int, str]:
     """End the daemon; return what it returns, and the level and text of its last word."""
     ending = Ending(world.machine)
@@ -51,6 +56,29 @@ def test_a_motor_that_fell_silent_after_it_had_confirmed_is_off(
     world.lose_to_motor = lambda _frame: True
     world.run_until(lambda: world.phase is MotorPhase.SILENT, 5.0)
     assert ended(world, caplog) == (True, logging.INFO, "ended; the motor is off (silent)")
+
+
+def test_clients_are_told_last_what_is_known_of_the_motor() -> None:
+    confirmed, refusing, unheard = World(), left_enabled(), left_enabled()
+    confirmed.enabled()
+    refusing.lose_to_motor = lambda frame: frame.data == codec.DISABLE
+    unheard.lose_to_motor = lambda _frame: True
+    told = []
+    for world in (confirmed, refusing, unheard):
+        ending = Ending(world.machine)
+        assert ending.parting() is None
+        world.run(0.5)
+        ending.begin(world.now_s)
+        world.run_until(partial(_is_over, ending, world), 5.0)
+        refusal = ending.parting()
+        assert refusal is not None
+        assert refusal.reason == "shutting_down"
+        told.append((refusal.data["motor_off"], refusal.message.partition("; ")[2]))
+    assert told == [
+        (True, "the motor is off, and what was held falls"),
+        (False, "the motor did not confirm that it is off: cut its power"),
+        (False, "it is not known whether the motor is off: cut its power"),
+    ]
 
 
 def test_who_waits_for_a_motion_is_told_that_the_daemon_ends() -> None:

@@ -24,7 +24,9 @@ from litegrip_client.aio.gripper import Connection as AsyncConnection
 from litegrip_client.core.sockets import SYSTEM_DIRECTORY
 from litegrip_client.ctl.main import main
 from litegrip_client.line.connection import Connection
+from litegripd.app.machine import Ending
 from litegripd.model.sentence import terms_of
+from litegripd.rpc.jsonrpc import error_line
 from tests.client.fake_daemon import DEADLINE_S, FakeDaemon, Request
 from tests.client.helpers import in_thread
 from tests.drop_in import Daemon, Site, VirtualStream, a_site
@@ -118,8 +120,19 @@ class Heard(Daemon):
         else:
             reading()
 
+    def end(self) -> None:
+        """End in order, and say so to every client."""
+        ending = Ending(self.machine)
+        ending.begin(self.now_s)
+        self.run_until(lambda: ending.is_over(self.now_s), 5.0)
+        parting = ending.parting()
+        assert parting is not None
+        for stream in self.streams:
+            stream.hear(error_line(None, parting))
+        self.hang_up()
+
     def hang_up(self) -> None:
-        """End as a daemon ends: all connections are gone."""
+        """End as a daemon ends that is killed: all connections are gone."""
         for stream in self.streams:
             stream.close()
 
@@ -159,7 +172,11 @@ class Line(VirtualStream):
     def say(self, method: str, params: Mapping[str, Any]) -> None:
         """Put a notification in the daemon's mouth."""
         message = {"jsonrpc": "2.0", "method": method, "params": params}
-        self._session.outgoing.append(json.dumps(message).encode() + b"\n")
+        self.hear(json.dumps(message).encode() + b"\n")
+
+    def hear(self, line: bytes) -> None:
+        """Have a line come from the daemon."""
+        self._session.outgoing.append(line)
 
     def _take(self) -> bool:
         return not self._heard.is_frozen and super()._take()

@@ -184,7 +184,7 @@ def test_without_a_channel_the_running_ones_are_named_and_none_is_guessed(
     assert err.splitlines()[1].strip() == "there are: sim7; name one: litegripctl -c sim7 ..."
     for command in ("enable", "state"):
         code, _, err = litegripctl("-c", "can0", command)
-        assert (code, "there is one for sim7: name that; or start one" in err) == (3, True)
+        assert (code, "running: sim7; start can0's with" in err) == (3, True)
 
 
 def test_a_command_that_only_reads_takes_the_only_daemon_and_says_which(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from litegrip_client.ctl.commands.trajectories import listed_text
+from litegrip_client.values.printed import listed_text
 from tests.client.helpers import Ctl
 from tests.client.rig import Heard
 from tests.trajectories import lgt

@@ -83,7 +83,7 @@ def test_without_a_daemon_the_error_tells_what_was_tried_and_what_to_do(
         f"no daemon can be reached for channel can3 ({dead}: refused: nobody listens; "
         f"{own}: missing)"
     )
-    assert "start one with 'litegripd can3', or try without" in str(caught.value)
+    assert "start can3's with 'litegripd can3', or try without" in str(caught.value)
     assert "systemctl" not in str(caught.value)  # which has no such unit
     assert "litegripd can3 --simulate" in str(caught.value)
     assert GROUP_HINT not in str(caught.value)
@@ -204,7 +204,7 @@ def test_the_daemons_that_run_are_named_where_another_one_was_asked_for(
         FakeDaemon(machine / "can7.sock"),
         FakeDaemon(machine / "can7.stop.sock"),
         pytest.raises(
-            ConnectError, match="there is one for can7: name that; or start one"
+            ConnectError, match="\nrunning: can7; start left's with 'litegripd left'"
         ) as caught,
     ):
         connect("left")
@@ -215,8 +215,23 @@ def test_a_name_that_comes_close_is_asked_for_whether_its_daemon_runs_or_not(
     machine: Path,
 ) -> None:
     (machine / "left.sock").touch()
-    with pytest.raises(ConnectError, match=r"\ndid you mean left\? start one with"):
+    with pytest.raises(ConnectError, match=r"\ndid you mean left\? start lef's with"):
         connect("lef")
+
+
+def test_the_other_one_of_numbered_grippers_is_not_asked_for(machine: Path) -> None:
+    with (
+        FakeDaemon(machine / "left1.sock"),
+        FakeDaemon(machine / "lift2.sock"),
+        pytest.raises(
+            ConnectError, match=r"\ndid you mean lift2\? running: left1, lift2; start left2's"
+        ),
+    ):
+        connect("left2")
+    with FakeDaemon(machine / "arm1.sock"), pytest.raises(ConnectError) as caught:
+        connect("arm2")
+    assert caught.value.hint is not None
+    assert caught.value.hint.startswith("running: arm1; start arm2's with 'litegripd arm2'")
 
 
 def test_a_daemon_that_is_closed_to_this_user_is_named_as_that(
@@ -224,7 +239,7 @@ def test_a_daemon_that_is_closed_to_this_user_is_named_as_that(
 ) -> None:
     (machine / "simx.sock").touch()
     monkeypatch.setattr(discovery, "_how", lambda path: "closed")
-    told = r"there is one for simx, closed to this user \('litegripctl -c simx doctor' says what"
+    told = r"running: simx, closed to this user \('litegripctl -c simx doctor' says what"
     with pytest.raises(ConnectError, match=told):
         connect("can3")
 

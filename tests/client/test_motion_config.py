@@ -8,6 +8,7 @@ import pytest
 
 from litegrip_client import CommandError, LiteGrip, MotionConfig
 from litegrip_client.values.motion_config import DAEMON_FIELDS
+from litegripd.model.motion_config import WIDEST as DAEMONS_RANGES
 from litegripd.model.motion_config import MotionConfig as DaemonsConfig
 
 NUMBERS = DAEMON_FIELDS
@@ -106,6 +107,28 @@ def test_what_no_field_can_hold_is_refused_where_it_is_set(
     with pytest.raises(CommandError):
         MotionConfig(**{name: value})
     assert config.to_wire() == {"force_n": 7.0}
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+def test_what_no_gripper_can_do_is_refused_where_it_is_set(name: str) -> None:
+    config = MotionConfig()
+    kind = int if isinstance(getattr(config, name), int) else float
+    least = DAEMONS_RANGES.get(name, (0.005, 0.005))[0]
+    for value in (-1, 0) if least > 0 else (-1,):
+        with pytest.raises(CommandError, match=f"{name} is {value}, it must be ") as caught:
+            setattr(config, name, kind(value))
+        assert caught.value.data["parameter"] == name
+    assert config.to_wire() == {}
+    setattr(config, name, kind(least))
+    assert config.to_wire() == {name: least}
+
+
+def test_it_prints_what_is_set_and_what_is_not() -> None:
+    set_here, others = str(MotionConfig(force_n=5.0, stall_cycles=5)).splitlines()
+    assert set_here == "set here, and sent: stall_cycles=5, force_n=5"
+    assert others.startswith("not set, so as the daemon has it (by default: speed_mm_s=50, ")
+    assert "force_n" not in others
+    assert str(MotionConfig()).startswith("set here, and sent: nothing\n")
 
 
 def test_numbers_of_other_libraries_become_plain_ones() -> None:

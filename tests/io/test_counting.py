@@ -1,5 +1,6 @@
 """What the transport counts of each client, and what it sends at the end, over real sockets."""
 
+import json
 import time
 from types import SimpleNamespace
 
@@ -7,6 +8,7 @@ import pytest
 
 from litegripd.io import connection as connection_module
 from litegripd.io import server as server_module
+from litegripd.model.errors import Refusal
 from litegripd.rpc.sessions import Counters, Session
 from tests.io.loop import Loop, line
 
@@ -105,3 +107,23 @@ def test_what_waits_at_the_end_of_the_daemon_is_sent(loop: Loop) -> None:
     client.setblocking(True)
     with client.makefile("rb") as file:
         assert len(file.readlines()) == 3
+
+
+def test_the_last_line_at_the_end_of_the_daemon_is_why_for_each_client(loop: Loop) -> None:
+    clients = [loop.connect(), loop.connect()]
+    loop.until(lambda: loop.server.clients == 2)
+    loop.service.samples += [loop.service.sessions[0]] * 3
+    loop.server.flush()
+    loop.server.close(Refusal("shutting_down", "it ends", {"motor_off": True}))
+    for client, before in zip(clients, (3, 0), strict=True):
+        client.setblocking(True)
+        with client.makefile("rb") as file:
+            lines = file.readlines()
+        assert len(lines) == before + 1
+        last = json.loads(lines[-1])
+        assert last["id"] is None
+        assert last["error"]["data"] == {
+            "reason": "shutting_down",
+            "retryable": True,
+            "motor_off": True,
+        }

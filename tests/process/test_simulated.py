@@ -142,6 +142,9 @@ def test_a_signal_while_moving_disables_the_motor_and_answers_who_waits(
         mover.until(lambda state: bool(state["mode"] == "moving"))
         running.process.send_signal(number)
         assert mover.answer(motion)["error"]["data"]["reason"] == "shutting_down"
+        parting = mover.read()
+        assert parting["id"] is None
+        assert parting["error"]["data"]["motor_off"] is True
         assert mover.read() == {}
         assert running.exit_code() == 0
         assert "ended; the motor is off (disabled)" in running.log

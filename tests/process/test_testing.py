@@ -2,6 +2,8 @@
 
 import os
 import re
+import select
+import shutil
 import sys
 from pathlib import Path
 
@@ -9,7 +11,14 @@ import pytest
 
 from litegrip_client import ConnectError, LiteGrip, ParameterError
 from litegrip_client.testing import SimulatedDaemon, simulated
-from tests.process.daemon_process import configured, ran
+from tests.process.daemon_process import (
+    DEADLINE_S,
+    configured,
+    kill_and_wait,
+    line_of,
+    ran,
+    spawn,
+)
 from tests.sim.simulator_process import simulator
 
 
@@ -88,6 +97,30 @@ def test_two_of_one_process_do_not_meet_and_nothing_is_left() -> None:
         folders = [Path(each.socket_path).parent for each in (one, other)]
         assert all(folder.exists() for folder in folders)
     assert not any(folder.exists() for folder in folders)
+
+
+_KILLED = """
+import time
+from litegrip_client.line.connection import Connection
+from litegrip_client.testing import simulated
+
+with simulated() as daemon:
+    with Connection(daemon.socket_path) as connection:
+        print(connection.daemon_pid, daemon.socket_path, flush=True)
+    time.sleep(600)
+"""
+
+
+def test_a_daemon_ends_in_order_when_the_program_that_began_it_is_killed() -> None:
+    with spawn(_KILLED) as program:
+        pid, _, path = line_of(program).partition(" ")
+        ended = os.pidfd_open(int(pid))
+        kill_and_wait(program)
+    assert select.select([ended], [], [], DEADLINE_S)[0]
+    os.close(ended)
+    assert not Path(path).exists()
+    assert "ended; the motor is off" in (Path(path).parent / "log").read_text()
+    shutil.rmtree(Path(path).parent)
 
 
 def test_why_a_daemon_did_not_begin_is_said() -> None:

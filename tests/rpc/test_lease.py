@@ -46,6 +46,7 @@ def test_whatever_moves_or_redefines_is_for_the_holder_alone(method: str) -> Non
     data = other.refused(method, "lease_held", **MOVING[method])
     assert data["owner"]["purpose"] == "sorting"
     assert data["owner"]["pid"] == 101
+    assert data["hint"] == "wait for it (lease.acquire with wait_s), or take it over (lease.take)"
     world.run(0.1)
     assert world.controller.jobs.running is None
     assert world.controller.calibrated.calibration is before

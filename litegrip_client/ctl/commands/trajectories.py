@@ -12,7 +12,7 @@ from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.core.trajectories import Recording, fetch, fetch_grips, listed, named, send
 from litegrip_client.ctl.files import put_file, refuse_existing
 from litegrip_client.ctl.parser import LateParser, count, in_unit, positive
-from litegrip_client.ctl.render import bar, date, finish, jaws_now, opening_of, verdict, why_not
+from litegrip_client.ctl.render import bar, finish, jaws_now, opening_of, verdict, why_not
 from litegrip_client.ctl.run import INTERRUPTED, Command, Commands, Run, say
 from litegrip_client.threads.blocking import BlockingWire, complete, pause
 from litegrip_client.values.errors import (
@@ -21,7 +21,7 @@ from litegrip_client.values.errors import (
     TrajectoryNotFoundError,
 )
 from litegrip_client.values.figures import Data, Here, figure, plain
-from litegrip_client.values.printed import aligned
+from litegrip_client.values.printed import listed_text
 from litegrip_client.values.trajectory import (
     Trajectory,
     directory,
@@ -130,36 +130,6 @@ def show(run: Run) -> int:
         has = f"{usage['named']} of {most}, {usage['bytes'] / 1e6:.1f} of {most_mb:g} MB"
         text += f"\nof uid {usage['uid']}, who asks: {has}"
     return run.done({"trajectories": rows, **({"usage": usage} if usage else {})}, text)
-
-
-def listed_text(rows: Iterable[Data], *, owners: bool = False) -> str:
-    """Return a table of trajectories, or why one cannot be used; `owners` are names by uid."""
-    head = ("NAME", "SAMPLES", "LENGTH", "RATE", "MOUNT", "GRIPS", "CREATED")
-    table: list[tuple[str, ...]] = [(*head, "UID") if owners else head]
-    broken = []
-    for row in rows:
-        name = plain(row.get("name"))
-        if row.get("error") is not None:
-            broken.append(f"{name}: NOT usable: {plain(row['error'])}")
-        else:
-            uid = row.get("uid")
-            owner = ("-" if uid is None else str(uid),) if owners else ()
-            table.append((name, *_figures(row), *owner))
-            if row.get("grip_problem") is not None:
-                broken.append(f"{name}: its grips are NOT usable: {plain(row['grip_problem'])}")
-    return "\n".join([aligned(table), *broken])
-
-
-def _figures(row: Data) -> tuple[str, ...]:
-    hz = row.get("sample_hz") or 0.0
-    return (
-        str(row.get("samples") or 0),
-        figure(row.get("duration_s"), ".2f", "s"),
-        figure(hz, "g", "Hz"),
-        plain(row.get("mount") or "-"),
-        str(row.get("grips") or "-"),
-        date(row.get("created_s")),
-    )
 
 
 def get(run: Run) -> int:

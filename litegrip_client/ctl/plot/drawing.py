@@ -23,9 +23,9 @@ from matplotlib.patches import Patch
 from mcap.exceptions import McapError
 from mcap.reader import McapReader, make_reader
 
-from litegrip_client.ctl.render import date
 from litegrip_client.values.errors import CommandError
 from litegrip_client.values.fields import STALE_AFTER_S
+from litegrip_client.values.printed import date
 from litegrip_client.values.trajectory import Trajectory
 from litegrip_client.values.trajectory_format import TaughtGrip
 

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from litegrip_client import (
+    BusyError,
     CANTimeoutError,
     CommandError,
     ConnectError,
@@ -797,6 +798,63 @@ def test_a_name_that_the_configuration_does_not_have_is_not_the_daemons(enabled:
         enabled.config.max_strok_mm = 85.0  # type: ignore[attr-defined]
     with pytest.raises(CommandError, match=r"config\.kp cannot be set: it is the daemon's"):
         enabled.config.kp = 50.0
+
+
+def test_what_only_the_other_client_has_is_hinted_at_as_it_is_awaited_here() -> None:
+    gripper = aio.LiteGrip("can0")
+    for name in sorted({*dir(LiteGrip)} - {*dir(aio.LiteGrip)} - {"can_id", "mst_id"}):
+        if name.startswith("_"):
+            continue
+        with pytest.raises(AttributeError, match=r"use |did you mean"):
+            getattr(gripper, name)
+    with pytest.raises(AttributeError) as caught:
+        gripper.get_position  # type: ignore[attr-defined]  # noqa: B018 - it is not there
+    assert str(caught.value).endswith(
+        "; use (await gripper.get_state()).opening_mm, or (await gripper.get_state()).position_rad"
+    )
+
+
+def test_a_refusal_by_who_moves_it_or_has_it_says_what_to_do_in_its_hint(
+    daemon: Heard, enabled: LiteGrip, kind: Kind
+) -> None:
+    with kind.gripper() as other:
+        with pytest.raises(LeaseError) as held:
+            other.open()
+        enabled.disconnect()
+        client = daemon.client(pid=77)
+        client.result("motor.enable")
+        client.send("motion.open", speed_mm_s=5)
+        with pytest.raises(BusyError) as busy:
+            other.open()
+    for error in (held.value, busy.value):
+        assert error.hint is not None
+        assert error.hint.startswith("wait for it (")
+        assert str(error).count(error.hint) == 1
+
+
+def test_an_array_of_one_element_is_told_how_it_becomes_a_number(enabled: LiteGrip) -> None:
+    class Array:
+        """As numpy's of shape (1,)."""
+
+        size = 1
+
+        def __float__(self) -> float:
+            raise TypeError
+
+        def item(self) -> float:
+            return 60.0
+
+    with pytest.raises(CommandError, match=r"it must be a number; pass its element, x\.item\(\)"):
+        enabled.goto(Array())  # type: ignore[arg-type]
+    assert enabled.goto(Array().item())
+
+
+def test_kept_trajectories_print_as_a_table(enabled: LiteGrip) -> None:
+    enabled.keep_trajectory("wave", enabled.record(0.3))
+    lines = str(enabled.kept_trajectories()).splitlines()
+    assert lines[0].split()[:3] == ["NAME", "SAMPLES", "LENGTH"]
+    assert lines[1].split()[0] == "wave"
+    assert repr(enabled.kept_trajectories()) == "\n".join(lines)
 
 
 def test_jobs_print_as_a_table(enabled: LiteGrip) -> None:

@@ -443,3 +443,21 @@ def test_a_motion_after_frames_does_not_have_to_wait_for_them(
     assert ends == ["job.cancel", "job.cancel"]
     cancelled: list[Any] = daemon.asked("job.cancel")
     assert cancelled[0] != cancelled[1]
+
+
+@pytest.mark.parametrize("valid_s", [0.0, -1.0, 0.019, 2.1, float("nan"), "0.2"])
+def test_how_long_a_target_counts_is_refused_where_it_is_said(
+    daemon: Heard, enabled: LiteGrip, valid_s: float
+) -> None:
+    with pytest.raises(CommandError, match=r"valid_s is .*, it must be ") as caught:
+        enabled.stream(valid_s)
+    assert caught.value.data["parameter"] == "valid_s"
+    assert not daemon.asked("stream.set")
+
+
+def test_a_target_that_is_none_or_two_is_told_what_was_given(enabled: LiteGrip) -> None:
+    with enabled.stream() as stream:
+        with pytest.raises(CommandError, match=r"exactly one of opening_mm, .*; given: none"):
+            stream.set_target(None)
+        with pytest.raises(CommandError, match="; given: opening_mm and openness"):
+            stream.set_target(30.0, openness=0.5)

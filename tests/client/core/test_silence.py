@@ -17,6 +17,10 @@ GONE = (
     " itself, and what was held falls"
 )
 NOT_OFF_ENDING = "can0: nothing has confirmed that the motor is off"
+ENDED = (
+    "the daemon ended the connection: the daemon has ended; the motor is off, and what was held"
+    " falls"
+)
 ENDING = "the daemon is about to end: it disables the motor, and what was held falls"
 
 
@@ -189,8 +193,9 @@ def test_a_warning_at_the_end_of_a_block_names_the_danger(
     [
         (Heard.hang_up, GONE),
         (lambda daemon: daemon.controller.shut_down(), f"{NOT_OFF_ENDING}: {ENDING}"),
+        (Heard.end, f"can0: {ENDED}"),
     ],
-    ids=["killed", "ended"],
+    ids=["killed", "ending", "ended"],
 )
 def test_the_end_of_a_block_names_the_danger_when_the_daemon_is_gone(
     daemon: Heard, kind: Kind, end: Callable[[Heard], None], told: str
@@ -202,6 +207,32 @@ def test_the_end_of_a_block_names_the_danger_when_the_daemon_is_gone(
     with pytest.raises(ConnectError) as caught:
         gripper.disconnect()
     assert caught.value.message == told
+
+
+def test_a_block_that_sleeps_while_the_daemon_is_ended_is_told_how_to_go_on(
+    site: Bench, daemon: Heard, kind: Kind
+) -> None:
+    with pytest.raises(ConnectError) as caught, kind.gripper() as gripper:  # noqa: PT012 - as above
+        gripper.enable()
+        site.after(0.3, daemon.end)
+        kind.pause(3.0)
+    assert (caught.value.reason, caught.value.message) == ("shutting_down", f"can0: {ENDED}")
+    call = f"{kind.awaits}gripper."
+    assert caught.value.hint == (
+        f"start the daemon again; {call}connect() connects again, then: {call}enable()"
+    )
+
+
+def test_a_daemon_that_ended_while_its_motor_was_silent_says_to_cut_the_power(
+    daemon: Heard, kind: Kind
+) -> None:
+    gripper = kind.gripper()
+    gripper.connect()
+    gripper.enable()
+    daemon.gripper.power_off()
+    daemon.end()
+    with pytest.raises(ConnectError, match=f"{NOT_OFF_ENDING}: .*: cut its power"):
+        gripper.disconnect()
 
 
 def test_a_warning_behind_a_motion_names_the_danger_when_the_daemon_is_gone(
