@@ -455,6 +455,17 @@ def test_how_long_a_target_counts_is_refused_where_it_is_said(
     assert not daemon.asked("stream.set")
 
 
+@pytest.mark.parametrize("valid_s", [0.02, 2.0])
+def test_the_ends_of_that_range_are_the_daemons(
+    daemon: Heard, enabled: LiteGrip, valid_s: float
+) -> None:
+    with enabled.stream(valid_s) as stream:
+        stream.set_target(30.0)
+    assert [one.params["valid_s"] for one in sent(daemon)] == [valid_s]
+    words = "valid_s is 2.1, it must be 0.02 to 2"
+    daemon.client().refused("stream.set", "invalid_params", words, opening_mm=30.0, valid_s=2.1)
+
+
 def test_a_target_that_is_none_or_two_is_told_what_was_given(enabled: LiteGrip) -> None:
     with enabled.stream() as stream:
         with pytest.raises(CommandError, match=r"exactly one of opening_mm, .*; given: none"):
