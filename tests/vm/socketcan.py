@@ -188,12 +188,14 @@ def cards_work() -> None:
 def channel_comes_later() -> None:
     """A daemon without its interface stays, says why, and works once there is one."""
     with daemon("vcan9") as (program, rpc):
-        down = reaches(lambda: rpc.call("health")["verdict"] == "down")
-        check("vcan9 missing: health is down", down)
+        rests = reaches(lambda: rpc.call("health")["verdict"] == "degraded")
+        check("vcan9 missing: health is degraded while nobody needs it", rests)
         check("and says why", "No such device" in reasons(rpc), reasons(rpc))
         answer = rpc.call("motor.enable")
         refused = (answer.get("error") or {}).get("data", {}).get("reason")
         check("enable is refused", refused is not None, answer.get("error"))
+        down = reaches(lambda: rpc.call("health")["verdict"] == "down")
+        check("then health is down", down)
         descriptors = Path(f"/proc/{rpc.call('hello')['pid']}/fd")
         count, began_s = len(list(descriptors.iterdir())), rpc.call("health")["uptime_s"]
         reaches(lambda: bool(rpc.call("health")["uptime_s"] >= began_s + TWO_ATTEMPTS_S))
