@@ -3,7 +3,7 @@
 import { showDump } from "./dump.js";
 import { Panel } from "./panel.js";
 import { Secret } from "./proof.js";
-import { Stop } from "./stop.js";
+import { onPress, Stop } from "./stop.js";
 import * as theme from "./theme.js";
 
 const QUIET = /^((NO|WEAK) MOTOR|CONTROL LOST|PUSHED OPEN|FORCE LOWERED)/;
@@ -19,7 +19,7 @@ function withoutStop(then) {
 }
 
 function onStop(act) {
-  $("stop").onclick = act;
+  onPress($("stop"), act);
   addEventListener(
     "keydown",
     (event) => {

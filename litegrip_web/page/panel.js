@@ -5,7 +5,7 @@ import { Events } from "./events.js";
 import { capital, figure, inPageWords, isNumber, owner, time } from "./format.js";
 import { Jaws } from "./jaws.js";
 import { Plots } from "./plots.js";
-import { Stop } from "./stop.js";
+import { onPress, Stop } from "./stop.js";
 import { suspend, sweep, toast, untoast } from "./toasts.js";
 import { FOLLOWED, Wire } from "./wire.js";
 import { World } from "./world.js";
@@ -162,7 +162,7 @@ export class Panel extends EventTarget {
     this.jaws = new Jaws(this.#nodes.jaws, this.world);
     this.control = new Control(this);
     const stop = new Stop([this], this.#nodes.outcome);
-    this.#nodes.stop.onclick = () => stop.press();
+    onPress(this.#nodes.stop, () => stop.press());
     said.onclick = () => this.#showWhole(said.ariaExpanded === "false");
     const { wire } = this;
     wire.addEventListener("up", ({ detail }) => this.#begin(detail));

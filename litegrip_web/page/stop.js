@@ -7,6 +7,19 @@ const CUT = "Cut the motor's power.";
 const CUT_ALL = "Cut their power.";
 const STOPPED = "Stopped. Nothing moves until it is cleared.";
 
+/* Have a button act as soon as it is pressed, by any finger: a click comes only of one that is alone, and is let go where
+   it was pressed. The click of the same press does nothing more; one that no pointer has made, of a key say, acts. */
+export function onPress(button, act) {
+  let pressing = null;
+  button.onpointerdown = ({ pointerId }) => {
+    pressing = pointerId;
+    act();
+  };
+  button.onclick = ({ pointerId }) => {
+    if (pointerId === undefined || pointerId !== pressing) act();
+  };
+}
+
 export class Stop {
   /* `panels` are stopped together; what came of it is shown in `place`. */
   #panels;
