@@ -149,6 +149,11 @@ export class Control {
     return this.#recording === "on";
   }
 
+  /* Whether the daemon has a recording of this page that is not kept yet. */
+  get hasRecording() {
+    return ["on", "ended"].includes(this.#recording);
+  }
+
   /* A connection to the daemon has begun; `ranges` are those of its configuration. */
   begin(operate, ranges) {
     this.#operates = operate;
@@ -447,6 +452,7 @@ export class Control {
     if (begun === null) return this.#showRecording(null);
     this.#job = begun.job;
     this.#showRecording("on");
+    this.#panel.regain("recording");
     this.#panel.tell("Recording: move the jaws by hand, then end and keep it.");
   }
 

@@ -28,6 +28,7 @@ const JOBS = { record: "teaching: jaws slack", play: "replaying" };
 const GONE = {
   held: "what was held was let go",
   stop: "the stop is gone",
+  recording: "the recording is lost",
   control: "you no longer have control",
 };
 const MISSED = "NOT STOPPED: press STOP again. It did not get through.";
@@ -385,7 +386,15 @@ export class Panel extends EventTarget {
   #note(lacks) {
     const { monotonic_s: atS, stop } = this.state;
     const held = atS - this.#heldS < JUST_S; // a daemon that ends disables the motor first
-    this.#before = { lacks, held, stop: stop !== null, control: this.control.has || this.#before?.control === true };
+    const { has: control, hasRecording: recording } = this.control;
+    const before = this.#before ?? { control: false, recording: false };
+    this.#before = {
+      lacks,
+      held,
+      stop: stop !== null,
+      recording: recording || before.recording,
+      control: control || before.control,
+    };
     return this.#before;
   }
 
@@ -536,8 +545,10 @@ export class Panel extends EventTarget {
     const isGone = {
       held: isNew && before.held && !isGrasped,
       stop: isNew && before.stop && stop === null,
+      recording: isNew && before.recording,
       control: before.control,
     };
+    if (isGone.recording) this.forgive("teach"); // nothing is left of it to keep
     for (const part of Object.keys(GONE)) if (isGone[part]) this.#gone.set(part, why);
     if (isGone.held) this.#lose({ kind: "released_by_fault", monotonic_s: atS, message: `${why}: ${GONE.held}` });
     this.#tellGone();

@@ -164,6 +164,9 @@ class Ending:
         """
         may_be_energised = self._machine.may_be_energised
         phase = self._machine.motor.view().phase.value
+        capture = self._machine.controller.capture
+        if capture is not None and capture.samples and not capture.is_taken:
+            _log.warning("a recording of %d samples is lost: nobody has kept it", capture.samples)
         if may_be_energised is None:
             _log.warning("ended; it is not known whether the motor is off (%s)", phase)
         elif may_be_energised:

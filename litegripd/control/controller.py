@@ -102,6 +102,8 @@ class Recording(Protocol):
     """A recording of the jaws' motion, as far as the controller needs it."""
 
     is_over: bool
+    is_taken: bool  # to where it is kept
+    samples: int
 
     @property
     def would_be_lost(self) -> bool:

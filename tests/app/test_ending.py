@@ -134,3 +134,18 @@ def test_a_motor_that_is_being_disabled_is_not_told_to_be_off_before_it_says_so(
     world.lose_to_motor = lambda _frame: False
     world.run_until(lambda: world.machine.is_disabled, 1.0)
     assert world.state.enabled is False
+
+
+@pytest.mark.parametrize("is_kept", [False, True])
+def test_a_recording_that_nobody_has_kept_is_said_to_be_lost(
+    caplog: pytest.LogCaptureFixture, is_kept: bool
+) -> None:
+    world = World()
+    client = world.enabled()
+    client.result("trajectory.record_start")
+    world.run(0.1)
+    if is_kept:
+        client.result("trajectory.record_stop", name="kept")
+    assert ended(world, caplog)[0]
+    is_said = "is lost: nobody has kept it" in caplog.text
+    assert is_said is not is_kept

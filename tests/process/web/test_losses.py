@@ -474,6 +474,45 @@ def test_what_a_daemon_has_taken_with_it_is_said_until_it_is_read_or_the_next_mo
         expect(alarm(tab)).to_be_hidden()
 
 
+@pytest.mark.parametrize("is_over", [False, True])
+def test_a_recording_that_a_daemon_took_with_it_is_said_and_offered_no_more(
+    window: BrowserContext, tmp_path: Path, is_over: bool
+) -> None:
+    arguments = (*written(tmp_path), "--socket", str(tmp_path / "rpc.sock"))
+
+    def run(stack: contextlib.ExitStack) -> tuple[DaemonProcess, Client]:
+        running = DaemonProcess(tmp_path, f"taught-{os.getpid()}", *arguments)
+        stack.callback(running.kill)
+        client = stack.enter_context(running.connect())
+        client.until(lambda state: bool(state["motor"] == "disabled" and state["calibrated"]))
+        return running, client
+
+    with contextlib.ExitStack() as stack:
+        daemon, client = run(stack)
+        shown = stack.enter_context(page("--socket", str(daemon.socket_path), "--operate"))
+        tab = opened(window, shown)
+        enable(tab, client)
+        button(tab, "Teach").click()
+        client.until(lambda _state: client.result("trajectory.status")["samples"] > 20)
+        if is_over:
+            client.result("stop", level="hold")
+            expect(toasts(tab)).to_contain_text([re.compile("The recording was broken off")])
+        daemon.end()
+        assert re.search(r"a recording of \d+ samples is lost: nobody", daemon.log)
+        _, client = run(stack)
+        what = "the stop is gone, the recording is lost" if is_over else "the recording is lost"
+        told = f"The daemon was restarted: {what}, you no longer have control."
+        expect(toasts(tab)).to_contain_text([told])
+        expect(toasts(tab)).to_have_count(1)
+        take_control(tab)
+        expect(toasts(tab)).to_contain_text([f"{what}."])
+        button(tab, "Enable").click()
+        client.until(lambda state: bool(state["enabled"]))
+        button(tab, "Teach").click()
+        expect(button(tab, "End and keep")).to_be_visible()
+        expect(toasts(tab).filter(has_text="the recording is lost")).to_have_count(0)
+
+
 def test_control_that_ended_with_litegripd_web_is_said_to_be_gone(
     window: BrowserContext, client: Client, place: Path, tmp_path: Path
 ) -> None:
