@@ -85,7 +85,9 @@ def slip_off_then_space(tab: Tab, x: float, y: float) -> None:
     tab.keyboard.press("Space")
 
 
-PRESSES = {
+Press = Callable[[Tab, float, float], None]
+
+PRESSES: dict[Press, int] = {
     press_and_hold: 1,
     touch_beside_another_finger: 1,
     smear: 1,
@@ -102,7 +104,7 @@ def test_stop_acts_when_it_is_pressed(
     window: BrowserContext,
     operating: Page,
     client: Client,
-    press: Callable[[Tab, float, float], None],
+    press: Press,
 ) -> None:
     tab = opened(window, operating)
     take_control(tab)
