@@ -83,7 +83,10 @@ class DaemonSession:
 
     `enabled_here` is true from this session's enabling on until its disabling; only then does its
     end do anything to the motor. `keeps_lease` is true if it wants the lease until its end,
-    `leased` that it has it, as far as it knows. `voice` puts the daemon's texts into the words of
+    `leased` that it has it, as far as it knows. Both outlive a loss of the lease, however it is got
+    again, and whoever has enabled meanwhile: else the motor would stay enabled at the end, or after
+    a crash, of who has said that it is disabled then. `handed_over` is true while a newer object
+    answers for both in its place. `voice` puts the daemon's texts into the words of
     the program, None into those of Python. `cancels` counts the calls of `cancel_own`.
     """
 
@@ -120,8 +123,9 @@ class DaemonSession:
         self.disable_on_disconnect = flag("disable_on_disconnect", disable_on_disconnect)
         self.enabled_here = False
         self.keeps_lease = False
+        self.handed_over = False
         self._leases = 0
-        self._grant: int | None = None
+        self._on_lost: str | None = None
         self._wire: Wire | None = None
         self._connect_first: Callable[[], Awaitable[object]] | None = None
         self.cancels = 0
@@ -173,7 +177,7 @@ class DaemonSession:
     @property
     def leased(self) -> bool:
         """True if anybody who uses this session still wants the lease."""
-        return self.keeps_lease or self._leases > 0
+        return (self.keeps_lease and not self.handed_over) or self._leases > 0
 
     @property
     def wire(self) -> Wire:
@@ -218,8 +222,8 @@ class DaemonSession:
             return
         self._wire = wire
         self._connect_first = None
-        self.enabled_here = self.keeps_lease = False
-        self._leases, self._grant = 0, None
+        self.enabled_here = self.keeps_lease = self.handed_over = False
+        self._leases, self._on_lost = 0, None
         if old is not None:
             await old.close()
 
@@ -264,7 +268,7 @@ class DaemonSession:
         wire, self._wire = self._wire, None
         if wire is None:
             return
-        enabled_here, leased = self.enabled_here, self.leased
+        enabled_here, leased = self.enabled_here and not self.handed_over, self.leased
         self.enabled_here = self.keeps_lease = False
         self._leases = 0
         try:
@@ -287,10 +291,10 @@ class DaemonSession:
         """Get the lease, or change its options; the purpose is the program by default.
 
         What is not given stays as it was, as what `enable` has said the jaws do when it is lost.
-        Only this gets a lost lease again. Until then the daemon refuses all that moves.
+        Only this, or `take`, gets a lost lease again. Until then the daemon refuses all that moves.
         """
         numbers = given_numbers(ttl_s=ttl_s, wait_s=wait_s or None)
-        params: dict[str, Any] = {} if on_lost is None else {"on_lost": on_lost}
+        params = self._kept_options() if on_lost is None else {"on_lost": on_lost}
         params |= numbers
         if purpose is not None or not self.leased:
             params["purpose"] = purpose or _program()
@@ -323,7 +327,7 @@ class DaemonSession:
             why = "a newer object of the same program enables the motor"
             params = {"why": why, "purpose": _program(), "on_lost": on_lost}
             await self._get("lease.take", params, 0.0)
-            older.enabled_here = older.keeps_lease = False
+            older.handed_over = True
 
     @property
     def is_in_block(self) -> bool:
@@ -346,14 +350,14 @@ class DaemonSession:
         except BaseException:
             wire.connection.abandon(call, self._unwanted)
             raise
-        self._note_grant(granted.get("number"))
+        self.handed_over = False
+        self._on_lost = params.get("on_lost", self._on_lost)
         return granted
 
-    def _note_grant(self, number: int | None) -> None:
-        """Note a new lease: what was enabled under a lost one is no longer this session's."""
-        if self._grant not in (None, number):
-            self.enabled_here = self.keeps_lease = False
-        self._grant = number
+    def _kept_options(self) -> dict[str, Any]:
+        """Return what the jaws do at a loss, as it was said: a lease that was lost forgets it."""
+        is_said = self.keeps_lease and self._on_lost is not None
+        return {"on_lost": self._on_lost} if is_said else {}
 
     def _unwanted(self, granted: dict[str, Any]) -> tuple[str, dict[str, Any]] | None:
         """Return the request that gives back a lease, None if somebody still wants it."""
@@ -374,11 +378,13 @@ class DaemonSession:
     async def let_go(self) -> None:
         """Give the lease back, unless somebody here wants it; the jaws stay as they are."""
         if not self.leased and self.is_open:
+            self._on_lost = None
             await _release(self.wire)
 
     async def take(self, why: str, jaws: str) -> None:
         """Take the lease from its present owner, and keep it."""
         params = {"why": why, "purpose": _program()} | ({} if jaws == "hold" else {"jaws": jaws})
+        params |= self._kept_options()
         await self._get("lease.take", params, 0.0)
         self.keeps_lease = True
 

@@ -47,7 +47,6 @@ def test_one_that_was_lost_is_taken_again_by_acquire(
 ) -> None:
     lease = gripper.lease("a driver")
     lease.acquire()
-    assert gripper.enable()
     with kind.gripper() as other:
         other.take_lease("maintenance")
         with pytest.raises(LeaseError) as caught:
@@ -58,6 +57,21 @@ def test_one_that_was_lost_is_taken_again_by_acquire(
     lease.acquire()
     assert owner(daemon) == "a driver"
     lease.release()
+    assert owner(daemon) is None
+
+
+def test_what_enable_keeps_is_kept_also_after_a_loss(
+    daemon: Heard, gripper: LiteGrip, kind: Kind
+) -> None:
+    lease = gripper.lease("a driver")
+    lease.acquire()
+    assert gripper.enable()
+    with kind.gripper() as other:
+        other.take_lease("maintenance")
+    lease.acquire()
+    lease.release()
+    assert owner(daemon) == "a driver"
+    gripper.disconnect()
     assert owner(daemon) is None
 
 
