@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from litegrip_client.threads.blocking import complete
+from litegrip_client.values.fields import Hinting
 from litegrip_client.values.tracebacks import shortened
 
 TYPE_CHECKING = False
@@ -115,7 +116,7 @@ class ManualCalibration:
 
 
 @shortened
-class SetpointStream:
+class SetpointStream(Hinting):
     """A stream of targets for the jaws: `with gripper.stream() as stream:`.
 
     The latest target wins, of whichever stream of the program. When none comes for `valid_s`, and

@@ -322,6 +322,19 @@ def test_a_disable_that_is_not_confirmed_is_false_and_done_again(
     assert daemon.methods().count("motor.disable") == 2
 
 
+def test_enable_sends_only_the_tunables_that_are_its_own(daemon: Heard, gripper: LiteGrip) -> None:
+    gripper.motion_config.force_n = 99.0
+    gripper.motion_config.enable_retries = 5
+    daemon.client().result("stop")
+    with pytest.raises(StoppedError):
+        gripper.enable()
+    gripper.clear_stop()
+    assert gripper.enable()
+    assert daemon.asked("motor.enable")[-1] == {"config": {"enable_retries": 5}}
+    with pytest.raises(CommandError, match="force_n is 99"):
+        gripper.open()
+
+
 @pytest.mark.parametrize("how", ["refused", "not ok"])
 def test_an_enable_that_failed_makes_nothing_to_disable(
     daemon: Heard, kind: Kind, how: str
