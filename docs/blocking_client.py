@@ -21,6 +21,7 @@ HEAD = '''"""The client for threads: made by docs/generate.py from its core, not
 from __future__ import annotations
 
 from litegrip_client.threads.blocking import complete
+from litegrip_client.values.fields import Hinting
 from litegrip_client.values.tracebacks import shortened
 
 TYPE_CHECKING = False
@@ -75,7 +76,9 @@ def blocking_client() -> str:
 def _class(made: Made, node: ast.ClassDef) -> str:
     core = f"core_{made.module}.{made.source}"
     head = "@shortened\n" if made in BLOCKS else ""
-    parts = [f"{head}class {made.name}{f'({made.base})' if made.base else ''}:\n{_docstring(node)}"]
+    hinting = [name for one in node.bases if (name := ast.unparse(one)) == "Hinting"]
+    base = made.base or "".join(hinting)
+    parts = [f"{head}class {made.name}{f'({base})' if base else ''}:\n{_docstring(node)}"]
     if made.base is None:
         parts.append(f"    def __init__(self, core: {core}) -> None:\n        self._core = core")
     else:

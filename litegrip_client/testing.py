@@ -30,6 +30,7 @@ from typing import Any
 
 from litegrip_client.line.connection import Connection
 from litegrip_client.threads.gripper import LiteGrip
+from litegrip_client.values.checks import number
 from litegrip_client.values.errors import ConnectError
 from litegrip_client.values.tracebacks import shortened
 
@@ -134,6 +135,7 @@ def simulated(
     `ConnectError` when the program `litegripd` is missing, or when the daemon does not serve
     clients `within_s`; its log is then in the message.
     """
+    width_mm = None if object_mm is None else number("object_mm", object_mm)
     program = shutil.which("litegripd", path=str(Path(sys.executable).parent)) or shutil.which(
         "litegripd"
     )
@@ -143,7 +145,7 @@ def simulated(
     with tempfile.TemporaryDirectory(prefix="litegripd-") as folder:
         channel, path = f"sim{os.getpid()}-{next(_numbers)}", Path(folder) / "rpc.sock"
         config, log = Path(folder) / "config.toml", Path(folder) / "log"
-        given = {"object_mm": object_mm, "mechanics": mechanics}
+        given = {"object_mm": width_mm, "mechanics": mechanics}
         config.write_text(
             _CONFIG.format(
                 watchdog_s=_WATCHDOG_S,

@@ -234,7 +234,11 @@ class Connection(Exchange):
             self._stream.send(line)
             while True:
                 await self.wait_until(
-                    lambda: bool(call.inbox), limit_s, call.method, since_s, watch
+                    lambda: bool(call.inbox),
+                    limit_s,
+                    lambda: self.asked_by(call.method),
+                    since_s,
+                    watch,
                 )
                 is_report = "method" in call.inbox[0]
                 result = self._take(call)
@@ -292,7 +296,7 @@ class Connection(Exchange):
 
     async def wait_for(self, feed: Feed[Any], timeout_s: float) -> None:
         """Wait until a feed has something in its inbox."""
-        await self.wait_until(lambda: bool(feed.inbox), timeout_s, f"with a {feed.what}")
+        await self.wait_until(lambda: bool(feed.inbox), timeout_s, lambda: f"with a {feed.what}")
 
     async def unsubscribe(self, feed: Feed[Any]) -> None:
         """End a subscription; there is nothing to do when the connection has ended.
@@ -373,7 +377,7 @@ class Connection(Exchange):
         self,
         came: Callable[[], bool],
         timeout_s: float,
-        what: str,
+        what: Callable[[], str],
         since_s: float | None = None,
         watch: Watch | None = None,
     ) -> None:
@@ -395,7 +399,7 @@ class Connection(Exchange):
                 break
             if watch is None or wait_s == remaining_s:
                 self.note_silence()
-                raise no_answer(f"the daemon did not answer {what}", timeout_s)
+                raise no_answer(f"the daemon did not answer {what()}", timeout_s)
             watch.look()
         if not came():
             self._router.check(is_asked_late=is_late)
@@ -542,7 +546,9 @@ class Latest(BaseLatest, _BegunLate[NewestFeed]):
         self._check()
         await self._begin()
         await self._connection.wait_until(
-            lambda: feed.is_over or feed.count > before, limit_s, f"with a {feed.what}"
+            lambda: feed.is_over or feed.count > before,
+            limit_s,
+            lambda: f"with a {feed.what}",
         )
         return self.state
 

@@ -6,9 +6,22 @@ generated from this file: its docstrings are written for both.
 
 from __future__ import annotations
 
-from litegrip_client.core.motion import Motion, SetpointStream, check_no_feedforward, frame_target
+from litegrip_client.core.motion import (
+    STREAM_RANGES,
+    Motion,
+    SetpointStream,
+    check_no_feedforward,
+    frame_target,
+)
 from litegrip_client.core.session import ACTION_TIMEOUT_S, DaemonSession, naming_the_danger
-from litegrip_client.values.checks import check_callback, flag, given_numbers, integer, number
+from litegrip_client.values.checks import (
+    check_callback,
+    flag,
+    given_numbers,
+    in_range,
+    integer,
+    number,
+)
 from litegrip_client.values.errors import CommandError, LiteGripError, ParameterError
 from litegrip_client.values.motion_config import MotionConfig
 from litegrip_client.values.results import (
@@ -121,7 +134,8 @@ class GripperActions:
         session = self._session
         wire = session.wire
         params = {} if retries is None else {"retries": integer("retries", retries)}
-        call = wire.connection.prepare_guarded("motor.enable", self._tuned(params))
+        params = self._tuned(params, only="enable_")
+        call = wire.connection.prepare_guarded("motor.enable", params)
         await session.acquire_to_enable("disable" if session.disable_on_disconnect else "hold")
         if self._mount_due is not None:
             await self._load_mount(wire)
@@ -399,7 +413,12 @@ class GripperActions:
         "speed". They reach a target when the next one is due. `torque_nm`, 0.1 to 3 N·m, is what
         they press with at most on what stands in their way (1 by default).
         """
-        limits = self._limits() | given_numbers(speed_mm_s=speed_mm_s, torque_nm=torque_nm)
+        given = {"speed_mm_s": speed_mm_s, "torque_nm": torque_nm}
+        limits = self._limits() | {
+            name: in_range(name, value, *STREAM_RANGES[name])
+            for name, value in given.items()
+            if value is not None
+        }
         tuned = "speed_mm_s" if speed_mm_s is None and "speed_mm_s" in limits else None
         return SetpointStream(self._session, valid_s, limits, self._end_frames, tuned=tuned)
 
@@ -972,9 +991,13 @@ class GripperActions:
         """Add the tunables that were set to the parameters of a motion, and its limits."""
         return self._calibrated(self._tuned(params))
 
-    def _tuned(self, params: dict[str, Any]) -> dict[str, Any]:
-        """Add the tunables that were set to the parameters of a call."""
-        config = self._motion_config.to_wire()
+    def _tuned(self, params: dict[str, Any], only: str = "") -> dict[str, Any]:
+        """Add the tunables that were set to the parameters of a call; `only` those that begin so.
+
+        Others could only have it refused.
+        """
+        set_here = self._motion_config.to_wire()
+        config = {name: value for name, value in set_here.items() if name.startswith(only)}
         return {**params, "config": config} if config else params
 
     def _calibrated(self, params: dict[str, Any]) -> dict[str, Any]:

@@ -133,7 +133,8 @@ class Gripper(GripperActions):
         or after, which is "disable" with `disable_on_disconnect`; without it "hold"). In a
         take-over, the new owner decides.
         Raises `LeaseError`, which names the owner. After a loss, `disable` and every motion raise
-        `LeaseError` (`lease_lost`) until `lease` or `enable` takes the lease again.
+        `LeaseError` (`lease_lost`) until `lease` or `enable` takes the lease again. The end of who
+        had enabled before then disables the motor again, whoever has enabled it meanwhile.
         """
         options = {"purpose": purpose, "ttl_s": ttl_s, "wait_s": wait_s, "on_lost": on_lost}
         return Lease(self._session, options)

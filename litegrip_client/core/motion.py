@@ -14,7 +14,7 @@ from collections.abc import Awaitable, Callable, Mapping
 
 from litegrip_client.core.session import AsyncBlock, DaemonSession, own_jobs
 from litegrip_client.line.exchange import FOREVER_S, LEFT_ALONE, Call, Progress, not_answered
-from litegrip_client.values.checks import given_numbers, number
+from litegrip_client.values.checks import given_numbers, in_range, number
 from litegrip_client.values.errors import (
     CancelledError,
     CommandError,
@@ -22,6 +22,7 @@ from litegrip_client.values.errors import (
     LiteGripError,
     ParameterError,
 )
+from litegrip_client.values.fields import Hinting
 from litegrip_client.values.tracebacks import shortened
 from litegrip_client.values.warn import leave, warn
 
@@ -147,15 +148,19 @@ class Motion:
         return None
 
 
-_VALID_S = (0.02, 2.0)
-"""How long a target may count, as the protocol has it."""
+STREAM_RANGES = {
+    "valid_s": (0.02, 2.0, "s"),
+    "speed_mm_s": (0.1, 150.0, "mm/s"),
+    "torque_nm": (0.1, 3.0, "N·m"),
+}
+"""What the protocol allows, for each gripper."""
 
 _EXPIRED = "set_point_expired"
 """A target that came too late, on a busy machine say: the next one takes its place."""
 
 
 @shortened
-class SetpointStream(AsyncBlock):
+class SetpointStream(AsyncBlock, Hinting):
     """A stream of targets for the jaws: `async with gripper.stream() as stream:`.
 
     The latest target wins, of whichever stream of the program. When none comes for `valid_s`, and
@@ -186,14 +191,7 @@ class SetpointStream(AsyncBlock):
         `tuned` is the limit that comes from `motion_config`, if one does.
         """
         self._session = session
-        self._valid_s = number("valid_s", valid_s)
-        least_s, most_s = _VALID_S
-        if not least_s <= self._valid_s <= most_s:
-            raise ParameterError(
-                f"valid_s is {self._valid_s:g}, it must be {least_s:g} to {most_s:g} s",
-                reason="invalid_params",
-                data={"parameter": "valid_s", "limit": list(_VALID_S)},
-            )
+        self._valid_s = in_range("valid_s", valid_s, *STREAM_RANGES["valid_s"])
         self._limits = limits
         self._before = before
         self._is_told_at_end = is_told_at_end

@@ -12,8 +12,17 @@ from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
 from weakref import WeakSet
 
 from litegrip_client.core.discovery import chosen_channel
+from litegrip_client.core.sockets import STOP_LEVELS
 from litegrip_client.line.exchange import LEFT_ALONE, SEE_DOCTOR, or_closed
-from litegrip_client.values.checks import check_callback, flag, given_numbers, integer, path
+from litegrip_client.values.checks import (
+    check_callback,
+    flag,
+    given_numbers,
+    in_range,
+    integer,
+    path,
+    wrong,
+)
 from litegrip_client.values.errors import (
     CommandError,
     CommError,
@@ -83,7 +92,10 @@ class DaemonSession:
 
     `enabled_here` is true from this session's enabling on until its disabling; only then does its
     end do anything to the motor. `keeps_lease` is true if it wants the lease until its end,
-    `leased` that it has it, as far as it knows. `voice` puts the daemon's texts into the words of
+    `leased` that it has it, as far as it knows. Both outlive a loss of the lease, however it is got
+    again, and whoever has enabled meanwhile: else the motor would stay enabled at the end, or after
+    a crash, of who has said that it is disabled then. `handed_over` is true while a newer object
+    answers for both in its place. `voice` puts the daemon's texts into the words of
     the program, None into those of Python. `cancels` counts the calls of `cancel_own`.
     """
 
@@ -118,10 +130,10 @@ class DaemonSession:
         self.can_id = None if can_id is None else integer("can_id", can_id)
         self.socket_path = None if socket_path is None else path("socket_path", socket_path)
         self.disable_on_disconnect = flag("disable_on_disconnect", disable_on_disconnect)
-        self.enabled_here = False
         self.keeps_lease = False
+        self.handed_over = False
         self._leases = 0
-        self._grant: int | None = None
+        self._on_lost: str | None = None
         self._wire: Wire | None = None
         self._connect_first: Callable[[], Awaitable[object]] | None = None
         self.cancels = 0
@@ -171,9 +183,19 @@ class DaemonSession:
         return self._wire is not None and not self._wire.connection.closed
 
     @property
+    def enabled_here(self) -> bool:
+        """True from the enabling by this connection on until its disabling."""
+        return self._wire is not None and self._wire.connection.has_enabled
+
+    @enabled_here.setter
+    def enabled_here(self, value: bool) -> None:
+        if self._wire is not None:  # else another thread has disconnected meanwhile
+            self._wire.connection.has_enabled = value
+
+    @property
     def leased(self) -> bool:
         """True if anybody who uses this session still wants the lease."""
-        return self.keeps_lease or self._leases > 0
+        return (self.keeps_lease and not self.handed_over) or self._leases > 0
 
     @property
     def wire(self) -> Wire:
@@ -218,8 +240,8 @@ class DaemonSession:
             return
         self._wire = wire
         self._connect_first = None
-        self.enabled_here = self.keeps_lease = False
-        self._leases, self._grant = 0, None
+        self.keeps_lease = self.handed_over = False
+        self._leases, self._on_lost = 0, None
         if old is not None:
             await old.close()
 
@@ -264,8 +286,8 @@ class DaemonSession:
         wire, self._wire = self._wire, None
         if wire is None:
             return
-        enabled_here, leased = self.enabled_here, self.leased
-        self.enabled_here = self.keeps_lease = False
+        enabled_here, leased = wire.connection.has_enabled and not self.handed_over, self.leased
+        wire.connection.has_enabled = self.keeps_lease = False
         self._leases = 0
         try:
             if enabled_here and wire.connection.is_own and self.disable_on_disconnect:
@@ -287,10 +309,10 @@ class DaemonSession:
         """Get the lease, or change its options; the purpose is the program by default.
 
         What is not given stays as it was, as what `enable` has said the jaws do when it is lost.
-        Only this gets a lost lease again. Until then the daemon refuses all that moves.
+        Only this, or `take`, gets a lost lease again. Until then the daemon refuses all that moves.
         """
         numbers = given_numbers(ttl_s=ttl_s, wait_s=wait_s or None)
-        params: dict[str, Any] = {} if on_lost is None else {"on_lost": on_lost}
+        params = self._kept_options() if on_lost is None else {"on_lost": on_lost}
         params |= numbers
         if purpose is not None or not self.leased:
             params["purpose"] = purpose or _program()
@@ -323,7 +345,7 @@ class DaemonSession:
             why = "a newer object of the same program enables the motor"
             params = {"why": why, "purpose": _program(), "on_lost": on_lost}
             await self._get("lease.take", params, 0.0)
-            older.enabled_here = older.keeps_lease = False
+            older.handed_over = True
 
     @property
     def is_in_block(self) -> bool:
@@ -346,14 +368,13 @@ class DaemonSession:
         except BaseException:
             wire.connection.abandon(call, self._unwanted)
             raise
-        self._note_grant(granted.get("number"))
+        self.handed_over = False
+        self._on_lost = params.get("on_lost", self._on_lost)
         return granted
 
-    def _note_grant(self, number: int | None) -> None:
-        """Note a new lease: what was enabled under a lost one is no longer this session's."""
-        if self._grant not in (None, number):
-            self.enabled_here = self.keeps_lease = False
-        self._grant = number
+    def _kept_options(self) -> dict[str, Any]:
+        """Return what the jaws do at a loss, as it was said: a lease that was lost forgets it."""
+        return {} if self._on_lost is None else {"on_lost": self._on_lost}
 
     def _unwanted(self, granted: dict[str, Any]) -> tuple[str, dict[str, Any]] | None:
         """Return the request that gives back a lease, None if somebody still wants it."""
@@ -374,11 +395,13 @@ class DaemonSession:
     async def let_go(self) -> None:
         """Give the lease back, unless somebody here wants it; the jaws stay as they are."""
         if not self.leased and self.is_open:
+            self._on_lost = None
             await _release(self.wire)
 
     async def take(self, why: str, jaws: str) -> None:
         """Take the lease from its present owner, and keep it."""
         params = {"why": why, "purpose": _program()} | ({} if jaws == "hold" else {"jaws": jaws})
+        params |= self._kept_options()
         await self._get("lease.take", params, 0.0)
         self.keeps_lease = True
 
@@ -394,6 +417,10 @@ class AsyncBlock:
         __exit__ = __enter__
 
 
+LEASE_RANGES = {"ttl_s": (0.1, 86_400.0), "wait_s": (0.0, 86_400.0)}
+"""What the protocol allows, in seconds."""
+
+
 @shortened
 class Lease(AsyncBlock):
     """The lease of one gripper, for `async with`: taken at the start, returned at the end.
@@ -404,8 +431,16 @@ class Lease(AsyncBlock):
     """
 
     def __init__(self, session: DaemonSession, options: dict[str, Any]) -> None:
-        """Raise `CommandError` for a time that is no number."""
-        given_numbers(ttl_s=options["ttl_s"], wait_s=options["wait_s"])
+        """Raise `CommandError` for what no lease can have."""
+        for name, (least_s, most_s) in LEASE_RANGES.items():
+            if options[name] is not None:
+                in_range(name, options[name], least_s, most_s, "s")
+        purpose, on_lost = options["purpose"], options["on_lost"]
+        if not isinstance(purpose, str | None):
+            raise wrong("purpose", f"is {purpose!r:.60}, it must be text")
+        if on_lost is not None and on_lost not in STOP_LEVELS:
+            levels = " or ".join(map(repr, STOP_LEVELS))
+            raise wrong("on_lost", f"is {on_lost!r:.60}, it must be {levels}")
         self._token: str | None = None
         self._session = session
         self._options = options
@@ -496,7 +531,7 @@ async def _disable(wire: Wire, channel: str) -> None:
             why = "the daemon does not answer"
             error.is_told = is_told
         elif error.reason == "connection_lost":
-            why = f"{why}: {LEFT_ALONE}"
+            cannot, why = f"{channel}: the motor could not be disabled", f"{why}: {LEFT_ALONE}"
         error.message = f"{cannot}: {why}"
         raise
     if not done:

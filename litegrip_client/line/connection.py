@@ -23,7 +23,7 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from weakref import ref
 
 from litegrip_client.line.exchange import (
@@ -317,7 +317,7 @@ class Multiplexer:
         self,
         inbox: deque[Any],
         timeout_s: float,
-        what: str,
+        what: Callable[[], str],
         since_s: float,
         watch: Watch | None = None,
     ) -> None:
@@ -331,7 +331,7 @@ class Multiplexer:
                 self._router.check()
                 if (remaining_s := since_s + timeout_s - time.monotonic()) <= 0.0:
                     self._router.is_silent = True
-                    raise no_answer(f"the daemon did not answer {what}", timeout_s)
+                    raise no_answer(f"the daemon did not answer {what()}", timeout_s)
                 if watch is not None:
                     watch.look()
                 if self._may_lead(me):
@@ -464,7 +464,9 @@ class Connection(Exchange):
             if answer is not None:
                 return self._result(answer, call.method)
             while True:
-                multiplexer.wait(call.inbox, limit_s, call.method, since_s, watch)
+                multiplexer.wait(
+                    call.inbox, limit_s, lambda: self.asked_by(call.method), since_s, watch
+                )
                 is_report = "method" in call.inbox[0]
                 result = self._take(call)
                 if result is not None:
@@ -544,8 +546,9 @@ class Connection(Exchange):
         self._multiplexer.check_usable()
         if feed.is_newest_wanted:
             self._multiplexer.drain()
-        what = f"with a {feed.what}"
-        self._multiplexer.wait(feed.inbox, timeout_s, what, time.monotonic())
+        self._multiplexer.wait(
+            feed.inbox, timeout_s, lambda: f"with a {feed.what}", time.monotonic()
+        )
 
     def listen(self, notification: str, listener: Listener) -> None:
         """Hand notifications that belong to no subscription to a listener, held weakly."""

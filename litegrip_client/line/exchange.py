@@ -305,7 +305,10 @@ def not_answered(quiet_s: float) -> str:
     )
 
 
-LEFT_ALONE = "if it is gone, the motor soon lets go by itself, and what was held falls"
+LEFT_ALONE = (
+    "if it is gone, the motor should soon let go by itself, and what was held falls; if it does"
+    " not, cut its power"
+)
 """What a connection's end means for a motor that may be enabled, see docs/motor-watchdog.md."""
 
 _QUIET_S, _ANSWERED_WITHIN_S = 1.9, 2.9
@@ -399,7 +402,9 @@ class Exchange:
     """The base of connections. `stop_generation` is the newest in any answer.
 
     It is None if that is not known, and so is `client`, the daemon's number for the connection;
-    and `stop_socket`, where it takes stops before everything else. `has_clock` is true if this
+    and `stop_socket`, where it takes stops before everything else. `has_enabled` is for its
+    user, from whose enabling to whose disabling it is true: then a lost lease is got again by
+    enabling, too, and errors name that. `has_clock` is true if this
     machine's CLOCK_MONOTONIC is the daemon's, which it is not behind a portal or a forwarded
     socket. `voice` puts the daemon's errors into the reader's words; None means those of Python.
     `daemon_version` is for them, too.
@@ -413,6 +418,7 @@ class Exchange:
         self.client: int | None = None
         self.stop_socket: str | None = None
         self.daemon_version: str | None = None
+        self.has_enabled = False
         self.has_clock = True
         self.voice: Voice | None = None
         self._is_accepted = False
@@ -522,6 +528,13 @@ class Exchange:
             if call.result is not None:
                 take_back(call.result)
 
+    def asked_by(self, method: str) -> str:
+        """Name the call that has asked a method, for who gets no answer."""
+        from litegrip_client.values.voices import in_python  # noqa: PLC0415 - an error
+
+        said = (self.voice or in_python)(method, None, None)
+        return said if said and ": " not in said else method  # else it is advice, and no name
+
     def _how_to_go_on(self, ended: LiteGripError) -> str | None:
         """Return how to go on after the end, None where the reader cannot, or never was here."""
         from litegrip_client.values.voices import connecting, in_python  # noqa: PLC0415 - an error
@@ -584,7 +597,12 @@ class Exchange:
         return result
 
     def _error(self, error_object: Any, method: str) -> LiteGripError:
+        from litegrip_client.values.voices import enabling_again, in_python  # noqa: PLC0415 - an error
+
         error = from_error_object(error_object, method, self.voice, self.daemon_version)
+        if error.reason == "lease_lost" and self.has_enabled:
+            voice = enabling_again(self.voice)
+            error = from_error_object(error_object, method, voice, self.daemon_version)
         if isinstance(error, StoppedError) or error.data.get("cause") == "stopped":
             # A caller that gets this error knows the stop: its next request is meant to come after,
             # and `sent_s` alone guards it until an answer has the new number.
@@ -593,6 +611,10 @@ class Exchange:
             owner = error.data.get("owner")
             if isinstance(owner, dict) and owner.get("pid") == os.getpid():
                 error.message += "; that is this very program"
+                enable = (self.voice or in_python)("motor.enable", None, None)
+                if error.reason == "lease_held" and enable is not None:
+                    rule = "takes it over between motions, unless a block of lease() has it"
+                    error.message += f": {enable} {rule}"
         if error.reason == "shutting_down" and (how := self._how_to_go_on(error)) is not None:
             error.data.setdefault("hint", how)
         return error

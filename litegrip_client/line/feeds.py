@@ -234,6 +234,14 @@ class StateFeed(Feed[_Item]):
         params: dict[str, Any] = {"hz": hz}
         self._fields = None if fields is None else names("fields", fields)
         if self._fields is not None:
+            for name in self._fields:
+                if name not in STATE_FIELDS and hasattr(GripperState, name):
+                    text = (
+                        f"fields has {name!r} in it, which only whole states have: leave fields out"
+                    )
+                    raise ParameterError(
+                        text, reason="invalid_params", data={"parameter": "fields"}
+                    )
             params["fields"] = self._fields
         self._adds_stamp = False
         if batch != 1:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from litegrip_client.threads.blocking import complete
+from litegrip_client.values.fields import Hinting
 from litegrip_client.values.tracebacks import shortened
 
 TYPE_CHECKING = False
@@ -115,7 +116,7 @@ class ManualCalibration:
 
 
 @shortened
-class SetpointStream:
+class SetpointStream(Hinting):
     """A stream of targets for the jaws: `with gripper.stream() as stream:`.
 
     The latest target wins, of whichever stream of the program. When none comes for `valid_s`, and
@@ -963,7 +964,8 @@ class BlockingGripper(GripperActions):
         or after, which is "disable" with `disable_on_disconnect`; without it "hold"). In a
         take-over, the new owner decides.
         Raises `LeaseError`, which names the owner. After a loss, `disable` and every motion raise
-        `LeaseError` (`lease_lost`) until `lease` or `enable` takes the lease again.
+        `LeaseError` (`lease_lost`) until `lease` or `enable` takes the lease again. The end of who
+        had enabled before then disables the motor again, whoever has enabled it meanwhile.
         """
         return Lease(self._core.lease(purpose, ttl_s=ttl_s, wait_s=wait_s, on_lost=on_lost))
 

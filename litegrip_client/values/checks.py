@@ -1,6 +1,7 @@
 """Checks of values before they are sent, and of what the daemon has sent.
 
-The daemon checks ranges. These checks reject only what no range can hold.
+The daemon checks ranges. These checks reject only what no range can hold, and, where a call only
+prepares requests, what is outside of the daemon's range for every gripper.
 """
 
 from __future__ import annotations
@@ -31,9 +32,9 @@ def number(name: str, value: Any) -> float:
         result = float(value)
     except (TypeError, ValueError, OverflowError):
         item = "; pass its element, x.item()" if _is_array_of_one(value) else ""
-        raise _wrong(name, f"is {value!r:.60}, it must be a number{item}") from None
+        raise wrong(name, f"is {value!r:.60}, it must be a number{item}") from None
     if not math.isfinite(result):
-        raise _wrong(name, f"is {result}, it must be a finite number")
+        raise wrong(name, f"is {result}, it must be a finite number")
     return result
 
 
@@ -49,13 +50,13 @@ def integer(name: str, value: Any) -> int:
             raise TypeError
         return operator.index(value)
     except TypeError:
-        raise _wrong(name, f"is {value!r:.60}, it must be a whole number") from None
+        raise wrong(name, f"is {value!r:.60}, it must be a whole number") from None
 
 
 def flag(name: str, value: Any) -> bool:
     """Return `value` as a bool; raises `CommandError` for what is neither: "no" would be true."""
     if value not in (False, True):
-        raise _wrong(name, f"is {value!r:.60}, it must be True or False")
+        raise wrong(name, f"is {value!r:.60}, it must be True or False")
     return bool(value)
 
 
@@ -66,7 +67,7 @@ def path(name: str, value: Any) -> str:
     except TypeError:
         result = None
     if not isinstance(result, str):
-        raise _wrong(name, f"is {value!r:.60}, it must be a path")
+        raise wrong(name, f"is {value!r:.60}, it must be a path")
     return result
 
 
@@ -78,10 +79,10 @@ def check_callback(name: str, value: Any, arguments: int, what: str) -> None:
     import inspect  # noqa: PLC0415 - callbacks are seldom given
 
     if not callable(value):
-        raise _wrong(name, f"is {value!r:.60}, it must be a function of {what}")
+        raise wrong(name, f"is {value!r:.60}, it must be a function of {what}")
     if any(map(inspect.iscoroutinefunction, (value, type(value).__call__))):
         problem = f"is an async function, it must be a plain one of {what}"
-        raise _wrong(name, f"{problem}: it is called, and not awaited")
+        raise wrong(name, f"{problem}: it is called, and not awaited")
     try:
         signature = inspect.signature(value)
     except (AttributeError, NameError, TypeError, ValueError):
@@ -89,7 +90,17 @@ def check_callback(name: str, value: Any, arguments: int, what: str) -> None:
     try:
         signature.bind(*[None] * arguments)
     except TypeError as error:
-        raise _wrong(name, f"must be a function of {what}: {error}") from None
+        raise wrong(name, f"must be a function of {what}: {error}") from None
+
+
+def in_range(name: str, value: Any, least: float, most: float, unit: str) -> float:
+    """Return `value` as a float; raises `CommandError` for what is outside of the range."""
+    result = number(name, value)
+    if not least <= result <= most:
+        error = wrong(name, f"is {result:g}, it must be {least:g} to {most:g} {unit}")
+        error.data["limit"] = [least, most]
+        raise error
+    return result
 
 
 def given_numbers(**values: Any) -> dict[str, Any]:
@@ -107,5 +118,6 @@ def pick(data: Mapping[str, Any], names: tuple[str, ...], what: str) -> dict[str
         raise ProtocolError(f"the daemon's {what} is no object: {data!r:.80}") from None
 
 
-def _wrong(name: str, problem: str) -> CommandError:
+def wrong(name: str, problem: str) -> CommandError:
+    """Return the error for an argument that cannot be."""
     return ParameterError(f"{name} {problem}", reason="invalid_params", data={"parameter": name})

@@ -50,6 +50,7 @@ CALLS: Mapping[str, tuple[str, str]] = {
     "motion.zero_gravity": ("gripper.zero_gravity()", "litegripctl slack"),
     "motion.set_force": ("gripper.set_force()", "litegripctl force"),
     "stream.set": ("gripper.stream()", ""),
+    "stop": ("gripper.software_stop()", "litegripctl stop"),
     "stop.clear": ("gripper.clear_stop()", "litegripctl clear"),
     "calibration.get": ("gripper.config", "litegripctl calibration"),
     "calibration.templates": ("list_templates()", "litegripctl calibration templates"),
@@ -191,6 +192,18 @@ def connecting(voice: Voice | None) -> str | None:
     return (voice or in_python)(Called("hello", "connect"), None, None)
 
 
+def enabling_again(voice: Voice | None) -> Voice:
+    """Return a voice that names enabling where the lease is to be acquired: that does both."""
+    said = voice or in_python
+
+    def speak(method: str | None, parameter: str | None, asked: str | None) -> str | None:
+        if method == "lease.acquire":
+            return said("motor.enable", None, asked)
+        return said(method, parameter, asked)
+
+    return speak
+
+
 def in_shell(method: str | None, parameter: str | None, asked: str | None) -> str | None:
     """Name a command of `litegripctl` or an option."""
     if method is None:
@@ -263,6 +276,9 @@ MEANT: Mapping[str, str] = {
 }
 """By a name that users look for in `LiteGrip`: what does that there."""
 
+_MEANT_OF_A_STREAM = ("send", "move", "goto", "set", "update", "write")
+"""Names that users look for in a stream: `set_target` does that."""
+
 _SEVERAL: Mapping[str, tuple[str, ...]] = {
     "position": ("opening_mm", "position_rad"),
     "temperature": ("coil_temperature_c", "driver_temperature_c"),
@@ -299,6 +315,8 @@ def _hint(kind: type, name: str, beyond: Mapping[str, type]) -> str:
     """Return what was meant, as an addition; empty if nothing is found."""
     if beyond and name in MEANT and kind.__name__ == "LiteGrip":
         return f"; use {MEANT[name]}"
+    if name in _MEANT_OF_A_STREAM and hasattr(kind, "set_target"):
+        return "; use set_target(opening_mm)"
     for path, place in {"": kind, **beyond}.items():
         several = _SEVERAL.get(name, ())
         if several and set(several) <= set(_public(place)):

@@ -33,6 +33,8 @@ async def leave(close: Callable[[], Awaitable[object]], error: BaseException | N
             raise
         if second.is_told or str(second) == str(error):
             return
+        if second.data.get("motor_off") and getattr(error, "reason", None) == second.reason:
+            return  # an orderly end: the block's own error has said it, and that the motor is off
         if isinstance(second, HardwareError | ConnectError):
             # The motor may be energised: that stands alone.
             why = error.message if isinstance(error, LiteGripError) else ""

@@ -6,6 +6,7 @@ import select
 import shutil
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -125,6 +126,15 @@ def test_a_daemon_ends_in_order_when_the_program_that_began_it_is_killed() -> No
 
 def test_why_a_daemon_did_not_begin_is_said() -> None:
     with pytest.raises(ConnectError, match=r"its log: .*sideways"), simulated(mount="sideways"):
+        pass
+
+
+def test_a_width_that_is_no_number_is_refused_as_that() -> None:
+    width: Any = "40"
+    with (
+        pytest.raises(ParameterError, match=r"^object_mm is '40', it must be a number$"),
+        simulated(object_mm=width),
+    ):
         pass
 
 

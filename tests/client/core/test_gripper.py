@@ -322,6 +322,19 @@ def test_a_disable_that_is_not_confirmed_is_false_and_done_again(
     assert daemon.methods().count("motor.disable") == 2
 
 
+def test_enable_sends_only_the_tunables_that_are_its_own(daemon: Heard, gripper: LiteGrip) -> None:
+    gripper.motion_config.force_n = 99.0
+    gripper.motion_config.enable_retries = 5
+    daemon.client().result("stop")
+    with pytest.raises(StoppedError):
+        gripper.enable()
+    gripper.clear_stop()
+    assert gripper.enable()
+    assert daemon.asked("motor.enable")[-1] == {"config": {"enable_retries": 5}}
+    with pytest.raises(CommandError, match="force_n is 99"):
+        gripper.open()
+
+
 @pytest.mark.parametrize("how", ["refused", "not ok"])
 def test_an_enable_that_failed_makes_nothing_to_disable(
     daemon: Heard, kind: Kind, how: str
@@ -424,18 +437,17 @@ def test_whom_a_lease_refuses_is_told_a_call_that_waits(daemon: Heard, kind: Kin
 
 
 def test_a_lease_leaves_what_enable_has_said_of_its_loss(daemon: Heard, gripper: LiteGrip) -> None:
-    def on_lost() -> str:
-        return str(daemon.client().result("lease.get")["owner"]["on_lost"])
-
     with gripper.lease("packing"):
-        assert on_lost() == "hold"
+        assert on_lost(daemon) == "hold"
         gripper.enable()
-        assert on_lost() == "disable"
+        assert on_lost(daemon) == "disable"
     with gripper.lease("packing"):
-        assert on_lost() == "disable", "a script that is killed disables the motor"
-    assert on_lost() == "disable"
+        assert on_lost(daemon) == "disable", "a script that is killed disables the motor"
+    assert on_lost(daemon) == "disable"
     with gripper.lease("packing", on_lost="relax"):
-        assert on_lost() == "relax"
+        assert on_lost(daemon) == "relax"
+    with gripper.lease("packing"):
+        assert on_lost(daemon) == "relax", "what is not given stays as it was"
 
 
 def test_a_lease_that_another_has_names_it_and_can_be_taken(
@@ -468,18 +480,62 @@ def test_leaving_after_the_lease_was_taken_disables_nothing_and_says_so(
     assert daemon.is_energised
 
 
-def test_what_was_enabled_under_a_lost_lease_is_not_disabled_at_the_end_of_another(
-    daemon: Heard, kind: Kind
+def on_lost(daemon: Heard) -> str | None:
+    """Return what the jaws do when the present lease is lost; None without one."""
+    holder = daemon.client().result("lease.get")["owner"]
+    return None if holder is None else str(holder["on_lost"])
+
+
+def in_a_block(gripper: LiteGrip) -> None:
+    with gripper.lease("again"):
+        gripper.hold()
+
+
+GETS_AGAIN: list[Callable[[LiteGrip], object]] = [
+    in_a_block,
+    lambda gripper: gripper.lease().acquire(),
+    lambda gripper: gripper.take_lease("back"),
+]
+
+
+@pytest.mark.parametrize("get_again", GETS_AGAIN)
+@pytest.mark.parametrize("disables", [True, False])
+def test_who_has_enabled_and_has_the_lease_again_answers_for_the_motor_again(
+    daemon: Heard, kind: Kind, disables: bool, get_again: Callable[[LiteGrip], object]
 ) -> None:
-    with kind.gripper() as gripper:
+    with kind.gripper(disable_on_disconnect=disables) as gripper:
         gripper.enable()
         other = daemon.client(uid=os.getuid())
         other.result("lease.take", why="mine", purpose="picking")
+        other.result("motor.enable")  # whoever has enabled meanwhile
         other.leave()
-        with gripper.lease("again"):
-            gripper.get_state()
-        assert daemon.methods()[-1] == "lease.release"
-    assert "motor.disable" not in daemon.methods()
+        get_again(gripper)
+        assert on_lost(daemon) == ("disable" if disables else "hold")  # when it is killed
+    assert (daemon.is_energised, on_lost(daemon)) == (not disables, None)
+
+
+def test_who_has_disabled_before_the_loss_disables_nothing_again(daemon: Heard, kind: Kind) -> None:
+    with kind.gripper() as gripper:
+        gripper.enable()
+        gripper.disable()
+        other = daemon.client(uid=os.getuid())
+        other.result("lease.take", why="mine", purpose="picking")
+        other.result("motor.enable")
+        other.leave()
+        in_a_block(gripper)
+    assert daemon.methods().count("motor.disable") == 1
+    assert daemon.is_energised
+
+
+def test_a_lease_without_enable_is_taken_with_nothing_of_an_earlier_one(
+    daemon: Heard, gripper: LiteGrip
+) -> None:
+    with gripper.lease(on_lost="relax"):
+        pass
+    gripper.take_lease("mine")
+    assert on_lost(daemon) == "hold"
+    with gripper.lease("sorting"):
+        assert on_lost(daemon) == "hold"
 
 
 def test_a_lease_of_several_is_given_back_by_the_last(daemon: Heard, kind: Kind) -> None:
@@ -905,6 +961,21 @@ def test_an_older_object_of_the_program_hands_the_gripper_over(daemon: Heard, ki
     assert newer.get_state().enabled
     assert newer.open()
     newer.disconnect()
+    assert not daemon.is_energised
+
+
+def test_an_older_object_that_gets_it_back_answers_for_the_motor_again(
+    daemon: Heard, kind: Kind
+) -> None:
+    older, newer = kind.gripper(), kind.gripper(disable_on_disconnect=False)
+    older.connect()
+    older.enable()
+    newer.connect()
+    newer.enable()
+    newer.disconnect()  # it leaves the motor enabled
+    older.lease().acquire()
+    assert on_lost(daemon) == "disable"
+    older.disconnect()
     assert not daemon.is_energised
 
 

@@ -1,8 +1,13 @@
 """A lease without a block, for objects that begin and end in different functions."""
 
+from typing import Any
+
 import pytest
 
-from litegrip_client import ConnectError, LeaseError, LiteGrip
+from litegrip_client import ConnectError, LeaseError, LiteGrip, ParameterError
+from litegrip_client.core.session import LEASE_RANGES
+from litegrip_client.core.sockets import STOP_LEVELS
+from litegripd.app.build import METHODS
 from tests.client.rig import Bench, Heard, Kind
 
 
@@ -47,7 +52,6 @@ def test_one_that_was_lost_is_taken_again_by_acquire(
 ) -> None:
     lease = gripper.lease("a driver")
     lease.acquire()
-    assert gripper.enable()
     with kind.gripper() as other:
         other.take_lease("maintenance")
         with pytest.raises(LeaseError) as caught:
@@ -58,6 +62,21 @@ def test_one_that_was_lost_is_taken_again_by_acquire(
     lease.acquire()
     assert owner(daemon) == "a driver"
     lease.release()
+    assert owner(daemon) is None
+
+
+def test_what_enable_keeps_is_kept_also_after_a_loss(
+    daemon: Heard, gripper: LiteGrip, kind: Kind
+) -> None:
+    lease = gripper.lease("a driver")
+    lease.acquire()
+    assert gripper.enable()
+    with kind.gripper() as other:
+        other.take_lease("maintenance")
+    lease.acquire()
+    lease.release()
+    assert owner(daemon) == "a driver"
+    gripper.disconnect()
     assert owner(daemon) is None
 
 
@@ -81,12 +100,71 @@ def test_an_object_of_the_same_program_is_told_so(
         with pytest.raises(LeaseError) as caught:
             gripper.lease().acquire()
         said = caught.value.message
-        assert said.endswith("; that is this very program")
+        how = "takes it over between motions, unless a block of lease() has it"
+        assert said.endswith(f"; that is this very program: {kind.awaits}gripper.enable() {how}")
         assert " has the gripper: wait for it" in said  # its purpose is its name
     daemon.client(pid=4711).result("lease.acquire", purpose="another")
     with pytest.raises(LeaseError, match="has the gripper for another") as caught:
         gripper.lease().acquire()
     assert "this very program" not in caught.value.message
+
+
+def test_who_had_enabled_is_told_to_enable_again(
+    daemon: Heard, gripper: LiteGrip, kind: Kind
+) -> None:
+    """Also by itself: to acquire the lease is refused while the newer object has it."""
+    call = f"{kind.awaits}gripper.enable()"
+    gripper.enable()
+    with kind.gripper() as newer:
+        newer.enable()
+        for ask in (gripper.hold, gripper.open, gripper.disable):
+            with pytest.raises(LeaseError) as caught:
+                ask()
+            assert caught.value.reason == "lease_lost"
+            assert f"asks for the gripper again ({call});" in caught.value.message
+            assert caught.value.hint == call
+        assert gripper.enable()
+        assert gripper.open()
+
+
+def test_who_had_not_enabled_is_told_to_acquire_the_lease(
+    daemon: Heard, gripper: LiteGrip, kind: Kind
+) -> None:
+    call = f"{kind.awaits}gripper.lease().acquire()"
+    gripper.enable()
+    gripper.disable()
+    with kind.gripper() as newer:
+        newer.take_lease("mine")
+        with pytest.raises(LeaseError) as caught:
+            gripper.disable()
+    assert (caught.value.reason, caught.value.hint) == ("lease_lost", call)
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"ttl_s": -1}, "ttl_s is -1, it must be 0.1 to 86400 s"),
+        ({"wait_s": -1.0}, "wait_s is -1, it must be 0 to 86400 s"),
+        ({"wait_s": "5"}, "wait_s is '5', it must be a number"),
+        ({"on_lost": "drop"}, "on_lost is 'drop', it must be 'hold' or 'relax' or 'disable'"),
+        ({"purpose": 5}, "purpose is 5, it must be text"),
+    ],
+)
+def test_what_no_lease_can_have_is_refused_where_it_is_said(
+    kind: Kind, given: dict[str, Any], told: str
+) -> None:
+    with pytest.raises(ParameterError, match=f"^{told}$") as caught:
+        kind.gripper().lease(**given)
+    assert caught.value.data["parameter"] in given
+
+
+def test_what_a_lease_refuses_itself_is_what_the_daemon_refuses() -> None:
+    (method,) = (one for one in METHODS if one.name == "lease.acquire")
+    params = {one.name: one for one in method.params}
+    assert {name: (params[name].minimum, params[name].maximum) for name in LEASE_RANGES} == (
+        LEASE_RANGES
+    )
+    assert params["on_lost"].choices == STOP_LEVELS
 
 
 def test_it_is_waited_for(site: Bench, daemon: Heard, gripper: LiteGrip, kind: Kind) -> None:

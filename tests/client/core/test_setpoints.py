@@ -17,6 +17,8 @@ from litegrip_client import (
     StoppedError,
     aio,
 )
+from litegrip_client.core.motion import STREAM_RANGES
+from litegripd.app.build import METHODS
 from tests.client.rig import Asked, Asyncio, Bench, Heard, Kind
 
 
@@ -134,8 +136,8 @@ def test_a_speed_of_the_tunables_that_is_refused_is_named_as_theirs(enabled: Lit
     with enabled.stream() as stream, pytest.raises(CommandError) as caught:
         stream.set_target(20.0)
     assert caught.value.message.startswith("motion_config: speed_mm_s is 500, it must be")
-    with enabled.stream(speed_mm_s=600.0) as stream, pytest.raises(CommandError) as caught:
-        stream.set_target(20.0)
+    with pytest.raises(CommandError) as caught:
+        enabled.stream(speed_mm_s=600.0)
     assert caught.value.message.startswith("speed_mm_s is 600, it must be")
 
 
@@ -464,6 +466,39 @@ def test_the_ends_of_that_range_are_the_daemons(
     assert [one.params["valid_s"] for one in sent(daemon)] == [valid_s]
     words = "valid_s is 2.1, it must be 0.02 to 2"
     daemon.client().refused("stream.set", "invalid_params", words, opening_mm=30.0, valid_s=2.1)
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"speed_mm_s": 1000}, "speed_mm_s is 1000, it must be 0.1 to 150 mm/s"),
+        ({"torque_nm": 10.0}, "torque_nm is 10, it must be 0.1 to 3 N·m"),
+        ({"torque_nm": "1"}, "torque_nm is '1', it must be a number"),
+    ],
+)
+def test_a_limit_of_a_stream_is_refused_where_it_is_said(
+    enabled: LiteGrip, given: dict[str, Any], told: str
+) -> None:
+    with pytest.raises(CommandError, match=f"^{told}$") as caught:
+        enabled.stream(**given)
+    assert caught.value.data["parameter"] in given
+
+
+def test_what_a_stream_refuses_itself_is_what_the_daemon_refuses() -> None:
+    (method,) = (one for one in METHODS if one.name == "stream.set")
+    ranges = {one.name: (one.minimum, one.maximum) for one in method.params}
+    assert {name: ranges[name] for name in STREAM_RANGES} == {
+        name: (least, most) for name, (least, most, _) in STREAM_RANGES.items()
+    }
+
+
+@pytest.mark.parametrize("name", ["send", "move"])
+def test_a_name_that_others_have_for_it_leads_to_the_call(enabled: LiteGrip, name: str) -> None:
+    with enabled.stream() as stream:
+        with pytest.raises(AttributeError, match=rf"{name}'; use set_target\(opening_mm\)$"):
+            getattr(stream, name)
+        with pytest.raises(AttributeError, match="did you mean 'set_target'"):
+            stream.set_targt  # type: ignore[attr-defined]  # noqa: B018 - it is the test
 
 
 def test_a_target_that_is_none_or_two_is_told_what_was_given(enabled: LiteGrip) -> None:

@@ -1,5 +1,6 @@
 """A daemon that is frozen, or hangs, while somebody waits for it."""
 
+import re
 from collections.abc import Callable
 from types import SimpleNamespace
 
@@ -11,10 +12,10 @@ from tests.client.rig import SILENT, Bench, Ctl, Heard, Kind, run_ctl
 UNKNOWN = "what the jaws do is not known; to be sure, cut the motor's power"
 NOT_OFF = "the motor is not known to be off, cut its power"
 NOT_DISABLED = "can0: the motor could not be disabled, cut its power: the daemon does not answer"
-NOT_OFF_GONE = "can0: the motor could not be disabled, cut its power"
+NOT_OFF_GONE = "can0: the motor could not be disabled"
 GONE = (
-    f"{NOT_OFF_GONE}: the daemon ended the connection: if it is gone, the motor soon lets go by"
-    " itself, and what was held falls"
+    f"{NOT_OFF_GONE}: the daemon ended the connection: if it is gone, the motor should soon let go"
+    " by itself, and what was held falls; if it does not, cut its power"
 )
 NOT_OFF_ENDING = "can0: nothing has confirmed that the motor is off"
 ENDED = (
@@ -96,14 +97,35 @@ def test_a_daemon_that_answers_meanwhile_is_waited_for(
 
 
 def test_questions_do_not_prolong_a_time_limit(
-    site: Bench, daemon: Heard, enabled: LiteGrip
+    site: Bench, daemon: Heard, enabled: LiteGrip, kind: Kind
 ) -> None:
     daemon.instead["motor.disable"] = SILENT
     began_s = site.now_s
-    with pytest.raises(ConnectError, match=r"did not answer motor\.disable within 30 s"):
+    call = re.escape(f"{kind.awaits}gripper.disable()")
+    with pytest.raises(ConnectError, match=f"did not answer {call} within 30 s"):
         enabled.disable()
     assert site.now_s - began_s == pytest.approx(30.0, abs=0.1)
     daemon.instead.clear()
+
+
+@pytest.mark.parametrize(
+    ("ask", "named"),
+    [
+        (lambda gripper: gripper.get_state(), "{}gripper.get_state()"),
+        (lambda gripper: gripper.software_stop(), "{}gripper.software_stop()"),
+        (lambda gripper: gripper.events().__enter__(), "gripper.events()"),
+        (lambda gripper: gripper.cancel(), "{}gripper.jobs()"),
+    ],
+)
+def test_who_gets_no_answer_is_told_of_which_call(
+    daemon: Heard, enabled: LiteGrip, kind: Kind, ask: Callable[[LiteGrip], object], named: str
+) -> None:
+    daemon.freeze()
+    with pytest.raises(ConnectError) as caught:
+        ask(enabled)
+    daemon.thaw()
+    told = f"the daemon did not answer {named.format(kind.awaits)} within 5 s"
+    assert caught.value.message.endswith(told)
 
 
 def test_a_time_in_which_this_process_stood_is_no_silence(
@@ -223,6 +245,38 @@ def test_a_block_that_sleeps_while_the_daemon_is_ended_is_told_how_to_go_on(
     )
 
 
+@pytest.mark.parametrize(
+    "read",
+    [
+        lambda gripper: [None for _ in gripper.states(50)],
+        lambda gripper: [None for _ in gripper.events(("bus",))],
+    ],
+    ids=["states", "events"],
+)
+def test_an_orderly_end_that_the_block_has_raised_is_not_told_again(
+    daemon: Heard,
+    site: Bench,
+    kind: Kind,
+    caplog: pytest.LogCaptureFixture,
+    read: Callable[[LiteGrip], object],
+) -> None:
+    with pytest.raises(ConnectError) as caught, kind.gripper() as gripper:  # noqa: PT012 - as above
+        gripper.enable()
+        site.after(0.3, daemon.end)
+        read(gripper)
+    assert (caught.value.message, caplog.messages) == (ENDED, [])
+
+
+def test_an_orderly_end_behind_another_error_is_told_whole(
+    daemon: Heard, kind: Kind, caplog: pytest.LogCaptureFixture
+) -> None:
+    with pytest.raises(ZeroDivisionError), kind.gripper() as gripper:  # noqa: PT012 - as above
+        gripper.enable()
+        daemon.end()
+        raise ZeroDivisionError
+    assert caplog.messages == [f"can0: {ENDED}"]
+
+
 def test_a_daemon_that_ended_while_its_motor_was_silent_says_to_cut_the_power(
     daemon: Heard, kind: Kind
 ) -> None:
@@ -238,10 +292,11 @@ def test_a_daemon_that_ended_while_its_motor_was_silent_says_to_cut_the_power(
 def test_a_warning_behind_a_motion_names_the_danger_when_the_daemon_is_gone(
     site: Bench, daemon: Heard, kind: Kind, caplog: pytest.LogCaptureFixture
 ) -> None:
-    with pytest.raises(ConnectError, match="motor soon lets go"), kind.gripper() as gripper:  # noqa: PT012 - as above
+    with pytest.raises(ConnectError) as caught, kind.gripper() as gripper:  # noqa: PT012 - as above
         gripper.enable()
         site.after(0.3, daemon.hang_up)
         gripper.close(speed_mm_s=10.0)
+    assert f"{NOT_OFF_GONE}: {caught.value.message}" == GONE
     assert caplog.messages == [NOT_OFF_GONE]
 
 

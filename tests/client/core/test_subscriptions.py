@@ -306,6 +306,12 @@ def test_kinds_are_named_in_a_list(site: Bench, daemon: Heard, gripper: LiteGrip
     assert daemon.asked("events.subscribe") == [{"kinds": ["lease_lost", "stop"]}]
 
 
+def test_a_field_that_only_whole_states_have_is_told_so(daemon: Heard, gripper: LiteGrip) -> None:
+    told = "fields has 'timestamp' in it, which only whole states have: leave fields out"
+    with pytest.raises(ParameterError, match=f"^{told}$"):
+        gripper.states(50, fields=["opening_mm", "timestamp"])
+
+
 def test_events_and_states_may_have_the_same_number(
     site: Bench, daemon: Heard, gripper: LiteGrip
 ) -> None:
