@@ -1,7 +1,7 @@
 /* What acts on a gripper: only with control, which is a lease that lives while the page is seen. */
 
 import { ask } from "./ask.js";
-import { numberIn } from "./fields.js";
+import { numberIn, typed } from "./fields.js";
 import { figure, inPageWords, isNumber, outcome, owner } from "./format.js";
 import { REPLAY_SPEEDS } from "./motions.js";
 import { askZero } from "./zero.js";
@@ -277,7 +277,7 @@ export class Control {
   }
 
   #showForce() {
-    this.#panel.node("force-note").hidden = Number(this.#panel.node("force").value) <= CONTINUOUS_N;
+    this.#panel.node("force-note").hidden = !(typed(this.#panel.node("force")) > CONTINUOUS_N);
   }
 
   /* Nobody sees what moves then, and it may move much later than it was asked to. */

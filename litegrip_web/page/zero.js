@@ -4,7 +4,7 @@
 
 import { ask } from "./ask.js";
 import { open } from "./dialog.js";
-import { numberIn } from "./fields.js";
+import { numberIn, typed } from "./fields.js";
 import { figure, isNumber } from "./format.js";
 import { SPAN_INSET_MM, TEMPLATES_RAD_TO_MM } from "./motions.js";
 
@@ -25,15 +25,16 @@ export function askZero(panel) {
 
   /* The measured opening, if the person gave another one than is configured. */
   const given = () => {
-    const mm = Number(stroke.value);
-    return stroke.value === "" || mm === configured ? {} : { stroke_mm: mm };
+    const mm = typed(stroke);
+    return !isNumber(mm) || mm === configured ? {} : { stroke_mm: mm };
   };
   const used = (mm) =>
     mm === configured ? `the configured ${configured} mm` : `${mm} mm (configured: ${configured} mm)`;
   const showUses = () => {
     const now = inUse === null ? "There is no scale yet" : `Now the scale uses ${inUse} mm`;
     const next = given().stroke_mm ?? configured;
-    const would = next === inUse ? "" : `; it would use ${next} mm`;
+    const isWrong = Number.isNaN(typed(stroke));
+    const would = next === inUse || isWrong ? "" : `; it would use ${next} mm`;
     uses.textContent = `${now}${would} (configured: ${configured} mm). All lengths and speeds follow from it.`;
   };
 
