@@ -157,6 +157,7 @@ export class Panel extends EventTarget {
     document.getElementById("clears").append(clear);
     this.#nodes.channel.textContent = channel;
     this.wire = new Wire(channel, secret);
+    this.#nameRows();
     this.events = new Events(this.#nodes.events, this.wire);
     this.plots = new Plots(this.#nodes.plots, channel);
     this.world = new World(this);
@@ -180,6 +181,14 @@ export class Panel extends EventTarget {
   }
 
   /* Say how something ended, until something else happens; or what goes on, if it is not over. */
+  /* Say whose they are beside what acts, of several grippers: their heads may be out of sight. */
+  #nameRows() {
+    if (!this.whose) return;
+    for (const row of this.article.querySelectorAll(".slider span, .controls .row, .world .row")) {
+      row.prepend(Object.assign(document.createElement("b"), { textContent: this.channel }), " ");
+    }
+  }
+
   tell(text, isOver = true) {
     this.#told = text;
     this.#showTold(false);
