@@ -2,7 +2,7 @@
 
 import { ask } from "./ask.js";
 import { numberIn, typed } from "./fields.js";
-import { figure, inPageWords, isNumber, outcome, owner } from "./format.js";
+import { figure, holder, inPageWords, isNumber, outcome, owner } from "./format.js";
 import { REPLAY_SPEEDS } from "./motions.js";
 import { askZero } from "./zero.js";
 
@@ -333,7 +333,7 @@ export class Control {
     const what = this.#panel.whose ? "it" : channel; // the dialog names it before
     let then = "The jaws hold on, with the same force";
     if (isMoving || isLate) then = `${isLate ? "A" : "That"} motion ends then, and the jaws hold on where they are`;
-    const text = `Take ${what} over from ${whose}? At this moment ${now.join(", and ")}. ${then}. ${program} moves nothing more until it asks for control again.`;
+    const text = `Take ${what} over from ${holder(this.#owner)}? At this moment ${now.join(", and ")}. ${then}. ${program} moves nothing more until it asks for control again.`;
     this.#isTakingOver = true;
     const isMeant = await ask(this.#panel, text, "Take it over", "take");
     this.#isTakingOver = false;

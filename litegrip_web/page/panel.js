@@ -2,12 +2,12 @@
 
 import { Control } from "./control.js";
 import { Events } from "./events.js";
-import { capital, figure, inPageWords, isNumber, owner, time } from "./format.js";
+import { capital, figure, holder, inPageWords, isNumber, owner, STOP_WHY, time } from "./format.js";
 import { Jaws } from "./jaws.js";
 import { Plots } from "./plots.js";
 import { onPress, Stop } from "./stop.js";
 import { suspend, sweep, toast, untoast } from "./toasts.js";
-import { FOLLOWED, Wire } from "./wire.js";
+import { FOLLOWED, OWN_NAME, Wire } from "./wire.js";
 import { World } from "./world.js";
 
 const HZ = 20;
@@ -275,7 +275,7 @@ export class Panel extends EventTarget {
   /* Stop this gripper; return null once the daemon has confirmed it, otherwise why that is not known. */
   async stop() {
     try {
-      await this.wire.call("stop", { level: "hold", why: "STOP on the page" });
+      await this.wire.call("stop", { level: "hold", why: STOP_WHY });
       return null;
     } catch (error) {
       if (this.state !== null) return error.message;
@@ -795,12 +795,20 @@ export class Panel extends EventTarget {
     if (isCleared) this.#showWhole(false);
     if (state.stop === null) return;
     const { by, why: reason, since_s: since, level } = state.stop;
-    const who = `(${level}) at ${time(since + this.#offsetS)} by ${by ?? "somebody unknown"}`;
-    const how = this.#operates ? "" : " ('litegripctl clear')";
+    const isPages = by === OWN_NAME && reason === STOP_WHY;
+    const whose = isPages ? reason : by ?? "somebody unknown";
+    const who = `${isPages ? "" : `(${level}) `}at ${time(since + this.#offsetS)} by ${whose}`;
+    const how = clear.hidden ? " ('litegripctl clear')" : "";
     const told = this.isSilent
       ? `Stop latched ${who}, but the motor does not answer: cut its power.`
       : `Stopped ${who}. Nothing moves until it is cleared${how}.`;
-    stopped.textContent = told + (reason ? ` Why: ${reason}.` : "");
+    stopped.textContent = told + (reason && !isPages ? ` Why: ${reason}.` : "");
+  }
+
+  /* How what is held is held. */
+  get #howHeld() {
+    if (this.isPushedOpen) return "pushed open";
+    return this.#isWeak || this.#isLowered ? "holding weakly" : "holding";
   }
 
   /* Say in the head of what is lost, or of why there is no newer state, which says what to do about that. */
@@ -872,7 +880,6 @@ export class Panel extends EventTarget {
     const toLimit = heat?.time_to_limit_s;
     const held = lease?.owner;
     const isOld = this.#isLate && lease !== null; // it takes the purpose's place: nothing moves
-    const purpose = !isOld && held?.purpose ? `, ${held.purpose}` : "";
     this.#figure("Opening", figure(state?.opening_mm, 1, "mm"));
     this.#figure("Force", figure(state?.force_n, 1, "N"));
     this.#figure("Set force", figure(state?.force_set_n, 1, "N"));
@@ -882,7 +889,7 @@ export class Panel extends EventTarget {
     this.#figure("Time to the heat limit", isNumber(toLimit) ? figure(toLimit, 0, "s") : heat ? "no limit" : "--");
     this.#showHealth();
     this.#figure("On the object", felt, "wide", UNSEEN);
-    const has = held ? `${owner(held)}${purpose}` : lease ? "free" : "--";
+    const has = held ? (isOld ? owner(held) : holder(held)) : lease ? "free" : "--";
     this.#fact("Lease", isOld ? `${has}, last known` : has, "wide").classList.toggle("last-known", isOld);
   }
 
