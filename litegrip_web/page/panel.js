@@ -130,6 +130,7 @@ export class Panel extends EventTarget {
   #isLate = false;
   #away = ""; // what the bar says of why there is no newer state
   #operates = false;
+  #maySend = false; // what acts, which the daemon may refuse
   #told = ""; // beside the buttons
   #isOver = false;
   #isGrasped = null;
@@ -283,12 +284,10 @@ export class Panel extends EventTarget {
     }
   }
 
-  async #begin({ operate, history }) {
-    for (const node of this.article.querySelectorAll("[data-acts]")) node.hidden = !operate;
-    this.#nodes["read-only"].hidden = operate;
-    this.#operates = operate;
+  async #begin({ operate: mayAct, user, history }) {
     try {
       const hello = await this.wire.hello();
+      this.#setRights(mayAct, hello.role, user);
       this.#offsetS = Date.now() / 1000 - hello.monotonic_s;
       this.gripper = hello.gripper;
       this.#nodes.simulated.hidden = !hello.simulated;
@@ -310,12 +309,31 @@ export class Panel extends EventTarget {
       suspend(this.channel, false);
       this.#compare(hello, states.state);
       this.#show(states.state);
-      this.control.begin(operate, ranges);
-      this.world.begin(hello.simulated, operate);
+      this.control.begin(this.#operates, ranges);
+      this.world.begin(hello.simulated, this.#operates);
       await this.#look();
     } catch (error) {
       this.tell(error.message);
     }
+  }
+
+  /* Show what acts only where both litegripd-web and the daemon let it act; else say who does not. */
+  #setRights(mayAct, role, user) {
+    this.#operates = mayAct && role !== "observer";
+    this.#maySend = mayAct;
+    const { "read-only": note } = this.#nodes;
+    for (const node of this.article.querySelectorAll("[data-acts]")) node.hidden = !this.#operates;
+    note.hidden = this.#operates;
+    const why = mayAct
+      ? `for the daemon, the user ${user}, who runs litegripd-web, is an observer. “[access]” in the daemon's ` +
+        "configuration decides that (docs/access.md)."
+      : "litegripd-web was started without --operate.";
+    note.textContent = `This page looks and stops: ${why}`;
+  }
+
+  /* Whether the page may clear this stop: an observer his own, which here is that of a page. */
+  #mayClear({ by }) {
+    return this.#operates || (this.#maySend && by === OWN_NAME);
   }
 
   /* What is wrong now, the worst first; all of it is said elsewhere, too. */
@@ -774,7 +792,7 @@ export class Panel extends EventTarget {
     this.#showLoss();
     const isCleared = !stopped.hidden && state.stop === null;
     stopped.hidden = state.stop === null;
-    clear.hidden = stopped.hidden || !this.#operates;
+    clear.hidden = stopped.hidden || !this.#mayClear(state.stop);
     this.#showAlarms();
     this.#sayFirst(this.#isLate ? "why" : "lost-text");
     if (this.#isLate) {
