@@ -113,7 +113,11 @@ export class Control {
     on("zero", () => askZero(this.#panel));
     on("rescale", () => askZero(this.#panel));
     panel.node("force").oninput = () => this.#showForce();
-    panel.node("name").oninput = () => {
+    const name = panel.node("name");
+    const kept = `name ${panel.channel}`; // over a reload
+    name.value = sessionStorage.getItem(kept) ?? name.value;
+    name.oninput = () => {
+      sessionStorage.setItem(kept, name.value);
       for (const about of ["name", "replay"]) this.#panel.forgive(about);
     };
     const speed = panel.node("speed");
@@ -328,8 +332,7 @@ export class Control {
       if (isGrasped) now.push(isNumber(force) ? `it holds an object, with the force set to ${figure(force, 0, "N")}` : "it holds an object");
       if (isGrasped === null) now.push("whether it holds an object is not known");
     }
-    const { program, purpose } = this.#owner;
-    const whose = `${owner(this.#owner)}${purpose ? `, ${purpose}` : ""}`;
+    const { program } = this.#owner;
     const what = this.#panel.whose ? "it" : channel; // the dialog names it before
     let then = "The jaws hold on, with the same force";
     if (isMoving || isLate) then = `${isLate ? "A" : "That"} motion ends then, and the jaws hold on where they are`;

@@ -157,8 +157,8 @@ export class Panel extends EventTarget {
     clear.textContent = document.body.classList.contains("several") ? `Clear ${channel}` : "Clear the stop";
     document.getElementById("clears").append(clear);
     this.#nodes.channel.textContent = channel;
-    this.wire = new Wire(channel, secret);
     this.#nameRows();
+    this.wire = new Wire(channel, secret);
     this.events = new Events(this.#nodes.events, this.wire);
     this.plots = new Plots(this.#nodes.plots, channel);
     this.world = new World(this);
@@ -181,7 +181,6 @@ export class Panel extends EventTarget {
     return this.#nodes[name];
   }
 
-  /* Say how something ended, until something else happens; or what goes on, if it is not over. */
   /* Say whose they are beside what acts, of several grippers: their heads may be out of sight. */
   #nameRows() {
     if (!this.whose) return;
@@ -190,6 +189,7 @@ export class Panel extends EventTarget {
     }
   }
 
+  /* Say how something ended, until something else happens; or what goes on, if it is not over. */
   tell(text, isOver = true) {
     this.#told = text;
     this.#showTold(false);
@@ -800,14 +800,14 @@ export class Panel extends EventTarget {
       mode.textContent = "late";
       const seconds = age === null ? "more than 1" : age.toFixed(1);
       const held = state.is_grasped === false ? "" : " What was held may be let go: a motor without commands lets go by itself.";
-      why.textContent = `${OLD} No newer state has come for ${seconds} s: the daemon stands still, or the link is slow.${held}`;
+      why.textContent = `${OLD} No newer state has come for ${seconds} s: the daemon or litegripd-web stands still, or the link is slow.${held}`;
     } else if (state.stop !== null) {
       mode.dataset.mode = isFault ? "fault" : "stopped";
       mode.textContent = isFault ? "fault, STOPPED" : "STOPPED";
       why.textContent = capital([isFault ? "" : `it is ${does}`, this.#reason(state)].filter(Boolean).join("; "));
     } else {
       mode.dataset.mode = does === STILL ? STILL : state.mode;
-      mode.textContent = does === "holding" && this.isPushedOpen ? "pushed open" : does;
+      mode.textContent = does === "holding" ? this.#howHeld : does;
       why.textContent = this.#lost === null ? this.#reason(state) : capital(this.#reason(state));
     }
     if (isCleared) this.#showWhole(false);
@@ -829,12 +829,12 @@ export class Panel extends EventTarget {
     return this.#isWeak || this.#isLowered ? "holding weakly" : "holding";
   }
 
-  /* Say in the head of what is lost, or of why there is no newer state, which says what to do about that. */
+  /* Say in the head of what is lost first, which says what to do, and then of a stop; or of why there is no newer
+     state. */
   #sayFirst(name) {
-    const { said, stopped } = this.#nodes;
-    const [first, then] = name === "why" ? ["why", "lost-text"] : ["lost-text", "why"];
-    if (stopped.nextElementSibling === this.#nodes[first]) return;
-    said.replaceChildren(stopped, " ", this.#nodes[first], " ", this.#nodes[then]);
+    const { said, stopped, why, "lost-text": lost } = this.#nodes;
+    const order = name === "why" ? [stopped, why, lost] : [lost, stopped, why];
+    if (said.firstElementChild !== order[0]) said.replaceChildren(order[0], " ", order[1], " ", order[2]);
   }
 
   /* Show whether something is held; what nothing measures any more stays as it was then, and says so. */

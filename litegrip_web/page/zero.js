@@ -8,6 +8,8 @@ import { numberIn, typed } from "./fields.js";
 import { figure, isNumber } from "./format.js";
 import { SPAN_INSET_MM, TEMPLATES_RAD_TO_MM } from "./motions.js";
 
+const typedOpenings = new Map(); // by the channel: what was typed, and the daemon's figure at that time
+
 /* How far the jaws open by a calibration of this travel, in mm. */
 const opens = (travel) => Number((travel - SPAN_INSET_MM).toFixed(2));
 
@@ -91,8 +93,13 @@ export function askZero(panel) {
     return `${corrected}. It is saved.`;
   };
 
-  stroke.value = isDoubtful ? configured : inUse ?? configured; // a template's was measured on no gripper
-  stroke.oninput = showUses;
+  const figureOf = () => (isDoubtful ? configured : inUse ?? configured); // a template's was measured on no gripper
+  const typedBefore = typedOpenings.get(panel.channel);
+  stroke.value = typedBefore?.of === figureOf() ? typedBefore.text : figureOf();
+  stroke.oninput = () => {
+    typedOpenings.set(panel.channel, { text: stroke.value, of: figureOf() });
+    showUses();
+  };
   showUses();
   progress.textContent = "";
   mount.querySelector("input").checked = true;

@@ -213,11 +213,15 @@ def test_a_weak_motor_is_said_while_it_lasts_and_its_hold_is_not_green(
         expect(toasts(shown)).to_contain_text([now])
         expect(toasts(shown)).to_have_text([WEAK_FIGURES])
         expect(part(shown, "mode")).not_to_have_css("color", green)
+        expect(part(shown, "mode")).to_have_text("holding weakly")
+        expect(shown.locator(".jaw.holds").first).not_to_have_css("fill", green)
         assert part(shown, "held").evaluate(MARK) != green
     client.result("sim.fault", name="none")
     expect(alarm(tab)).to_be_hidden()
     expect(toasts(tab)).to_have_count(0)
     expect(mode).to_have_css("color", green)
+    expect(mode).to_have_text("holding")
+    expect(tab.locator(".jaw.holds").first).to_have_css("fill", green)
     assert held.evaluate(MARK) == green
 
 

@@ -703,6 +703,7 @@ def test_a_frozen_page_server_is_late_too(
         running.process.send_signal(signal.SIGSTOP)
         try:
             expect(part(tab, "mode")).to_have_text("late")
+            expect(part(tab, "why")).to_contain_text("the daemon or litegripd-web stands still")
             tab.get_by_role("button", name="STOP Esc").click()
             expect(tab.locator("#notice")).to_contain_text("STOP not confirmed")
         finally:
