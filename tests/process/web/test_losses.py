@@ -183,11 +183,11 @@ def test_of_a_lost_object_no_hold_is_claimed_once_the_motor_is_off(
     client.despite_silence("motor.disable")
     expect(said).to_have_text(re.compile(rf"^\s*At \S+: “Enable”, {again}\.\s*$"))
     client.result("sim.fault", name="overload")
-    whole = r"^\s*At \S+: the object is lost\. Remove what .*: the motor reports overload"
+    whole = r"^\s*At \S+: the object is lost\.\s+Remove what .*: the motor reports overload"
     expect(said).to_have_text(re.compile(whole))
     client.result("stop", level="hold")
     expect(said).to_have_text(
-        re.compile(r"^\s*Stopped .* the object is lost\. Remove what loads the jaws")
+        re.compile(r"^\s*At \S+: the object is lost\. Stopped .*\. Remove what loads the jaws")
     )
 
 
