@@ -10,6 +10,8 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import os
+import pwd
 import time
 from collections.abc import Mapping
 from typing import Any
@@ -173,6 +175,7 @@ class Bridge:
                 welcome = {
                     "channel": gripper.channel,
                     "operate": self._operate,
+                    "user": _own_user(),
                     "history": self.history.as_params(),
                 }
                 outbox.forget_states()
@@ -246,6 +249,14 @@ class Bridge:
             link.send({**request, "params": params})
         except RefusedError as refused:
             outbox.put_now(json.dumps(refused.error))
+
+
+def _own_user() -> str:
+    """Return the name of the user that this runs as, whose rights the daemon knows."""
+    try:
+        return pwd.getpwuid(os.getuid()).pw_name
+    except KeyError:
+        return str(os.getuid())
 
 
 def _member(message: str | bytes, name: str) -> object:

@@ -43,7 +43,7 @@ class History:
         """Take samples as long as the daemon gives them; raises `OSError` or `ValueError` then."""
         reader, writer = await self._gripper.connect(_LONGEST_LINE_BYTES)
         try:
-            writer.write(request_line(1, "hello", {"client": "litegripd-web, plots"}))
+            writer.write(request_line(1, "hello", {"client": "litegripd-web"}))
             wanted = {"hz": HZ, "fields": FIELDS, "batch": _BATCH}
             writer.write(request_line(2, "state.subscribe", wanted))
             while line := await reader.readline():

@@ -1,8 +1,8 @@
 /* What acts on a gripper: only with control, which is a lease that lives while the page is seen. */
 
 import { ask } from "./ask.js";
-import { numberIn } from "./fields.js";
-import { figure, inPageWords, isNumber, outcome, owner } from "./format.js";
+import { numberIn, typed } from "./fields.js";
+import { figure, holder, inPageWords, isNumber, outcome, owner } from "./format.js";
 import { REPLAY_SPEEDS } from "./motions.js";
 import { askZero } from "./zero.js";
 
@@ -113,7 +113,11 @@ export class Control {
     on("zero", () => askZero(this.#panel));
     on("rescale", () => askZero(this.#panel));
     panel.node("force").oninput = () => this.#showForce();
-    panel.node("name").oninput = () => {
+    const name = panel.node("name");
+    const kept = `name ${panel.channel}`; // over a reload
+    name.value = sessionStorage.getItem(kept) ?? name.value;
+    name.oninput = () => {
+      sessionStorage.setItem(kept, name.value);
       for (const about of ["name", "replay"]) this.#panel.forgive(about);
     };
     const speed = panel.node("speed");
@@ -277,7 +281,7 @@ export class Control {
   }
 
   #showForce() {
-    this.#panel.node("force-note").hidden = Number(this.#panel.node("force").value) <= CONTINUOUS_N;
+    this.#panel.node("force-note").hidden = !(typed(this.#panel.node("force")) > CONTINUOUS_N);
   }
 
   /* Nobody sees what moves then, and it may move much later than it was asked to. */
@@ -328,12 +332,11 @@ export class Control {
       if (isGrasped) now.push(isNumber(force) ? `it holds an object, with the force set to ${figure(force, 0, "N")}` : "it holds an object");
       if (isGrasped === null) now.push("whether it holds an object is not known");
     }
-    const { program, purpose } = this.#owner;
-    const whose = `${owner(this.#owner)}${purpose ? `, ${purpose}` : ""}`;
+    const { program } = this.#owner;
     const what = this.#panel.whose ? "it" : channel; // the dialog names it before
     let then = "The jaws hold on, with the same force";
     if (isMoving || isLate) then = `${isLate ? "A" : "That"} motion ends then, and the jaws hold on where they are`;
-    const text = `Take ${what} over from ${whose}? At this moment ${now.join(", and ")}. ${then}. ${program} moves nothing more until it asks for control again.`;
+    const text = `Take ${what} over from ${holder(this.#owner)}? At this moment ${now.join(", and ")}. ${then}. ${program} moves nothing more until it asks for control again.`;
     this.#isTakingOver = true;
     const isMeant = await ask(this.#panel, text, "Take it over", "take");
     this.#isTakingOver = false;

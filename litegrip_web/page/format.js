@@ -18,6 +18,12 @@ export function owner(program) {
   return program ? `${program.program} (pid ${program.pid})` : "nobody";
 }
 
+/* A program with what it has the gripper for, if it says more than its name. */
+export function holder({ program, pid, purpose }) {
+  const more = purpose && purpose !== program ? `, ${purpose}` : "";
+  return `${owner({ program, pid })}${more}`;
+}
+
 /* A text that begins a sentence. */
 export function capital(text) {
   return text.charAt(0).toUpperCase() + text.slice(1);
@@ -92,8 +98,13 @@ const FIELDS = {
   width_mm: "“Object”",
 };
 
-/* A text of the daemon's with the page's words in the place of methods and parameters; `terms` say where
-   those are. */
+/* What a page gives as its stops' reason, and what the daemon's texts say of one then. */
+export const STOP_WHY = "STOP on the page";
+const PAGES_STOP = /a stop \(hold\) by litegripd-web \(pid \d+\): STOP on the page/g;
+const BROKEN_OFF = /^job \d+, (\w+), was broken off: /; // which one, stands before it on the page
+
+/* A text of the daemon's with the page's words in the place of methods, parameters, jobs and its own stops; `terms` say
+   where the first two are. */
 export function inPageWords(text, terms = []) {
   const letters = [...text]; // places are counted in characters, as Python does
   let words = "";
@@ -104,7 +115,9 @@ export function inPageWords(text, terms = []) {
     words += letters.slice(at, start).join("") + table[name];
     at = end;
   }
-  return words + letters.slice(at).join("");
+  words += letters.slice(at).join("");
+  const how = (_all, kind) => (kind === "record" ? "" : "broken off: "); // that of a recording is said, too
+  return words.replace(BROKEN_OFF, how).replace(PAGES_STOP, STOP_WHY);
 }
 
 const KINDS = { record: "teach", play: "replay" };

@@ -138,11 +138,6 @@ function press(event, panels) {
   if (panel.control.press(event.key.toLowerCase())) event.preventDefault();
 }
 
-/* The wheel turns no figure: browsers change the one of a field in which one has clicked. */
-const turnsNothing = (event) => {
-  if (event.target.type === "number" && event.target === document.activeElement) event.preventDefault();
-};
-addEventListener("wheel", turnsNothing, { passive: false });
 addEventListener("dragover", (event) => event.preventDefault());
 addEventListener("drop", (event) => {
   event.preventDefault();

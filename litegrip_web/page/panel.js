@@ -2,12 +2,12 @@
 
 import { Control } from "./control.js";
 import { Events } from "./events.js";
-import { capital, figure, inPageWords, isNumber, owner, time } from "./format.js";
+import { capital, figure, holder, inPageWords, isNumber, owner, STOP_WHY, time } from "./format.js";
 import { Jaws } from "./jaws.js";
 import { Plots } from "./plots.js";
 import { onPress, Stop } from "./stop.js";
 import { suspend, sweep, toast, untoast } from "./toasts.js";
-import { FOLLOWED, Wire } from "./wire.js";
+import { FOLLOWED, OWN_NAME, Wire } from "./wire.js";
 import { World } from "./world.js";
 
 const HZ = 20;
@@ -130,6 +130,7 @@ export class Panel extends EventTarget {
   #isLate = false;
   #away = ""; // what the bar says of why there is no newer state
   #operates = false;
+  #maySend = false; // what acts, which the daemon may refuse
   #told = ""; // beside the buttons
   #isOver = false;
   #isGrasped = null;
@@ -156,6 +157,7 @@ export class Panel extends EventTarget {
     clear.textContent = document.body.classList.contains("several") ? `Clear ${channel}` : "Clear the stop";
     document.getElementById("clears").append(clear);
     this.#nodes.channel.textContent = channel;
+    this.#nameRows();
     this.wire = new Wire(channel, secret);
     this.events = new Events(this.#nodes.events, this.wire);
     this.plots = new Plots(this.#nodes.plots, channel);
@@ -177,6 +179,14 @@ export class Panel extends EventTarget {
 
   node(name) {
     return this.#nodes[name];
+  }
+
+  /* Say whose they are beside what acts, of several grippers: their heads may be out of sight. */
+  #nameRows() {
+    if (!this.whose) return;
+    for (const row of this.article.querySelectorAll(".slider span, .controls .row, .world .row")) {
+      row.prepend(Object.assign(document.createElement("b"), { textContent: this.channel }), " ");
+    }
   }
 
   /* Say how something ended, until something else happens; or what goes on, if it is not over. */
@@ -266,7 +276,7 @@ export class Panel extends EventTarget {
   /* Stop this gripper; return null once the daemon has confirmed it, otherwise why that is not known. */
   async stop() {
     try {
-      await this.wire.call("stop", { level: "hold", why: "STOP on the page" });
+      await this.wire.call("stop", { level: "hold", why: STOP_WHY });
       return null;
     } catch (error) {
       if (this.state !== null) return error.message;
@@ -274,12 +284,10 @@ export class Panel extends EventTarget {
     }
   }
 
-  async #begin({ operate, history }) {
-    for (const node of this.article.querySelectorAll("[data-acts]")) node.hidden = !operate;
-    this.#nodes["read-only"].hidden = operate;
-    this.#operates = operate;
+  async #begin({ operate: mayAct, user, history }) {
     try {
       const hello = await this.wire.hello();
+      this.#setRights(mayAct, hello.role, user);
       this.#offsetS = Date.now() / 1000 - hello.monotonic_s;
       this.gripper = hello.gripper;
       this.#nodes.simulated.hidden = !hello.simulated;
@@ -301,12 +309,31 @@ export class Panel extends EventTarget {
       suspend(this.channel, false);
       this.#compare(hello, states.state);
       this.#show(states.state);
-      this.control.begin(operate, ranges);
-      this.world.begin(hello.simulated, operate);
+      this.control.begin(this.#operates, ranges);
+      this.world.begin(hello.simulated, this.#operates);
       await this.#look();
     } catch (error) {
       this.tell(error.message);
     }
+  }
+
+  /* Show what acts only where both litegripd-web and the daemon let it act; else say who does not. */
+  #setRights(mayAct, role, user) {
+    this.#operates = mayAct && role !== "observer";
+    this.#maySend = mayAct;
+    const { "read-only": note } = this.#nodes;
+    for (const node of this.article.querySelectorAll("[data-acts]")) node.hidden = !this.#operates;
+    note.hidden = this.#operates;
+    const why = mayAct
+      ? `for the daemon, the user ${user}, who runs litegripd-web, is an observer. “[access]” in the daemon's ` +
+        "configuration decides that (docs/access.md)."
+      : "litegripd-web was started without --operate.";
+    note.textContent = `This page looks and stops: ${why}`;
+  }
+
+  /* Whether the page may clear this stop: an observer his own, which here is that of a page. */
+  #mayClear({ by }) {
+    return this.#operates || (this.#maySend && by === OWN_NAME);
   }
 
   /* What is wrong now, the worst first; all of it is said elsewhere, too. */
@@ -765,7 +792,7 @@ export class Panel extends EventTarget {
     this.#showLoss();
     const isCleared = !stopped.hidden && state.stop === null;
     stopped.hidden = state.stop === null;
-    clear.hidden = stopped.hidden || !this.#operates;
+    clear.hidden = stopped.hidden || !this.#mayClear(state.stop);
     this.#showAlarms();
     this.#sayFirst(this.#isLate ? "why" : "lost-text");
     if (this.#isLate) {
@@ -773,33 +800,41 @@ export class Panel extends EventTarget {
       mode.textContent = "late";
       const seconds = age === null ? "more than 1" : age.toFixed(1);
       const held = state.is_grasped === false ? "" : " What was held may be let go: a motor without commands lets go by itself.";
-      why.textContent = `${OLD} No newer state has come for ${seconds} s: the daemon stands still, or the link is slow.${held}`;
+      why.textContent = `${OLD} No newer state has come for ${seconds} s: the daemon or litegripd-web stands still, or the link is slow.${held}`;
     } else if (state.stop !== null) {
       mode.dataset.mode = isFault ? "fault" : "stopped";
       mode.textContent = isFault ? "fault, STOPPED" : "STOPPED";
       why.textContent = capital([isFault ? "" : `it is ${does}`, this.#reason(state)].filter(Boolean).join("; "));
     } else {
       mode.dataset.mode = does === STILL ? STILL : state.mode;
-      mode.textContent = does === "holding" && this.isPushedOpen ? "pushed open" : does;
+      mode.textContent = does === "holding" ? this.#howHeld : does;
       why.textContent = this.#lost === null ? this.#reason(state) : capital(this.#reason(state));
     }
     if (isCleared) this.#showWhole(false);
     if (state.stop === null) return;
     const { by, why: reason, since_s: since, level } = state.stop;
-    const who = `(${level}) at ${time(since + this.#offsetS)} by ${by ?? "somebody unknown"}`;
-    const how = this.#operates ? "" : " ('litegripctl clear')";
+    const isPages = by === OWN_NAME && reason === STOP_WHY;
+    const whose = isPages ? reason : by ?? "somebody unknown";
+    const who = `${isPages ? "" : `(${level}) `}at ${time(since + this.#offsetS)} by ${whose}`;
+    const how = clear.hidden ? " ('litegripctl clear')" : "";
     const told = this.isSilent
       ? `Stop latched ${who}, but the motor does not answer: cut its power.`
       : `Stopped ${who}. Nothing moves until it is cleared${how}.`;
-    stopped.textContent = told + (reason ? ` Why: ${reason}.` : "");
+    stopped.textContent = told + (reason && !isPages ? ` Why: ${reason}.` : "");
   }
 
-  /* Say in the head of what is lost, or of why there is no newer state, which says what to do about that. */
+  /* How what is held is held. */
+  get #howHeld() {
+    if (this.isPushedOpen) return "pushed open";
+    return this.#isWeak || this.#isLowered ? "holding weakly" : "holding";
+  }
+
+  /* Say in the head of what is lost first, which says what to do, and then of a stop; or of why there is no newer
+     state. */
   #sayFirst(name) {
-    const { said, stopped } = this.#nodes;
-    const [first, then] = name === "why" ? ["why", "lost-text"] : ["lost-text", "why"];
-    if (stopped.nextElementSibling === this.#nodes[first]) return;
-    said.replaceChildren(stopped, " ", this.#nodes[first], " ", this.#nodes[then]);
+    const { said, stopped, why, "lost-text": lost } = this.#nodes;
+    const order = name === "why" ? [stopped, why, lost] : [lost, stopped, why];
+    if (said.firstElementChild !== order[0]) said.replaceChildren(order[0], " ", order[1], " ", order[2]);
   }
 
   /* Show whether something is held; what nothing measures any more stays as it was then, and says so. */
@@ -863,7 +898,6 @@ export class Panel extends EventTarget {
     const toLimit = heat?.time_to_limit_s;
     const held = lease?.owner;
     const isOld = this.#isLate && lease !== null; // it takes the purpose's place: nothing moves
-    const purpose = !isOld && held?.purpose ? `, ${held.purpose}` : "";
     this.#figure("Opening", figure(state?.opening_mm, 1, "mm"));
     this.#figure("Force", figure(state?.force_n, 1, "N"));
     this.#figure("Set force", figure(state?.force_set_n, 1, "N"));
@@ -873,7 +907,7 @@ export class Panel extends EventTarget {
     this.#figure("Time to the heat limit", isNumber(toLimit) ? figure(toLimit, 0, "s") : heat ? "no limit" : "--");
     this.#showHealth();
     this.#figure("On the object", felt, "wide", UNSEEN);
-    const has = held ? `${owner(held)}${purpose}` : lease ? "free" : "--";
+    const has = held ? (isOld ? owner(held) : holder(held)) : lease ? "free" : "--";
     this.#fact("Lease", isOld ? `${has}, last known` : has, "wide").classList.toggle("last-known", isOld);
   }
 

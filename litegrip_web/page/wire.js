@@ -17,6 +17,7 @@ const STRANGER =
   "or litegripd-web has a newer secret, or a stranger answers. Look whether yours runs, and open the address that " +
   "litegripd-web printed.";
 
+export const OWN_NAME = "litegripd-web"; // as the daemon calls each page, and its stops
 export const FOLLOWED = "a new daemon has taken the gripper over";
 const CUT = "the connection to the daemon was cut";
 
@@ -76,7 +77,7 @@ export class Wire extends EventTarget {
   async hello() {
     const sentMs = performance.now();
     this.#clockAt = sentMs;
-    const hello = await this.call("hello", { client: "litegripd-web" });
+    const hello = await this.call("hello", { client: OWN_NAME });
     const tookMs = performance.now() - sentMs;
     if (this.#clock === null || tookMs <= this.#clock.tookMs) {
       this.#clock = { sentMs, tookMs, monotonicS: hello.monotonic_s };

@@ -1,6 +1,6 @@
 /* The world of a simulated gripper: an object to drag in and out, a hand at the jaws, faults. */
 
-import { numberIn } from "./fields.js";
+import { numberIn, typed } from "./fields.js";
 import { figure, isNumber } from "./format.js";
 import { Hand } from "./hand.js";
 
@@ -122,7 +122,8 @@ export class World {
     const { object } = world;
     this.#panel.node("object").max = Math.floor(this.#panel.travel);
     if (object) this.#width = object.width_mm;
-    const tray = this.#operates ? Number(this.#panel.node("object").value) : null;
+    const width = this.#operates ? typed(this.#panel.node("object")) : null;
+    const tray = isNumber(width) ? width : null;
     this.#panel.jaws.setWorld(object ? this.#width : tray, object !== null, this.#operates);
     const parts = [object ? `an object of ${figure(object.width_mm, 0, "mm")}` : "no object"];
     if (isNumber(world.push_nm) && world.push_nm !== 0) {

@@ -4,9 +4,11 @@
 
 import { ask } from "./ask.js";
 import { open } from "./dialog.js";
-import { numberIn } from "./fields.js";
+import { numberIn, typed } from "./fields.js";
 import { figure, isNumber } from "./format.js";
 import { SPAN_INSET_MM, TEMPLATES_RAD_TO_MM } from "./motions.js";
+
+const typedOpenings = new Map(); // by the channel: what was typed, and the daemon's figure at that time
 
 /* How far the jaws open by a calibration of this travel, in mm. */
 const opens = (travel) => Number((travel - SPAN_INSET_MM).toFixed(2));
@@ -25,15 +27,16 @@ export function askZero(panel) {
 
   /* The measured opening, if the person gave another one than is configured. */
   const given = () => {
-    const mm = Number(stroke.value);
-    return stroke.value === "" || mm === configured ? {} : { stroke_mm: mm };
+    const mm = typed(stroke);
+    return !isNumber(mm) || mm === configured ? {} : { stroke_mm: mm };
   };
   const used = (mm) =>
     mm === configured ? `the configured ${configured} mm` : `${mm} mm (configured: ${configured} mm)`;
   const showUses = () => {
     const now = inUse === null ? "There is no scale yet" : `Now the scale uses ${inUse} mm`;
     const next = given().stroke_mm ?? configured;
-    const would = next === inUse ? "" : `; it would use ${next} mm`;
+    const isWrong = Number.isNaN(typed(stroke));
+    const would = next === inUse || isWrong ? "" : `; it would use ${next} mm`;
     uses.textContent = `${now}${would} (configured: ${configured} mm). All lengths and speeds follow from it.`;
   };
 
@@ -90,8 +93,13 @@ export function askZero(panel) {
     return `${corrected}. It is saved.`;
   };
 
-  stroke.value = isDoubtful ? configured : inUse ?? configured; // a template's was measured on no gripper
-  stroke.oninput = showUses;
+  const figureOf = () => (isDoubtful ? configured : inUse ?? configured); // a template's was measured on no gripper
+  const typedBefore = typedOpenings.get(panel.channel);
+  stroke.value = typedBefore?.of === figureOf() ? typedBefore.text : figureOf();
+  stroke.oninput = () => {
+    typedOpenings.set(panel.channel, { text: stroke.value, of: figureOf() });
+    showUses();
+  };
   showUses();
   progress.textContent = "";
   mount.querySelector("input").checked = true;

@@ -12,7 +12,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -326,13 +326,16 @@ def begin_again(running: DaemonProcess) -> None:
         disable(client)
 
 
-STAY = ("gateway", "litegripd-web, plots")
+def _stays(client: Mapping[str, Any]) -> bool:
+    """Return True for a gateway, and for a page's plots, whose one subscription is to states."""
+    of_plots = client["program"] == "litegripd-web" and client["subscriptions"] == 1
+    return bool(of_plots or client["program"] == "gateway")
 
 
 def _others(client: Client) -> list[dict[str, Any]]:
     """Return the daemon's other clients, but for those that stay: a gateway, and a page's plots."""
     clients: list[dict[str, Any]] = client.result("clients.list")["clients"]
-    return [one for one in clients if not one["is_me"] and one["program"] not in STAY]
+    return [one for one in clients if not one["is_me"] and not _stays(one)]
 
 
 def disable(client: Client) -> None:

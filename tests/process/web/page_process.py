@@ -178,7 +178,7 @@ class StandIn:
         with taken, taken.makefile("rb") as file:
             for line in file:
                 request = json.loads(line)
-                if request.get("params", {}).get("client") == "litegripd-web, plots":
+                if request.get("params", {}).get("client") == "litegripd-web":
                     file.read()  # the page's own, which no browser asked for: it gets nothing
                     return
                 with self._came:

@@ -261,6 +261,37 @@ def test_of_two_grippers_each_question_names_the_one_that_it_is_about(
             tab.get_by_role("button", name="Cancel").click()
 
 
+NAMELESS = """
+(name) => {
+  const middle = (node) => {
+    const {top, bottom} = node.getBoundingClientRect();
+    return (top + bottom) / 2;
+  };
+  const bar = document.querySelector("header");
+  const isSeen = (node) => bar.getBoundingClientRect().bottom <= node.getBoundingClientRect().top;
+  const stage = document.querySelector(`[data-channel="${name}"] .stage`);
+  const names = [...stage.querySelectorAll("b")].filter((node) => node.textContent === name);
+  return [...stage.querySelectorAll("button, [type=range]")]
+    .filter((node) => node.checkVisibility({visibilityProperty: true}))
+    .filter((node) => {
+      node.scrollIntoView({block: "center"});
+      return !names.some((one) => isSeen(one) && Math.abs(middle(one) - middle(node)) < 100);
+    })
+    .map((node) => node.textContent || node.ariaLabel);
+}
+"""
+"""What acts on a gripper and has not its name beside it, wherever the page is scrolled."""
+
+
+def test_of_two_grippers_each_has_its_name_beside_what_acts_on_it(
+    window: BrowserContext, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with two_grippers(window, tmp_path, monkeypatch) as (tab, _daemons, _clients):
+        wait_until_it_fits(tab)
+        for side in ("left", "right"):
+            assert tab.evaluate(NAMELESS, f"{side}-{os.getpid()}") == []
+
+
 def test_of_two_grippers_a_key_moves_only_the_one_that_was_used_last(
     window: BrowserContext, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

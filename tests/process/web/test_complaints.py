@@ -49,7 +49,7 @@ def test_a_stop_leaves_no_complaint_behind(operated: Tab, client: Client) -> Non
     client.until(lambda state: bool(state["job"] and state["opening_mm"] < 59))
     operated.keyboard.press("Escape")
     line = part(operated, "events").locator("span", has_text="broken off")
-    expect(line).to_have_text(re.compile(r"^job \d+, close, was broken off: a stop"))
+    expect(line).to_have_text(re.compile(r"^job \d+, close: broken off: STOP on the page, "))
     button(operated, "Clear the stop").click()
     expect(part(operated, "outcome")).to_have_text("clear the stop: done")
     expect(toasts(operated)).to_have_count(0)

@@ -183,11 +183,11 @@ def test_of_a_lost_object_no_hold_is_claimed_once_the_motor_is_off(
     client.despite_silence("motor.disable")
     expect(said).to_have_text(re.compile(rf"^\s*At \S+: “Enable”, {again}\.\s*$"))
     client.result("sim.fault", name="overload")
-    whole = r"^\s*At \S+: the object is lost\. Remove what .*: the motor reports overload"
+    whole = r"^\s*At \S+: the object is lost\.\s+Remove what .*: the motor reports overload"
     expect(said).to_have_text(re.compile(whole))
     client.result("stop", level="hold")
     expect(said).to_have_text(
-        re.compile(r"^\s*Stopped .* the object is lost\. Remove what loads the jaws")
+        re.compile(r"^\s*At \S+: the object is lost\. Stopped .*\. Remove what loads the jaws")
     )
 
 
@@ -213,11 +213,15 @@ def test_a_weak_motor_is_said_while_it_lasts_and_its_hold_is_not_green(
         expect(toasts(shown)).to_contain_text([now])
         expect(toasts(shown)).to_have_text([WEAK_FIGURES])
         expect(part(shown, "mode")).not_to_have_css("color", green)
+        expect(part(shown, "mode")).to_have_text("holding weakly")
+        expect(shown.locator(".jaw.holds").first).not_to_have_css("fill", green)
         assert part(shown, "held").evaluate(MARK) != green
     client.result("sim.fault", name="none")
     expect(alarm(tab)).to_be_hidden()
     expect(toasts(tab)).to_have_count(0)
     expect(mode).to_have_css("color", green)
+    expect(mode).to_have_text("holding")
+    expect(tab.locator(".jaw.holds").first).to_have_css("fill", green)
     assert held.evaluate(MARK) == green
 
 

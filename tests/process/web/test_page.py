@@ -77,9 +77,9 @@ def test_who_only_looks_finds_nothing_to_act_with_but_the_stop(shown: Tab, clien
     shown.keyboard.press("o")
     shown.get_by_role("button", name="STOP Esc").click()
     stopped = part(shown, "stopped")
-    expect(stopped).to_contain_text("Stopped (hold)")
-    expect(stopped).to_contain_text("Nothing moves until it is cleared ('litegripctl clear').")
-    expect(stopped).to_contain_text("Why: STOP on the page.")
+    told = r"^Stopped at [0-9:]{8} by STOP on the page\. "
+    cleared = r"Nothing moves until it is cleared \('litegripctl clear'\)\.$"
+    expect(stopped).to_have_text(re.compile(told + cleared))
     expect(button(shown, "Clear the stop")).to_be_hidden()
     state = client.result("state.get")
     assert state["stop"]["level"] == "hold"
@@ -703,6 +703,7 @@ def test_a_frozen_page_server_is_late_too(
         running.process.send_signal(signal.SIGSTOP)
         try:
             expect(part(tab, "mode")).to_have_text("late")
+            expect(part(tab, "why")).to_contain_text("the daemon or litegripd-web stands still")
             tab.get_by_role("button", name="STOP Esc").click()
             expect(tab.locator("#notice")).to_contain_text("STOP not confirmed")
         finally:
