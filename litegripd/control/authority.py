@@ -90,7 +90,11 @@ class StopLatch:
         whose = "" if self.latched is None else f", by {_stopper(self.latched)},"
         who = [f"{user}, who stopped it, " for user in known]
         why = sentence("; {why}", why=lease_held.message)
-        hint = {"hint": "ask one of them to clear it"} if lease_held.reason == "lease_held" else {}
+        hint = (
+            {"hint": sentence("ask one of them to clear it")}
+            if lease_held.reason == "lease_held"
+            else {}
+        )
         if isinstance(owner, dict):
             who = [f"{owner['program']} (pid {owner['pid']}), who has the lease, ", *who]
             why = sentence("")
@@ -574,8 +578,9 @@ def process_of(owner: Owner) -> Taker:
     return {"pid": owner.pid, "uid": owner.uid, "program": owner.program}
 
 
+_LATER = sentence("wait longer, or try again")
 _NOT_FREE = Refusal(
     "lease_held",
-    "the gripper was not free in time: wait longer, or try again",
-    {"hint": "wait longer, or try again"},
+    sentence("the gripper was not free in time: {how}", how=_LATER),
+    {"hint": _LATER},
 )
