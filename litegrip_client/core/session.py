@@ -399,11 +399,17 @@ class DaemonSession:
             await _release(self.wire)
 
     async def take(self, why: str, jaws: str) -> None:
-        """Take the lease from its present owner, and keep it."""
+        """Take the lease from its present owner, and keep it.
+
+        Of a motor that is enabled this session answers for the end then: its owner does no more.
+        """
         params = {"why": why, "purpose": _program()} | ({} if jaws == "hold" else {"jaws": jaws})
         params |= self._kept_options()
         await self._get("lease.take", params, 0.0)
         self.keeps_lease = True
+        if not self.enabled_here and (await self.ask("state.get"))["enabled"]:
+            self.enabled_here = True
+            await self.acquire(on_lost="disable" if self.disable_on_disconnect else "hold")
 
 
 class AsyncBlock:

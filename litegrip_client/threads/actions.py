@@ -974,7 +974,8 @@ class BlockingGripper(GripperActions):
 
         The motion that runs ends, also one without a lease, and nothing that others have queued
         begins. Who has lost by that gets `LeaseError` (`lease_lost`) until it takes the lease. The
-        jaws then keep what they hold, or follow `jaws`: "relax" (no torque) or "disable".
+        jaws then keep what they hold, or follow `jaws`: "relax" (no torque) or "disable". A motor
+        that is enabled is this object's to disable at its end, as after its own `enable`.
 
         Raises `NotPermittedError` unless the owner is the same user, or this user is an admin in
         the daemon's configuration.

@@ -461,12 +461,13 @@ def test_a_lease_that_another_has_names_it_and_can_be_taken(
     assert daemon.methods()[-1] == "lease.acquire"
     monkeypatch.setattr("sys.argv", ["/opt/pick.py"])
     gripper.take_lease("it hangs")
-    assert daemon.requests[-1].params == {"why": "it hangs", "purpose": "pick.py"}
+    assert daemon.asked("lease.take")[-1] == {"why": "it hangs", "purpose": "pick.py"}
     other.result("lease.take", why="no", purpose="picking")
     gripper.take_lease("it hangs", jaws="relax")
-    assert daemon.requests[-1].params["jaws"] == "relax"
+    assert daemon.asked("lease.take")[-1]["jaws"] == "relax"
     gripper.disconnect()
     assert daemon.methods()[-1] == "lease.release"
+    assert "motor.disable" not in daemon.methods()  # nobody had enabled it
 
 
 def test_leaving_after_the_lease_was_taken_disables_nothing_and_says_so(
@@ -525,6 +526,22 @@ def test_who_has_disabled_before_the_loss_disables_nothing_again(daemon: Heard, 
         in_a_block(gripper)
     assert daemon.methods().count("motor.disable") == 1
     assert daemon.is_energised
+
+
+@pytest.mark.parametrize("disables", [True, False])
+def test_who_takes_the_lease_answers_for_a_motor_that_is_enabled(
+    daemon: Heard, kind: Kind, disables: bool
+) -> None:
+    """The one from whom it is taken disables it no more: it would be left to itself."""
+    with kind.gripper() as first:
+        first.enable()
+        taker = kind.gripper(disable_on_disconnect=disables)
+        taker.connect()
+        taker.take_lease("mine")
+        taker.goto(30.0)
+        assert on_lost(daemon) == ("disable" if disables else "hold")  # also if it is killed
+        taker.disconnect()
+        assert daemon.is_energised is not disables
 
 
 def test_a_lease_without_enable_is_taken_with_nothing_of_an_earlier_one(
