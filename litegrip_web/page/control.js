@@ -219,7 +219,9 @@ export class Control {
     for (const [parameter, name] of Object.entries(fields)) {
       const node = this.#panel.node(name);
       const number = numberIn(node);
-      if (number === null) return this.#panel.tell(`${node.dataset.what}: ${node.validationMessage}`);
+      const about = `field ${name}`;
+      if (number === null) return this.#panel.complain(`${node.dataset.what}: ${node.validationMessage}`, about);
+      this.#panel.forgive(about);
       if (number !== undefined) params[parameter] = number;
     }
     return act(params);
@@ -238,7 +240,7 @@ export class Control {
     this.#bars = {
       late: this.#lateness,
       silent: this.#panel.isSilent && "the motor does not answer",
-      stop: state.stop !== null && `a stop is latched, “${clear}” first`,
+      stop: state.stop !== null && `stopped: “${clear}” first`,
       off: !state.enabled && (state.mode === "fault" ? "a fault: “Enable” again" : "“Enable” first"),
     };
     if (this.#recording === "on" && state.job?.kind !== "record") this.#askRecording();

@@ -164,7 +164,7 @@ export class Panel extends EventTarget {
     this.world = new World(this);
     this.jaws = new Jaws(this.#nodes.jaws, this.world);
     this.control = new Control(this);
-    const stop = new Stop([this], this.#nodes.outcome);
+    const stop = new Stop([this], this.#nodes.outcome, { onFailed: (text) => this.#tellFailed(text) });
     onPress(this.#nodes.stop, () => stop.press());
     said.onclick = () => this.#showWhole(said.ariaExpanded === "false");
     const { wire } = this;
@@ -239,6 +239,12 @@ export class Panel extends EventTarget {
     const onRead = () => this.miss(false);
     if (isMissed) toast(this.channel, MISSED, "stop", { rank: "unstopped", atS: null, onRead });
     else this.forgive("stop");
+  }
+
+  /* Say in the bar, too, that a STOP of this gripper alone has failed. */
+  #tellFailed(text) {
+    if (text) toast(this.channel, text, "failed stop", { rank: "failed", outlives: true });
+    else this.forgive("failed stop");
   }
 
   /* Say in the bar why there is no newer state, and what to do about that, as long as it is so. */
@@ -381,7 +387,8 @@ export class Panel extends EventTarget {
       this.#last = this.state;
       const atS = this.state.monotonic_s;
       const before = this.#note(lacks);
-      if (lacks === "daemon" && before.held) setTimeout(() => this.#noteDeath(before, atS), HAND_OVER_MS);
+      const isTaken = before.held || before.recording;
+      if (lacks === "daemon" && isTaken) setTimeout(() => this.#noteDeath(before, atS), HAND_OVER_MS);
     }
     this.state = null;
     this.#lacks = lacks;
@@ -527,6 +534,9 @@ export class Panel extends EventTarget {
       this.#moveOn();
     } else if (kind in LOSSES && atS !== this.#readS) {
       this.#lose(event);
+    } else if (kind === "job_started" && data.kind === "disable" && this.state?.is_grasped && !this.control.has) {
+      const by = event.message.replace(/^.* by /, "");
+      this.#lose({ kind: "released_by_fault", monotonic_s: atS, message: `what was held was let go: disabled by ${by}` });
     }
   }
 
@@ -550,7 +560,12 @@ export class Panel extends EventTarget {
 
   /* Take what a daemon held for let go: it is away for longer than a hand-over takes. */
   #noteDeath(before, atS) {
-    if (this.#before !== before || this.#lost !== null) return;
+    if (this.#before !== before) return;
+    if (before.recording) {
+      this.forgive("teach");
+      toast(this.channel, capital(`${GONE.recording}: the daemon has ended.`), "recording", { rank: "", outlives: true });
+    }
+    if (!before.held || this.#lost !== null) return;
     this.#lose({ kind: "released_by_fault", monotonic_s: atS, message: DEAD, data: {}, isDead: true });
     this.#showLack();
   }
@@ -576,6 +591,7 @@ export class Panel extends EventTarget {
       control: before.control,
     };
     if (isGone.recording) this.forgive("teach"); // nothing is left of it to keep
+    this.forgive("recording"); // which is said with all else, or was there all the time
     for (const part of Object.keys(GONE)) if (isGone[part]) this.#gone.set(part, why);
     if (isGone.held) this.#lose({ kind: "released_by_fault", monotonic_s: atS, message: `${why}: ${GONE.held}` });
     this.#tellGone();
@@ -715,17 +731,18 @@ export class Panel extends EventTarget {
     return [...this.#troubles.values()].filter(({ isIn }) => isIn(this.state)).map(({ text }) => text);
   }
 
-  /* What is said of a loss, first what to do: of a lost object no hold, once the motor does not hold; of a fault that
-     is over, and without a daemon, no advice. */
+  /* What is said of a loss, first what to do: of a lost object no hold, once the motor does not hold; without a daemon
+     no advice. */
   #lossText() {
     const { data, monotonic_s: atS } = this.#lost;
     this.#isPast ||= this.state?.monotonic_s > atS && !["fault", "offline"].includes(this.state.mode);
-    if ((this.#isPast || this.state === null) && data?.past) return data.past;
+    const first = (text) => [this.#graspAgain, text].filter(Boolean).join("; ");
+    if ((this.#isPast || this.state === null) && data?.past) return first(data.past);
     if (data?.why) return letGo(this.#lost, this.#troubles.get("motor")?.act);
     const text = inPageWords(this.#lost.message, this.#lost.terms?.message);
-    if (this.#lost.kind !== "object_lost") return text;
+    if (this.#lost.kind !== "object_lost") return first(text);
     const isHeld = this.state?.enabled && this.state.mode !== "relaxed";
-    return [this.#graspAgain, isHeld ? text : text.split(": ", 1)[0]].filter(Boolean).join("; ");
+    return first(isHeld ? text : text.split(": ", 1)[0]);
   }
 
   /* What to do about a lost object; of a fault or a silent motor that is said which comes before. */
@@ -753,6 +770,7 @@ export class Panel extends EventTarget {
     this.#tellWeak();
     if (state.stop !== null) {
       this.regain("stop");
+      this.forgive("failed stop");
       this.miss(false);
     }
     if (this.#replay !== null && isReplaying(state)) {
@@ -804,7 +822,8 @@ export class Panel extends EventTarget {
     } else if (state.stop !== null) {
       mode.dataset.mode = isFault ? "fault" : "stopped";
       mode.textContent = isFault ? "fault, STOPPED" : "STOPPED";
-      why.textContent = capital([isFault ? "" : `it is ${does}`, this.#reason(state)].filter(Boolean).join("; "));
+      const how = isFault || does === STILL ? "" : `it is ${does}`;
+      why.textContent = capital([how, this.#reason(state)].filter(Boolean).join("; "));
     } else {
       mode.dataset.mode = does === STILL ? STILL : state.mode;
       mode.textContent = does === "holding" ? this.#howHeld : does;

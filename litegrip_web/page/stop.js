@@ -30,12 +30,14 @@ export class Stop {
   #toldMs = 0;
   #aging = 0;
   #tellsAll;
+  #onFailed;
 
-  /* With `tellsAll` it says of each stop, whoever has sent it, that a silent motor does not hear of it. */
-  constructor(panels, place, { tellsAll = false } = {}) {
+  /* `onFailed` is called with what has failed of a STOP, and with "" once something else is said. With `tellsAll` it says of each stop, whoever has sent it, that a silent motor does not hear of it. */
+  constructor(panels, place, { tellsAll = false, onFailed = () => {} } = {}) {
     this.#panels = panels;
     this.#place = place;
     this.#tellsAll = tellsAll;
+    this.#onFailed = onFailed;
     for (const panel of panels) {
       panel.addEventListener("state", () => this.#compare());
       panel.addEventListener("ended", () => {
@@ -133,5 +135,6 @@ export class Stop {
   #say(text, kind) {
     if (this.#place.textContent !== text) this.#place.textContent = text;
     this.#place.dataset.stop = kind;
+    this.#onFailed(kind === "failed" ? text : "");
   }
 }

@@ -4,7 +4,7 @@
 import { time } from "./format.js";
 
 const MOST = 5;
-const RANKS = ["", "trouble", "loss", "unstopped", "away"]; // the worst last
+const RANKS = ["", "trouble", "loss", "unstopped", "away", "failed"]; // the worst last
 const list = document.getElementById("toasts");
 list.onclick = () => list.classList.toggle("whole");
 

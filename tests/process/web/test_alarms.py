@@ -528,6 +528,27 @@ def test_what_to_do_about_a_fault_that_let_go_is_said_once_in_the_head(
     assert tab.locator("article").evaluate(TIMES) == 1
 
 
+def test_of_two_grippers_a_stop_of_one_that_fails_is_as_loud_as_one_of_all(
+    window: BrowserContext, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with two_grippers(window, tmp_path, monkeypatch) as (tab, daemons, clients):
+        name = f"left-{os.getpid()}"
+        panel = tab.get_by_role("article", name=f"Gripper {name}")
+        failed = tab.locator("#toasts li").filter(has_text=f"STOP not confirmed by {name}.")
+        daemons[0].process.send_signal(signal.SIGSTOP)
+        try:
+            expect(panel.locator("[data-is=mode]")).to_have_text("late")
+            panel.get_by_role("button", name="STOP", exact=True).click()
+            expect(failed).to_contain_text("Cut the motor's power.")
+            assert tab.locator("#toasts li:last-child").inner_text() == failed.inner_text()
+            assert failed.evaluate("(node) => getComputedStyle(node).backgroundColor") == RED
+        finally:
+            daemons[0].process.send_signal(signal.SIGCONT)
+        clients[0].until(lambda state: state["stop"] is not None)
+        expect(failed).to_have_count(0)
+        assert clients[1].result("state.get")["stop"] is None
+
+
 def test_of_two_grippers_what_to_do_is_seen_when_a_daemon_stood_still(
     window: BrowserContext, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -640,7 +661,7 @@ def test_of_two_grippers_each_is_told_by_its_own_button_and_as_long_as_it_is_so(
         clients[0].result("stop", level="hold")
         expect(button(tab, f"Clear {left}")).to_be_visible()
         tab.keyboard.press("o")
-        expect(outcome).to_have_text(f"open: a stop is latched, “Clear {left}” first")
+        expect(outcome).to_have_text(f"open: stopped: “Clear {left}” first")
         panel.get_by_role("button", name="STOP", exact=True).click()
         expect(outcome).to_have_text("Stopped. Nothing moves until it is cleared.")
         daemons[0].kill()

@@ -23,7 +23,7 @@ from tests.process.web.on_page import (
 from tests.process.web.page_process import CHANNEL
 
 SAMPLES = 30
-STOPPED = "Not now: a stop is latched, “Clear the stop” first."
+STOPPED = "Not now: stopped: “Clear the stop” first."
 
 
 def zero_dialog(tab: Tab) -> Locator:

@@ -53,6 +53,9 @@ def test_what_is_no_number_is_refused_and_acts_as_none(
         assert told.endswith(", and is no number."), text
         if field != "object":
             expect(part(operated, "outcome")).to_contain_text(told)
+            expect(operated.locator("#toasts li")).to_contain_text(
+                [told]
+            )  # whatever ends meanwhile
     operated.wait_for_timeout(100)
     assert method not in [line["method"] for line in operated.evaluate("window.sent")]
 

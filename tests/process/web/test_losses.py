@@ -63,12 +63,13 @@ def test_what_a_fault_lets_go_is_said_until_it_is_read_or_the_next_motion_begins
         r"(remove what .* \(“Enable”\): the motor reports overload"
         r"|the motor (does not answer: check|reports that it is off).*)"
     )
-    told = re.compile(rf"LET GO: ({advice}; {what}(has been|must be taken)|{what}was let go)")
+    again = "(“Enable”, )?“Open”, then “Grasp” again; "
+    told = rf"LET GO: ({advice}; {what}(has been|must be taken)|{again}{what}was let go)"
     past = r"was let go( by a fault \([a-z ]+\)|: the motor (did not answer|was off, which .*))"
     second = opened(window, looking)  # which knows it from the events of before
     for shown in (tab, second):
         expect(alarm(shown)).to_have_text(f"LET GO{also}")
-        expect(toasts(shown)).to_have_text([told])
+        expect(toasts(shown)).to_have_text([re.compile(told)])
         expect(part(shown, "lost")).to_have_text("LET GO")
         expect(part(shown, "lost-text")).to_contain_text("what was held with 10 N")
     button(second, "Read").click()
@@ -85,7 +86,7 @@ def test_what_a_fault_lets_go_is_said_until_it_is_read_or_the_next_motion_begins
     job = client.result("job.list")["jobs"][-1]["job"]
     expect(part(tab, "events")).to_contain_text(f"job {job}, zero_gravity")
     expect(alarm(tab)).to_have_text("LET GO")
-    expect(toasts(tab)).to_have_text([re.compile(f"LET GO: {what}{past}Read$")])  # and no advice
+    expect(toasts(tab)).to_have_text([re.compile(f"LET GO: {again}{what}{past}Read$")])
     expect(part(tab, "lost-text")).to_have_text(re.compile(f"{past}\\.$"))
     expect(part(tab, "lost")).to_be_visible()
     client.despite_silence("motion.open")
@@ -143,7 +144,7 @@ def test_a_loss_is_seen_in_the_place_of_what_a_key_was_refused_for_later(
     part(operated, "name").fill("a/b")  # no name
     button(operated, "Teach").click()
     expect(toasts(operated)).to_have_count(2)
-    expect(seen).to_contain_text(["LET GO: what was held"])
+    expect(seen).to_contain_text(["LET GO: “Open”, then “Grasp” again; what was held"])
     expect(seen).to_have_css(
         "background-color", alarm(operated).locator(".loud").first.evaluate(BACK)
     )
@@ -478,6 +479,36 @@ def test_what_a_daemon_has_taken_with_it_is_said_until_it_is_read_or_the_next_mo
         expect(alarm(tab)).to_be_hidden()
 
 
+def test_what_another_program_lets_go_of_by_disabling_is_lost(
+    operated: Tab, client: Client
+) -> None:
+    """As a script does at its end, behind a stop, too."""
+    grasp(client)
+    expect(part(operated, "held")).to_have_text("object detected")
+    client.result("stop", level="hold")
+    expect(part(operated, "mode")).to_have_text("STOPPED")
+    client.result("motor.disable")
+    expect(alarm(operated)).to_have_text("LET GO, STOPPED")
+    told = re.compile(
+        r"“Enable”, “Open”, then “Grasp” again; what was held was let go: disabled by "
+    )
+    expect(part(operated, "lost-text")).to_have_text(told)
+    client.result("stop.clear")
+    client.despite_silence("motor.enable")
+    client.despite_silence("motion.open")
+    expect(alarm(operated)).to_be_hidden()
+
+
+def test_what_is_let_go_by_the_pages_own_button_is_no_loss(operated: Tab, client: Client) -> None:
+    enable(operated, client)
+    client.result("sim.object", width_mm=OBJECT_MM)
+    button(operated, "Grasp").click()
+    expect(part(operated, "held")).to_have_text("object detected")
+    button(operated, "Disable").click()
+    expect(part(operated, "mode")).to_have_text("disabled")
+    expect(alarm(operated)).to_be_hidden()
+
+
 @pytest.mark.parametrize("is_over", [False, True])
 def test_a_recording_that_a_daemon_took_with_it_is_said_and_offered_no_more(
     window: BrowserContext, tmp_path: Path, is_over: bool
@@ -502,6 +533,7 @@ def test_a_recording_that_a_daemon_took_with_it_is_said_and_offered_no_more(
             client.result("stop", level="hold")
             expect(toasts(tab)).to_contain_text([re.compile("The recording was broken off")])
         daemon.end()
+        expect(toasts(tab)).to_contain_text(["The recording is lost: the daemon has ended."])
         assert re.search(r"a recording of \d+ samples is lost: nobody", daemon.log)
         _, client = run(stack)
         what = "the stop is gone, the recording is lost" if is_over else "the recording is lost"
