@@ -10,11 +10,13 @@
             ...
 
 Each is a process of its own, with its own sockets and files in a temporary folder, so that tests
-may run beside each other. With pytest, the fixture `simulated_gripper` is one.
+may run beside each other. With pytest, the fixture `simulated_gripper` is one: the gripper is
+`simulated_gripper.gripper()`.
 """
 
 from __future__ import annotations
 
+import functools
 import itertools
 import json
 import os
@@ -23,16 +25,20 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, NoReturn, ParamSpec, TypeVar
 
 from litegrip_client.line.connection import Connection
 from litegrip_client.threads.gripper import LiteGrip
 from litegrip_client.values.checks import number
 from litegrip_client.values.errors import ConnectError
 from litegrip_client.values.tracebacks import shortened
+from litegrip_client.values.voices import misuse_of_function, no_attribute
+
+_Arguments = ParamSpec("_Arguments")
+_Made = TypeVar("_Made")
 
 _CONFIG = """\
 [bus]
@@ -67,6 +73,15 @@ class SimulatedDaemon:
 
     def __repr__(self) -> str:
         return f"<SimulatedDaemon {self.channel}, at {self.socket_path}>"
+
+    if not TYPE_CHECKING:  # else a type checker would find every name here
+
+        def __getattr__(self, name: str) -> NoReturn:
+            """Say where the gripper is, for whose members this is easily taken."""
+            if name.startswith("_") or not hasattr(LiteGrip, name):
+                raise no_attribute(self, name)
+            how = "with simulated_gripper.gripper() as gripper:"
+            raise AttributeError(f"this is the daemon, and {name!r} its gripper's; use: {how}")
 
     def gripper(self, **settings: Any) -> LiteGrip:
         """Return a `LiteGrip` for this daemon; `settings` are further arguments of its."""
@@ -119,6 +134,21 @@ class SimulatedDaemon:
             return connection.call(method, params)
 
 
+def _hinting(function: Callable[_Arguments, _Made]) -> Callable[_Arguments, _Made]:
+    """Say what arguments there are where others are given."""
+
+    @functools.wraps(function)
+    def call(*arguments: _Arguments.args, **named: _Arguments.kwargs) -> _Made:
+        try:
+            return function(*arguments, **named)
+        except TypeError as error:  # of the call itself: the block begins later
+            text = misuse_of_function(function, arguments, named) or str(error)
+        raise TypeError(text)
+
+    return call
+
+
+@_hinting
 @contextmanager
 def simulated(
     *,

@@ -573,7 +573,8 @@ class AsyncSession(DaemonSession):
     """A daemon, by channel, and the connection to it while there is one."""
 
     async def _connect(self) -> Connection:
-        return await reach(self.channel, self.socket_path, Connection.open)
+        left_out = self.channel_left_out
+        return await reach(self.channel, self.socket_path, Connection.open, left_out=left_out)
 
     async def reach(self, path: str, timeout_s: float) -> Connection:
         """Connect to another socket of the same daemon; raises `OSError`."""

@@ -21,6 +21,7 @@ from litegrip_client.values.checks import (
     in_range,
     integer,
     number,
+    time_limit,
 )
 from litegrip_client.values.errors import CommandError, LiteGripError, ParameterError
 from litegrip_client.values.motion_config import MotionConfig
@@ -587,7 +588,7 @@ class GripperActions:
         It does nothing where none runs. Raises `CommandError` when it has not ended after
         `timeout` seconds.
         """
-        return await self._trajectories.end_replay(number("timeout", timeout))
+        return await self._trajectories.end_replay(time_limit("timeout", timeout))
 
     async def play_pause(self) -> dict[str, Any]:
         """Let the replay wait where it is; the jaws hold there. Return `trajectory_status()`.
@@ -790,7 +791,7 @@ class GripperActions:
         Raises `ConnectError` when the daemon does not answer within `timeout` seconds. Jaws that
         the torque guard has released stay loose: holding would press what it freed.
         """
-        timeout_s = number("timeout", timeout)
+        timeout_s = time_limit("timeout", timeout)
         return _of_sdk(await self._session.wire.call("teleop.stop", None, timeout_s))
 
     async def teleop_status(self) -> dict[str, Any]:
@@ -936,20 +937,21 @@ class GripperActions:
         The probe uses the arguments (N·m/rad, N·m·s/rad, rad, N·m), not `motion_config`. The
         daemon's defaults replace arguments that are left out.
         """
-        config = given_numbers(
-            calib_kp=kp,
-            calib_kd=kd,
-            calib_step_rad=step_rad,
-            calib_tau_limit=tau_limit,
-            calib_stall_delta=stall_delta,
+        given = given_numbers(
+            kp=kp, kd=kd, step_rad=step_rad, tau_limit=tau_limit, stall_delta=stall_delta
         )
-        for name, value in (("calib_stall_cycles", stall_cycles), ("calib_max_iter", max_iter)):
+        for name, value in (("stall_cycles", stall_cycles), ("max_iter", max_iter)):
             if value is not None:
-                config[name] = integer(name, value)
+                given[name] = integer(name, value)
         params: dict[str, Any] = {"save": False, **self._stroke(stroke_mm)}
-        if config:
-            params["config"] = config
-        return await self._probe(Called("calibration.zero", "calibrate"), params, mount, progress)
+        if given:
+            params["config"] = {f"calib_{name}": value for name, value in given.items()}
+        called = Called("calibration.zero", "calibrate")
+        try:
+            return await self._probe(called, params, mount, progress)
+        except LiteGripError as error:
+            _name_arguments(error)
+            raise
 
     def manual_calibration(self) -> ManualCalibration:
         """Calibrate by hand, for `async with`: the jaws are loose until its end.
@@ -1034,6 +1036,32 @@ class GripperActions:
 
     async def _ask(self, method: str, params: dict[str, Any] | None = None) -> dict[str, Any]:
         return await self._session.wire.call(method, params, ACTION_TIMEOUT_S)
+
+
+_UNITS_OF_A_PROBE = {
+    "kp": " N·m/rad",
+    "kd": " N·m·s/rad",
+    "step_rad": " rad",
+    "tau_limit": " N·m",
+    "stall_delta": " rad",
+    "stall_cycles": "",
+    "max_iter": "",
+}
+"""By an argument of `calibrate`, which is the tunable `calib_*` of the daemon."""
+
+
+def _name_arguments(error: LiteGripError) -> None:
+    """Have an error of `calibrate` name its arguments, not the tunables that they are sent as."""
+    for name in _UNITS_OF_A_PROBE:
+        error.message = error.message.replace(f"calib_{name}", name)
+    name = str(error.data.get("field", "")).removeprefix("calib_")
+    if error.data.get("parameter") == "config" and name in _UNITS_OF_A_PROBE:
+        unit = _UNITS_OF_A_PROBE[name]
+        _, found, problem = error.message.partition(f"{name} is ")
+        error.message = f"{found}{problem.removesuffix(unit)}{unit}"
+        del error.data["field"]
+        error.data["parameter"] = name
+    error.args = (error.message,)
 
 
 def state_of(result: dict[str, Any]) -> GripperState:

@@ -47,6 +47,11 @@ def chosen_channel(channel: str | None) -> str:
     return check_channel(channel)
 
 
+def is_left_out(channel: str | None) -> bool:
+    """Return True if neither this nor LITEGRIP_CHANNEL names a channel."""
+    return channel is None and not os.environ.get(CHANNEL_VARIABLE)
+
+
 def check_channel(channel: str) -> str:
     """Return `channel` if it can be one; raises `CommandError`.
 
@@ -159,11 +164,16 @@ def _names(directory: str) -> list[str]:
 
 
 async def reach(
-    channel: str, socket_path: str | None, attempt: Callable[[str], Awaitable[_Connected]]
+    channel: str,
+    socket_path: str | None,
+    attempt: Callable[[str], Awaitable[_Connected]],
+    *,
+    left_out: bool = False,
 ) -> _Connected:
     """Connect to the daemon of `channel` by `attempt`, which raises `OSError` where none answers.
 
-    Raises `ConnectError` that lists the attempts.
+    Raises `ConnectError` that lists the attempts. With `left_out` a Python program has named no
+    channel: the error says how to.
     """
     failures: list[tuple[str, OSError]] = []
     for candidate in socket_paths(channel, socket_path):
@@ -173,11 +183,12 @@ async def reach(
             if is_of_handler(error):
                 raise
             failures.append((candidate, error))
-    raise _no_daemon(channel, failures, is_by_variable=socket_path is None)
+    by_variable = socket_path is None
+    raise _no_daemon(channel, failures, is_by_variable=by_variable, left_out=left_out)
 
 
 def _no_daemon(
-    channel: str, failures: list[tuple[str, OSError]], *, is_by_variable: bool
+    channel: str, failures: list[tuple[str, OSError]], *, is_by_variable: bool, left_out: bool
 ) -> ConnectError:
     """Return the error with all attempts; a single one was by a given path, not by the channel."""
     of_channel = f" for channel {channel}" if len(failures) > 1 else ""
@@ -205,7 +216,7 @@ def _no_daemon(
     elif is_enabled(channel):
         hint = f"see why it does not run: systemctl status litegripd@{channel}"
     else:
-        hint = f"{_others(channel)}{hint}"
+        hint = f"{_others(channel, left_out=left_out)}{hint}"
     blocked = next(filter(None, (_unblocked(path, error) for path, error in failures)), None)
     if blocked is not None:
         hint = f"{blocked}; then {hint}"
@@ -234,17 +245,18 @@ _CLOSE = 0.7
 """From so much likeness on (of 1) a channel is asked for."""
 
 
-def _others(channel: str) -> str:
+def _others(channel: str, *, left_out: bool) -> str:
     """Return which channel may be meant in place of `channel`, and whose daemons run."""
     from difflib import get_close_matches  # noqa: PLC0415 - seldom needed
 
     # left1 is no slip for left2: where grippers are numbered, both names are meant.
     stem = channel.rstrip("0123456789")
     others = [c for c in channels_with_socket() if c.rstrip("0123456789") != stem]
-    close = get_close_matches(channel, others, 1, _CLOSE)
+    close = [] if left_out else get_close_matches(channel, others, 1, _CLOSE)
     meant = f"did you mean {close[0]}? " if close else ""
     if others := [other for other in running_channels() if other != channel]:
-        return f"{meant}running: {', '.join(others)}; "
+        how = f" (choose: LiteGrip({others[0]!r}), or {CHANNEL_VARIABLE}={others[0]})"
+        return f"{meant}running: {', '.join(others)}{how if left_out else ''}; "
     if closed := [other for other in _channels("closed") if other != channel]:
         how = f"'litegripctl -c {closed[0]} doctor' says what opens it"
         return f"{meant}running: {', '.join(closed)}, closed to this user ({how}); "

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
 from weakref import WeakSet
 
-from litegrip_client.core.discovery import chosen_channel
+from litegrip_client.core.discovery import chosen_channel, is_left_out
 from litegrip_client.core.sockets import STOP_LEVELS
 from litegrip_client.line.exchange import LEFT_ALONE, SEE_DOCTOR, or_closed
 from litegrip_client.values.checks import (
@@ -127,6 +127,7 @@ class DaemonSession:
         self.voice = voice
         self._expected = expected or {}
         self.channel = chosen_channel(channel)
+        self.channel_left_out = is_left_out(channel)
         self.can_id = None if can_id is None else integer("can_id", can_id)
         self.socket_path = None if socket_path is None else path("socket_path", socket_path)
         self.disable_on_disconnect = flag("disable_on_disconnect", disable_on_disconnect)

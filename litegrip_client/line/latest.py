@@ -14,7 +14,7 @@ from weakref import ref
 
 from litegrip_client.line.exchange import FOREVER_S, no_answer
 from litegrip_client.line.feeds import Feed, anew
-from litegrip_client.values.checks import number
+from litegrip_client.values.checks import number, time_limit
 from litegrip_client.values.errors import ConnectError, LiteGripError
 from litegrip_client.values.fields import Hinting
 from litegrip_client.values.results import GripperState
@@ -142,7 +142,7 @@ class BaseLatest(Hinting):
     def _limit_s(self, timeout: float | None) -> float:
         if timeout is None:
             return self._exchange.timeout_s + self._feed.silence_s
-        return number("timeout", timeout)
+        return time_limit("timeout", timeout)
 
     def _check(self) -> None:
         if self._feed.is_over:

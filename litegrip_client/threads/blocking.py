@@ -71,21 +71,26 @@ class BlockingWire:
 
 
 def connect(
-    channel: str, socket_path: str | None = None, timeout_s: float = DEFAULT_TIMEOUT_S
+    channel: str,
+    socket_path: str | None = None,
+    timeout_s: float = DEFAULT_TIMEOUT_S,
+    *,
+    left_out: bool = False,
 ) -> Connection:
     """Connect to the daemon of `channel`; raises `ConnectError` that lists the attempts."""
 
     async def attempt(candidate: str) -> Connection:
         return Connection(candidate, timeout_s)
 
-    return complete(reach(channel, socket_path, attempt))
+    return complete(reach(channel, socket_path, attempt, left_out=left_out))
 
 
 class BlockingSession(DaemonSession):
     """A daemon, by channel, and the connection to it while there is one."""
 
     async def _connect(self) -> Wire:
-        return BlockingWire(connect(self.channel, self.socket_path))
+        left_out = self.channel_left_out
+        return BlockingWire(connect(self.channel, self.socket_path, left_out=left_out))
 
     async def reach(self, path: str, timeout_s: float) -> Wire:
         """Connect to another socket of the same daemon; raises `OSError`."""

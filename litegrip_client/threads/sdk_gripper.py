@@ -5,8 +5,14 @@ from __future__ import annotations
 import time
 
 from litegrip_client.threads.actions import BlockingGripper
-from litegrip_client.values.checks import number
-from litegrip_client.values.errors import CANTimeoutError, CommandError, ParameterError
+from litegrip_client.threads.blocking import complete
+from litegrip_client.values.checks import number, time_limit
+from litegrip_client.values.errors import (
+    CANTimeoutError,
+    CommandError,
+    ConnectError,
+    ParameterError,
+)
 from litegrip_client.values.fields import NM_TO_N, SPAN_INSET_MM
 
 TYPE_CHECKING = False
@@ -56,7 +62,7 @@ class SdkGripper(BlockingGripper):
         Waits for them for at most `timeout_s` seconds. Nothing has to be read here: the daemon asks
         the motor in every period (5 ms).
         """
-        ends_s = time.monotonic() + number("timeout_s", timeout_s)
+        ends_s = time.monotonic() + time_limit("timeout_s", timeout_s)
         while True:
             state = self.get_state()
             if not state.stale and state.feedback_s != self._polled_s:
@@ -71,7 +77,7 @@ class SdkGripper(BlockingGripper):
 
         It need not be enabled yet.
         """
-        ends_s = time.monotonic() + number("timeout", timeout)
+        ends_s = time.monotonic() + time_limit("timeout", timeout)
         while True:
             state = self.get_state()
             if not state.stale and not state.is_error:
@@ -270,18 +276,33 @@ def calibrate_by_hand(
 
 
 def _extremes(gripper: SdkGripper, duration_s: float) -> tuple[float, float]:
-    """Return the least and the largest position (rad) while the jaws are loose."""
-    gripper.zero_gravity()
+    """Return the least and the largest position (rad) while the jaws are loose; then they hold."""
+    from litegrip_client.values.warn import leave  # noqa: PLC0415 - seldom needed
+
+    async def hold() -> None:
+        if gripper.is_connected:
+            gripper.hold()
+
     try:
-        ends_s = time.monotonic() + duration_s
-        low_rad = high_rad = gripper.get_position_rad()
-        with gripper.states(_HZ, ["position_rad", "stale"], batch=10) as states:
-            for state in states:
-                if state["position_rad"] is not None and not state["stale"]:
-                    low_rad = min(low_rad, state["position_rad"])
-                    high_rad = max(high_rad, state["position_rad"])
-                if time.monotonic() >= ends_s:
-                    return low_rad, high_rad
-        raise CommandError("the states ended before the calibration", reason="connection_lost")
-    finally:
-        gripper.hold()
+        gripper.zero_gravity()
+        found = _seen(gripper, time.monotonic() + duration_s)
+    except BaseException as error:
+        if isinstance(error, ConnectError) and error.hint is not None:  # as of an iteration
+            error.data["hint"] = error.hint.replace(".states()", ".calibrate_manual()")
+        complete(leave(hold, error))  # where that fails, too, the first error is the one to see
+        raise
+    gripper.hold()
+    return found
+
+
+def _seen(gripper: SdkGripper, ends_s: float) -> tuple[float, float]:
+    """Return the least and the largest position (rad) until then."""
+    low_rad = high_rad = gripper.get_position_rad()
+    with gripper.states(_HZ, ["position_rad", "stale"], batch=10) as states:
+        for state in states:
+            if state["position_rad"] is not None and not state["stale"]:
+                low_rad = min(low_rad, state["position_rad"])
+                high_rad = max(high_rad, state["position_rad"])
+            if time.monotonic() >= ends_s:
+                return low_rad, high_rad
+    raise CommandError("the states ended before the calibration", reason="connection_lost")

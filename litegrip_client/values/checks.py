@@ -43,6 +43,14 @@ def _is_array_of_one(value: Any) -> bool:
     return getattr(value, "size", None) == 1 and callable(getattr(value, "item", None))
 
 
+def time_limit(name: str, value: Any) -> float:
+    """Return how long to wait, in s; raises `CommandError` for what is no number, or below 0."""
+    result = number(name, value)
+    if result < 0.0:
+        raise wrong(name, f"is {result:g}, it must be 0 or more")
+    return result
+
+
 def integer(name: str, value: Any) -> int:
     """Return `value` as an int; raises `CommandError` for what is no whole number."""
     try:

@@ -357,13 +357,31 @@ def misuse(
 
     The first of the `arguments` is the object, or the class.
     """
-    import inspect  # noqa: PLC0415 - an error
-
-    signature = inspect.signature(method)
-    parameters = list(signature.parameters.values())[1:]
     owner = arguments[0]
     kind = (owner if isinstance(owner, type) else type(owner)).__name__
     call = kind if method.__name__ == "__init__" else f"{kind}.{method.__name__}"
+    return _misuse(call, method, 1, arguments, named)
+
+
+def misuse_of_function(
+    function: Callable[..., Any], arguments: Sequence[Any], named: Mapping[str, Any]
+) -> str | None:
+    """Return the same of a call of a function."""
+    return _misuse(function.__name__, function, 0, arguments, named)
+
+
+def _misuse(
+    call: str,
+    method: Callable[..., Any],
+    bound: int,
+    arguments: Sequence[Any],
+    named: Mapping[str, Any],
+) -> str | None:
+    """Return the same; the first `bound` parameters are not the caller's."""
+    import inspect  # noqa: PLC0415 - an error
+
+    signature = inspect.signature(method)
+    parameters = list(signature.parameters.values())[bound:]
     names = [one.name for one in parameters if one.kind is not one.POSITIONAL_ONLY]
     takes = f"it takes: {', '.join(names)}" if names else "it takes no arguments"
     for wrong in named:

@@ -1,3 +1,4 @@
+import asyncio
 import grp
 import os
 import socket
@@ -265,3 +266,25 @@ def test_a_daemon_of_the_user_is_found(machine: Path) -> None:
     with FakeDaemon(machine / "xdg/litegripd/can4.sock") as daemon, connect("can4") as connection:
         assert connection.socket_path == daemon.path
         assert connection.greet("test")["daemon"] == "litegripd"
+
+
+@pytest.mark.parametrize("kind", [LiteGrip, AioLiteGrip])
+def test_who_names_no_channel_is_told_how_to_choose_one_that_runs(
+    machine: Path, monkeypatch: pytest.MonkeyPatch, kind: "type[LiteGrip] | type[AioLiteGrip]"
+) -> None:
+    async def connect(gripper: AioLiteGrip) -> None:
+        await gripper.connect()
+
+    def refused(channel: str | None = None) -> str:
+        gripper = kind(channel)
+        with pytest.raises(ConnectError) as caught:
+            gripper.connect() if isinstance(gripper, LiteGrip) else asyncio.run(connect(gripper))
+        return str(caught.value.hint)
+
+    monkeypatch.delenv("LITEGRIP_CHANNEL", raising=False)
+    with FakeDaemon(machine / "py8a.sock"), FakeDaemon(machine / "py8b.sock"):
+        how = "(choose: LiteGrip('py8a'), or LITEGRIP_CHANNEL=py8a)"
+        assert refused().startswith(f"running: py8a, py8b {how}; start can0's with ")
+        assert refused("can0").startswith("running: py8a, py8b; start can0's with ")
+        monkeypatch.setenv("LITEGRIP_CHANNEL", "can0")
+        assert refused().startswith("running: py8a, py8b; start can0's with ")

@@ -115,3 +115,23 @@ def until(program: "subprocess.Popen[str]", pattern: str) -> None:
     """Read what a program prints until a line is like this."""
     while not re.match(pattern, line := line_of(program)):
         assert line or program.poll() is None
+
+
+@pytest.mark.skipif(sys.version_info < (3, 11), reason="the page says what to write in its place")
+@pytest.mark.parametrize("end", ["daemon", "Ctrl-C"])
+def test_the_watching_task_leaves_nothing_unsaid(tmp_path: Path, end: str) -> None:
+    with configured(tmp_path, CHANNEL) as daemon:
+        with daemon.connect() as client:
+            client.until(lambda state: bool(state["motor"] == "disabled" and state["calibrated"]))
+        with begun("asyncio.timeout", daemon) as program:
+            until(program, r"[78]\d\.\d+")  # open() is under way
+            if end == "daemon":
+                daemon.end()
+            else:
+                program.send_signal(signal.SIGINT)
+            said = program.communicate(timeout=DEADLINE_S)[1]
+    assert "never retrieved" not in said
+    if end == "daemon":
+        assert said.count("Traceback") == 1, said
+    else:
+        assert said.endswith("KeyboardInterrupt\n")

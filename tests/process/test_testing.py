@@ -60,15 +60,41 @@ def test_a_daemon_shows_its_channel_and_where_it_is() -> None:
     assert shown == "<SimulatedDaemon sim1-1, at /run/x.sock>"
 
 
-def block(language: str) -> str:
-    """Return the only block of a language in the simulator's page."""
+def block(language: str, part: str = "") -> str:
+    """Return the only block of a language in the simulator's page that has this."""
     page = (Path(__file__).parents[2] / "docs" / "simulator.md").read_text(encoding="utf-8")
-    (found,) = re.findall(rf"^```{language}\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    blocks = re.findall(rf"^```{language}\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    (found,) = (each for each in blocks if part in each)
     return str(found)
 
 
 def test_the_block_of_the_page_runs() -> None:
-    exec(compile(block("python"), "simulator.md", "exec"), {})
+    exec(compile(block("python", "import simulated"), "simulator.md", "exec"), {})
+
+
+def test_the_members_of_the_gripper_are_found_where_the_daemon_is_taken_for_it() -> None:
+    daemon: Any = SimulatedDaemon("sim1-1", "/run/x.sock")
+    with pytest.raises(AttributeError) as caught:
+        daemon.enable()
+    assert str(caught.value) == (
+        "this is the daemon, and 'enable' its gripper's; use:"
+        " with simulated_gripper.gripper() as gripper:"
+    )
+    with pytest.raises(AttributeError, match="did you mean 'put_object'"):
+        daemon.put_objekt(40.0)
+
+
+def test_an_argument_that_is_not_there_is_told_with_those_that_are() -> None:
+    takes = "it takes: mount, object_mm, motor_type, mechanics, within_s"
+    anything: Any = simulated
+    with pytest.raises(TypeError) as caught:
+        anything(object=40)
+    assert str(caught.value) == (
+        f"simulated() has no argument 'object': did you mean 'object_mm'? {takes}"
+    )
+    assert caught.value.__context__ is None
+    with pytest.raises(TypeError, match=rf"^simulated\(\): too many .*; {takes}$"):
+        anything(40)
 
 
 def test_a_simulator_of_its_own_moves_with_the_configuration_of_the_page(tmp_path: Path) -> None:
@@ -148,11 +174,7 @@ def test_without_the_daemons_program_there_is_a_sentence(monkeypatch: pytest.Mon
 def test_the_fixture_is_there_for_pytest(tmp_path: Path, named: str) -> None:
     """By itself, and also where it is named as version 0.1.0 needed it."""
     (tmp_path / "conftest.py").write_text(named)
-    (tmp_path / "test_mine.py").write_text(
-        "def test_mine(simulated_gripper):\n"
-        "    with simulated_gripper.gripper() as gripper:\n"
-        "        assert gripper.get_state().motor == 'disabled'\n"
-    )
+    (tmp_path / "test_mine.py").write_text(block("python", "simulated_gripper"))
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(tmp_path)]
     own = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
     done = ran(*command, within_s=100, env=own)

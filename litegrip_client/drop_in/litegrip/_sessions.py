@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from litegrip_client.values import errors as ours
 from litegrip_client.values import trajectory as our_trajectory
+from litegrip_client.values.checks import number
 
 from ._bridge import SessionBusyError, finite, gains_in_range, in_their_terms
 from .exceptions import CommandError, LiteGripError
@@ -267,7 +268,7 @@ class Sessions:
             return dict(self._last) if self._last.get("kind") == "play" else dict(_IDLE_TRAJECTORY)
         daemon = self._gripper._connected()  # noqa: SLF001
         with in_their_terms():
-            daemon.play_stop(timeout)
+            daemon.play_stop(_waited_s(timeout))
         last = self._trajectory_status(daemon)
         self._kind = None
         return last
@@ -364,7 +365,7 @@ class Sessions:
             return dict(_IDLE_TELEOP)
         daemon = self._gripper._connected()  # noqa: SLF001
         with in_their_terms():
-            found = daemon.teleop_stop(timeout)
+            found = daemon.teleop_stop(_waited_s(timeout))
         self._kind = None
         last = self._of_carrier(_teleop_status(found)) | {"active": False}
         self._end_carrier()
@@ -512,6 +513,11 @@ def _figure(name: str, value: Any) -> float:
         return finite(name, value)
     except CommandError as error:
         raise ValueError(str(error)) from None
+
+
+def _waited_s(timeout: float) -> float:
+    """Return how long to wait: the SDK joins its thread, for which less than 0 is 0."""
+    return max(number("timeout", timeout), 0.0)
 
 
 def _above_0(name: str, value: Any) -> float:

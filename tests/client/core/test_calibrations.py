@@ -13,6 +13,7 @@ from litegrip_client import (
     CommandError,
     HardwareError,
     LiteGrip,
+    LiteGripError,
     MoveProgress,
     ParameterError,
     StoppedError,
@@ -434,3 +435,40 @@ def test_an_interrupted_beginning_is_cancelled(
     with pytest.raises(kind.interrupted), enabled.manual_calibration():
         pass
     assert steps(daemon) == ["begin", "cancel"]
+
+
+# The arguments of a probe
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"kp": 1}, "kp is 1, it must be 2 to 100 N·m/rad"),
+        ({"kd": 9}, "kd is 9, it must be 0.2 to 5 N·m·s/rad"),
+        ({"step_rad": 9}, "step_rad is 9, it must be 0.005 to 0.1 rad"),
+        ({"tau_limit": 100}, "tau_limit is 100, it must be 1.1 to 3 N·m"),
+        ({"stall_delta": 9}, "stall_delta is 9, it must be 0.0002 to 0.02 rad"),
+        ({"stall_cycles": 900}, "stall_cycles is 900, it must be 2 to 100"),
+        ({"stall_cycles": 1.5}, "stall_cycles is 1.5, it must be a whole number"),
+        ({"max_iter": 1}, "max_iter is 1, it must be 10 to 2000"),
+        ({"kp": "soft"}, "kp is 'soft', it must be a number"),
+    ],
+)
+def test_a_probe_is_refused_in_the_words_of_the_call(
+    enabled: LiteGrip, given: dict[str, Any], told: str
+) -> None:
+    with pytest.raises(ParameterError) as caught:
+        enabled.calibrate(**given)
+    assert str(caught.value) == caught.value.args[0] == told
+    assert caught.value.data["parameter"] == next(iter(given))
+    assert "field" not in caught.value.data
+
+
+def test_the_advice_of_a_probe_that_fails_names_the_argument_too(
+    daemon: Heard, enabled: LiteGrip
+) -> None:
+    daemon.instead["calibration.zero"] = Refuse("not_found", -32000, "or raise calib_kp")
+    with pytest.raises(LiteGripError, match=r"^or raise kp$"):
+        enabled.calibrate()
+    with pytest.raises(LiteGripError, match=r"^or raise calib_kp$"):
+        enabled.zero()  # its figures are motion_config's

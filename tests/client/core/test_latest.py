@@ -81,6 +81,8 @@ def test_a_silent_daemon_shows_in_the_age_and_ends_the_waiting(
             latest.wait_newer()
         with pytest.raises(CommandError, match="timeout is 'soon'"):
             latest.wait_newer("soon")  # type: ignore[arg-type]
+        with pytest.raises(CommandError, match=r"^timeout is -1, it must be 0 or more$"):
+            latest.wait_newer(timeout=-1)
 
 
 def test_the_age_counts_from_the_arrival_where_the_daemons_clock_is_another(

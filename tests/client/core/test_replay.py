@@ -203,3 +203,13 @@ def test_play_stop_leaves_alone_what_is_no_replay_or_another_one(
     daemon.instead["job.cancel"] = {"job": 9, "state": "cancelled"}
     assert enabled.play_stop() == playing(job=10)
     assert daemon.asked("job.cancel") == [{"job": 9}]
+
+
+def test_a_time_limit_below_0_is_refused_before_anything_is_sent(
+    daemon: Heard, gripper: LiteGrip
+) -> None:
+    sent = len(daemon.requests)
+    for stop in (gripper.play_stop, gripper.teleop_stop):
+        with pytest.raises(CommandError, match=r"^timeout is -1, it must be 0 or more$"):
+            stop(timeout=-1)
+    assert len(daemon.requests) == sent

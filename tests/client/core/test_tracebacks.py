@@ -34,6 +34,23 @@ WRAPPER = ["call"] if sys.version_info < (3, 11) else []
 """Python 3.10 shows what shortens a traceback, too."""
 
 
+def test_a_daemon_that_is_killed_during_a_calibration_by_hand_is_told_once(
+    site: Bench, daemon: Heard, caplog: pytest.LogCaptureFixture
+) -> None:
+    gripper = Threads(site).gripper()
+    gripper.connect()
+    gripper.enable()
+    site.after(1.0, daemon.hang_up)
+    with pytest.raises(ConnectError, match="ended the connection") as caught:
+        gripper.calibrate_manual(12)
+    assert frames_of(caught.value) == [*WRAPPER, "calibrate_manual"]
+    assert caught.value.__context__ is None
+    assert str(caught.value).endswith("; after that, begin again: gripper.calibrate_manual()")
+    assert not caplog.messages
+    with pytest.raises(ConnectError):
+        gripper.disconnect()
+
+
 def test_a_traceback_ends_at_the_method_that_was_called(site: Bench, daemon: Heard) -> None:
     with Threads(site).gripper() as gripper:
         with pytest.raises(LiteGripError) as refused:

@@ -172,3 +172,10 @@ def test_constants_and_paths(site: Site) -> None:
     assert (CalibrationData().mount, CalibrationData().calibrated) == ("normal", False)
     assert default_calib_path("can1").endswith("/.litegrip/can1_calibration.json")
     assert resolve_path("pick") == f"{trajectory_dir()}/pick.lgt"
+
+
+def test_a_time_limit_below_0_is_refused(gripper: LiteGrip) -> None:
+    with pytest.raises(ParameterError, match=r"^timeout is -1, it must be 0 or more$"):
+        gripper.wait_for_ready(-1)
+    with pytest.raises(ParameterError, match=r"^timeout_s is -1, it must be 0 or more$"):
+        gripper.poll(-1)
