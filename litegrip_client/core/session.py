@@ -9,7 +9,7 @@ import contextlib
 import os
 import sys
 from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
-from weakref import WeakSet
+from weakref import WeakSet, WeakValueDictionary
 
 from litegrip_client.core.discovery import chosen_channel, is_left_out
 from litegrip_client.core.sockets import STOP_LEVELS
@@ -30,6 +30,7 @@ from litegrip_client.values.errors import (
     HardwareError,
     LeaseError,
     LiteGripError,
+    Origin,
     ParameterError,
     ProtocolError,
 )
@@ -86,6 +87,9 @@ _GONE_WITHIN_S = 2.0
 _SESSIONS: WeakSet[DaemonSession] = WeakSet()
 """All of this process."""
 
+_CONNECTED: WeakValueDictionary[int, DaemonSession] = WeakValueDictionary()
+"""Those of them that are connected, or were not closed since; a dictionary, as threads share it."""
+
 
 class DaemonSession:
     """A daemon, by channel, and the connection to it while there is one.
@@ -128,6 +132,7 @@ class DaemonSession:
         self._expected = expected or {}
         self.channel = chosen_channel(channel)
         self.channel_left_out = is_left_out(channel)
+        self.origin = Origin(self.channel)
         self.can_id = None if can_id is None else integer("can_id", can_id)
         self.socket_path = None if socket_path is None else path("socket_path", socket_path)
         self.disable_on_disconnect = flag("disable_on_disconnect", disable_on_disconnect)
@@ -234,22 +239,33 @@ class DaemonSession:
         """
         if self.is_open:
             return
+        self._note_others()  # what now fails is one of several, too
         wire = await self.connect_apart(begin)
         old = self._wire
         if old is not None and not old.connection.closed:  # another task was faster
             await wire.close()
             return
         self._wire = wire
+        _CONNECTED[id(self)] = self
+        self._note_others()
         self._connect_first = None
         self.keeps_lease = self.handed_over = False
         self._leases, self._on_lost = 0, None
         if old is not None:
             await old.close()
 
+    def _note_others(self) -> None:
+        """Have the errors of all name their gripper once the program is connected to another."""
+        for held in _CONNECTED.valuerefs():
+            other = held()
+            if other is not None and other.channel != self.channel:
+                self.origin.is_one_of_several = other.origin.is_one_of_several = True
+
     async def connect_apart(self, begin: Callable[[Wire], Awaitable[None]] | None = None) -> Wire:
         """Return a connection of its own, with which `begin` has begun; raises as `open` does."""
         wire = await self._connect()
         wire.connection.voice = self.voice
+        wire.connection.origin = self.origin
         try:
             hello = await wire.call("hello", {"client": _program()})
             wire.connection.accept(hello)
@@ -285,6 +301,7 @@ class DaemonSession:
         child only the child's copy is closed.
         """
         wire, self._wire = self._wire, None
+        _CONNECTED.pop(id(self), None)
         if wire is None:
             return
         enabled_here, leased = wire.connection.has_enabled and not self.handed_over, self.leased

@@ -54,6 +54,7 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
         def begin(self, result: Message) -> None:
             """Take the answer to the subscription; again does nothing."""
 
+    from litegrip_client.values.errors import Origin
     from litegrip_client.values.terms import Voice
 
 MAX_LINE_BYTES = 16_384
@@ -407,7 +408,7 @@ class Exchange:
     enabling, too, and errors name that. `has_clock` is true if this
     machine's CLOCK_MONOTONIC is the daemon's, which it is not behind a portal or a forwarded
     socket. `voice` puts the daemon's errors into the reader's words; None means those of Python.
-    `daemon_version` is for them, too.
+    `daemon_version` is for them, too, and so is `origin`, the gripper of its user.
     """
 
     def __init__(self, socket_path: str, timeout_s: float) -> None:
@@ -421,6 +422,7 @@ class Exchange:
         self.has_enabled = False
         self.has_clock = True
         self.voice: Voice | None = None
+        self.origin: Origin | None = None
         self._is_accepted = False
         self._router = Router(self._end_orphan, self._how_to_go_on)
         self._ids = itertools.count(1)
@@ -597,7 +599,11 @@ class Exchange:
         return result
 
     def _error(self, error_object: Any, method: str) -> LiteGripError:
-        from litegrip_client.values.voices import enabling_again, in_python  # noqa: PLC0415 - an error
+        from litegrip_client.values.voices import (  # noqa: PLC0415 - an error
+            closing_the_stream,
+            enabling_again,
+            in_python,
+        )
 
         error = from_error_object(error_object, method, self.voice, self.daemon_version)
         if error.reason == "lease_lost" and self.has_enabled:
@@ -610,6 +616,9 @@ class Exchange:
         if isinstance(error, BusyError) and self.has_clock:
             owner = error.data.get("owner")
             if isinstance(owner, dict) and owner.get("pid") == os.getpid():
+                if error.data.get("kind") == "stream":
+                    voice = closing_the_stream(self.voice)
+                    error = from_error_object(error_object, method, voice, self.daemon_version)
                 error.message += "; that is this very program"
                 enable = (self.voice or in_python)("motor.enable", None, None)
                 if error.reason == "lease_held" and enable is not None:

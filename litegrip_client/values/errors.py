@@ -79,14 +79,28 @@ def describe_error(code: int) -> str:
         return f"unknown status {code}"
 
 
+class Origin:
+    """The gripper whose calls raise an error; `is_one_of_several` while a program has others."""
+
+    __slots__ = ("channel", "is_one_of_several")
+
+    def __init__(self, channel: str) -> None:
+        self.channel = channel
+        self.is_one_of_several = False
+
+
 class LiteGripError(Exception):
     """A refusal or a failure of the daemon or of the connection to it.
 
     `reason` is stable and meant for programs (see docs/errors.md). `code` is the JSON-RPC error
     code, or None for an error that the client found itself. `message` is a sentence for a person;
-    `data` is everything else that came with the error.
+    `data` is everything else that came with the error. `channel` is that of the gripper object
+    whose call has raised it, None for what no connected or connecting gripper has raised. In a
+    program that is connected to several channels at once, `str(error)` begins with it.
     """
 
+    origin: Origin | None = None
+    """The gripper of `channel`."""
     named: frozenset[str] = frozenset()
     """The daemon's methods that the message names."""
     remedy: frozenset[str] = frozenset()
@@ -137,7 +151,23 @@ class LiteGripError(Exception):
         owner = self.data.get("owner", self.data.get("by"))
         return owner if isinstance(owner, dict) else None
 
+    @property
+    def channel(self) -> str | None:
+        """The channel of the gripper whose call has raised the error, or None."""
+        return None if self.origin is None else self.origin.channel
+
     def __str__(self) -> str:
+        # Only beside another gripper: a program that has one knows which it is, and its messages
+        # stay as they are. Some begin so already, for what the log says at the end of a block.
+        origin = self.origin
+        if origin is None or not origin.is_one_of_several:
+            return self.text
+        is_named = self.message.startswith(f"{origin.channel}: ")
+        return self.text if is_named else f"{origin.channel}: {self.text}"
+
+    @property
+    def text(self) -> str:
+        """What the error says and, where that is not in it, the hint."""
         hint = self.hint
         if not hint or hint in self.message or self.names(self.remedy):
             return self.message

@@ -4,6 +4,8 @@ What lies below a method is the same for each of its errors, and tells a user no
 user's below it, of a callback, stay. Other errors are defects of ours, and shown whole. A call with
 arguments that a method does not have is the user's line alone; one that was to stop the gripper
 stops it first. With `python -X dev` tracebacks are whole.
+
+Here an error gets its gripper, too: all pass, also those that no daemon has sent.
 """
 
 from __future__ import annotations
@@ -20,6 +22,8 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
     from collections.abc import Callable, Sequence
     from typing import Any, TypeVar
 
+    from litegrip_client.values.errors import Origin
+
     _Kind = TypeVar("_Kind", bound=type)
 
 _STANDARD = os.__file__.rpartition("/")[0] + "/"
@@ -34,6 +38,8 @@ _SPECIAL = (
     *("__init__", "__enter__", "__exit__", "__iter__", "__next__", "__setattr__", "__delattr__"),
     *("__aenter__", "__aexit__", "__aiter__", "__anext__"),
 )
+_KNOWING = ("_session", "_connection", "_source", "_exchange")
+"""The attributes of our objects that know their gripper."""
 _STOP = "software_stop"
 STOPPED_ALL_THE_SAME = "the gripper was told to stop all the same, until clear_stop()"
 _IS_COROUTINE = 128
@@ -49,8 +55,6 @@ def shortened_of(
     kind: _Kind, raised: tuple[type[Exception], ...], hidden: tuple[str, ...]
 ) -> _Kind:
     """Do so for a class of a package that raises errors of its own, and lies in `hidden`, too."""
-    if sys.flags.dev_mode:
-        return kind
     rules = _Rules(kind, (*raised, KeyboardInterrupt), hidden)
     members = {name: one for base in reversed(kind.__mro__) for name, one in vars(base).items()}
     for name, member in members.items():
@@ -146,7 +150,9 @@ def _shortened(method: Any, rules: _Rules) -> Callable[..., Any]:
 
 def _is_of_the_class(rules: _Rules, arguments: Sequence[Any]) -> bool:
     """Return True if a method was called without its object."""
-    return rules.kind is not None and not (arguments and isinstance(arguments[0], rules.kind))
+    if rules.kind is None or sys.flags.dev_mode:
+        return False
+    return not (arguments and isinstance(arguments[0], rules.kind))
 
 
 def _no_object(rules: _Rules) -> TypeError:
@@ -162,7 +168,14 @@ def _mended(
     arguments: Sequence[Any],
     named: dict[str, Any],
 ) -> bool:
-    """Shorten the traceback of an error; return True if it means a stop that did not stop."""
+    """Name an error's gripper, and shorten its traceback.
+
+    Return True if it means a stop that did not stop.
+    """
+    if isinstance(error, LiteGripError) and error.origin is None and arguments:
+        error.origin = _origin_of(arguments[0])
+    if sys.flags.dev_mode:
+        return False
     cancelled = getattr(sys.modules.get("asyncio"), "CancelledError", LiteGripError)
     if isinstance(error, (*rules.errors, cancelled)):
         _shorten(error, rules.hidden)
@@ -172,6 +185,13 @@ def _mended(
         else:
             return _leave_out(error, method, arguments, named) and method.__name__ == _STOP
     return False
+
+
+def _origin_of(one: object) -> Origin | None:
+    """Return the gripper of an object: its session knows it, or the connection that it reads."""
+    held = getattr(one, "__dict__", {})
+    origins = (getattr(held.get(name), "origin", None) for name in _KNOWING)
+    return next((origin for origin in origins if origin is not None), None)
 
 
 def _leave_out(

@@ -204,6 +204,22 @@ def enabling_again(voice: Voice | None) -> Voice:
     return speak
 
 
+def closing_the_stream(voice: Voice | None) -> Voice:
+    """Return a voice that names the end of the program's own stream in place of `cancel`.
+
+    That is the end that raises nothing in it, and it may be another object's than who asks.
+    """
+    said = voice or in_python
+
+    def speak(method: str | None, parameter: str | None, asked: str | None) -> str | None:
+        name = said(method, parameter, asked)
+        if method != "job.cancel" or name is None or not name.endswith("gripper.cancel()"):
+            return name
+        return "await stream.close()" if "await " in name else "stream.close()"
+
+    return speak
+
+
 def in_shell(method: str | None, parameter: str | None, asked: str | None) -> str | None:
     """Name a command of `litegripctl` or an option."""
     if method is None:

@@ -31,7 +31,7 @@ async def leave(close: Callable[[], Awaitable[object]], error: BaseException | N
     except LiteGripError as second:
         if error is None:
             raise
-        if second.is_told or str(second) == str(error):
+        if second.is_told or second.text == getattr(error, "text", str(error)):
             return
         if second.data.get("motor_off") and getattr(error, "reason", None) == second.reason:
             return  # an orderly end: the block's own error has said it, and that the motor is off

@@ -74,13 +74,29 @@ def test_a_set_point_has_exactly_one_target(
 
 
 def test_a_motion_beside_a_stream_of_the_same_program_is_told_so(
-    daemon: Heard, enabled: LiteGrip
+    daemon: Heard, enabled: LiteGrip, kind: Kind
 ) -> None:
     with enabled.stream() as stream:
         stream.set_target(20.0)
         with pytest.raises(BusyError, match="it ends by itself soon after its last") as caught:
             enabled.goto(30.0)
-    assert caught.value.message.endswith("gripper.cancel()); that is this very program")
+        stream.close()  # as it is told
+        enabled.goto(30.0)
+    how = f"to end it at once, cancel it ({kind.awaits}stream.close())"
+    assert caught.value.message.endswith(f"{how}; that is this very program")
+    assert str(caught.value.hint).endswith(how)
+
+
+def test_that_is_told_in_the_words_of_a_program_that_has_its_own(daemon: Heard, kind: Kind) -> None:
+    def ros(method: str | None, _parameter: str | None, _asked: str | None) -> str | None:
+        return "~/cancel" if method == "job.cancel" else None
+
+    with kind.gripper(voice=ros) as gripper:
+        gripper.enable()
+        with gripper.stream() as stream:
+            stream.set_target(20.0)
+            with pytest.raises(BusyError, match=r"cancel it \(~/cancel\); that is this very"):
+                gripper.goto(30.0)
 
 
 def test_leaving_ends_the_stream_at_once(daemon: Heard, enabled: LiteGrip) -> None:
