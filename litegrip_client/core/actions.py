@@ -12,6 +12,7 @@ from litegrip_client.core.motion import (
     SetpointStream,
     check_no_feedforward,
     frame_target,
+    stay,
 )
 from litegrip_client.core.session import ACTION_TIMEOUT_S, DaemonSession, naming_the_danger
 from litegrip_client.values.checks import (
@@ -368,7 +369,8 @@ class GripperActions:
         """Squeeze with `force_n`, 0.5 to 40 N, ramped; return after `duration` seconds.
 
         `duration` is 0 to 86 400 (a day). The force stays until the next motion. True if the jaws
-        still hold then.
+        still hold then. What ends a motion ends the wait at once, by the same error; the jaws hold
+        after `cancel`.
 
         It changes the force of a grasp, also while another thread or task of this program waits
         for that grasp. Jaws that hold nothing close until something resists, faster than `grasp`.
@@ -380,7 +382,7 @@ class GripperActions:
         params = self._configured({"force_n": number("force_n", force_n)})
         state = state_of(await self._command("motion.set_force", params))
         if wait_s > 0.0:
-            await self._session.pause(wait_s)
+            await stay(self._session, state.stop_generation, wait_s)
             state = GripperState.from_wire(await self._session.wire.call("state.get"))
         return state.force_set_n is not None
 

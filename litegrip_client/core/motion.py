@@ -16,9 +16,11 @@ from litegrip_client.core.session import AsyncBlock, DaemonSession, own_jobs
 from litegrip_client.line.exchange import FOREVER_S, LEFT_ALONE, Call, Progress, not_answered
 from litegrip_client.values.checks import given_numbers, in_range, number
 from litegrip_client.values.errors import (
+    BusyError,
     CancelledError,
     CommandError,
     ConnectError,
+    LeaseError,
     LiteGripError,
     ParameterError,
 )
@@ -146,6 +148,47 @@ class Motion:
                 reason="unknown_job",
             )
         return None
+
+
+_LOOK_S = 0.1
+
+
+async def stay(session: DaemonSession, generation: int, seconds: float) -> None:
+    """Wait while the jaws do what a request has begun, whose answer told of the stop `generation`.
+
+    What would end a motion ends this at once, by the same error: a stop, the loss of the lease,
+    the motor's fault, the daemon's end. After `cancel` the jaws hold, as after that of a motion.
+    """
+    wire, cancels = session.wire, session.cancels
+    ends_s = time.monotonic() + seconds
+    session.waits += 1
+    try:
+        while (left_s := ends_s - time.monotonic()) > 0.0:
+            await session.pause(min(left_s, _LOOK_S))
+            if session.cancels != cancels:
+                with contextlib.suppress(BusyError):  # then a next motion has begun
+                    await session.command("motion.hold", {})
+                raise CancelledError("this was cancelled, by cancel()", reason="cancelled")
+            await _check_course(wire, generation)
+    except ConnectError as error:
+        if error.reason == "connection_lost":
+            error.message += f": {LEFT_ALONE}"
+        raise
+    finally:
+        session.waits -= 1
+
+
+async def _check_course(wire: Wire, generation: int) -> None:
+    """Raise what a motion would end with by now."""
+    try:
+        await wire.call("lease.renew")
+    except LeaseError as error:
+        if error.reason != "lease_lost" or "cause" in error.data:  # else nobody has one
+            raise
+    state = await wire.call("state.get")
+    if state["stop_generation"] != generation or state["motor"] != "enabled":
+        # The daemon says why best, by a refusal: this it does not carry out any more.
+        await wire.call("motion.hold", {"stop_generation": generation})
 
 
 STREAM_RANGES = {

@@ -100,7 +100,8 @@ class DaemonSession:
     again, and whoever has enabled meanwhile: else the motor would stay enabled at the end, or after
     a crash, of who has said that it is disabled then. `handed_over` is true while a newer object
     answers for both in its place. `voice` puts the daemon's texts into the words of
-    the program, None into those of Python. `cancels` counts the calls of `cancel_own`.
+    the program, None into those of Python. `cancels` counts the calls of `cancel_own`, `waits` what
+    waits for it without a job of the daemon.
     """
 
     def __init__(
@@ -142,7 +143,7 @@ class DaemonSession:
         self._on_lost: str | None = None
         self._wire: Wire | None = None
         self._connect_first: Callable[[], Awaitable[object]] | None = None
-        self.cancels = 0
+        self.cancels = self.waits = 0
         _SESSIONS.add(self)
 
     async def _connect(self) -> Wire:
@@ -167,13 +168,13 @@ class DaemonSession:
     async def cancel_own(self) -> bool:
         """Cancel what moves for this session's connection; return True if anything did."""
         self.cancels += 1
-        wire = self.wire
+        wire, is_waited = self.wire, self.waits > 0
         listed = (await wire.call("job.list"))["jobs"]
         ended = [
             await wire.call("job.cancel", {"job": number})
             for number in own_jobs(wire.connection, listed)
         ]
-        return any(job["state"] == "cancelled" for job in ended)
+        return is_waited or any(job["state"] == "cancelled" for job in ended)
 
     async def run_blocking(self, function: Callable[..., _Result], *arguments: Any) -> _Result:
         """Run a function that works with files, and so may block; return its result."""

@@ -419,7 +419,8 @@ class GripperActions:
         """Squeeze with `force_n`, 0.5 to 40 N, ramped; return after `duration` seconds.
 
         `duration` is 0 to 86 400 (a day). The force stays until the next motion. True if the jaws
-        still hold then.
+        still hold then. What ends a motion ends the wait at once, by the same error; the jaws hold
+        after `cancel`.
 
         It changes the force of a grasp, also while another thread or task of this program waits
         for that grasp. Jaws that hold nothing close until something resists, faster than `grasp`.

@@ -5,12 +5,13 @@ from __future__ import annotations
 import time
 
 from litegrip_client.threads.actions import BlockingGripper
-from litegrip_client.threads.blocking import complete
+from litegrip_client.threads.blocking import BlockingSession, complete
 from litegrip_client.values.checks import number, time_limit
 from litegrip_client.values.errors import (
     CANTimeoutError,
     CommandError,
     ConnectError,
+    LiteGripError,
     ParameterError,
 )
 from litegrip_client.values.fields import NM_TO_N, SPAN_INSET_MM
@@ -35,7 +36,9 @@ class SdkGripper(BlockingGripper):
     _polled_s: float | None = None
 
     if TYPE_CHECKING:
-        states: Any  # an iterator over states; the class that is made of this one has it
+        # The class that is made of this one has them.
+        states: Any  # an iterator over states
+        _session: BlockingSession
 
     # What it is
 
@@ -160,7 +163,8 @@ class SdkGripper(BlockingGripper):
     def enter_zero_gravity(self, duration: float = 0.0) -> bool:
         """Let the jaws go: enabled, without torque; true.
 
-        With a `duration` it returns after so many seconds, and the jaws then hold. With 0 it
+        With a `duration` it returns after so many seconds, and the jaws then hold; what ends a
+        motion ends the wait at once, by the same error, and after `cancel` they hold. With 0 it
         returns at once, and they are loose until `exit_zero_gravity` or any motion.
         """
         lasts_s = number("duration", duration)
@@ -170,12 +174,18 @@ class SdkGripper(BlockingGripper):
                 reason="invalid_params",
                 data={"parameter": "duration"},
             )
-        self.zero_gravity()
+        began = self.zero_gravity()
         if lasts_s > 0.0:
+            from litegrip_client.core.motion import stay  # noqa: PLC0415 - see above
+
             try:
-                time.sleep(lasts_s)
-            finally:
+                complete(stay(self._session, began.stop_generation, lasts_s))
+            except LiteGripError:  # what the jaws do now is decided
+                raise
+            except BaseException:
                 self.hold()
+                raise
+            self.hold()
         return True
 
     def exit_zero_gravity(self) -> bool:

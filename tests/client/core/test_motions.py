@@ -319,7 +319,8 @@ def test_a_force_stays_and_is_true_while_the_jaws_hold(
     assert site.now_s - began_s == pytest.approx(0.3, abs=0.02)
     assert daemon.asked("motion.set_force") == [{"force_n": 12.0}]
     assert daemon.state.force_set_n == 12.0
-    site.after(0.1, lambda: daemon.client(uid=0).send("stop", level="relax"))
+    connection = enabled._session.connection
+    site.after(0.1, lambda: connection.post("motion.zero_gravity", {}))
     assert enabled.set_force(10.0) is False
 
 
