@@ -701,7 +701,7 @@ def test_why_nothing_moves_is_in_sight_in_a_dialog_that_has_no_room(
     size = tab.viewport_size
     assert size is not None
     client.result("stop", level="hold")
-    expect(tab.get_by_role("dialog")).to_contain_text("Not now: a stop is latched")
+    expect(tab.get_by_role("dialog")).to_contain_text("Not now: stopped")
     for height in range(size["height"], 320, -40):
         tab.set_viewport_size({"width": size["width"], "height": height})
         assert not tab.evaluate(CUT_IN_DIALOG), height
