@@ -563,7 +563,7 @@ export class Panel extends EventTarget {
     if (this.#before !== before) return;
     if (before.recording) {
       this.forgive("teach");
-      toast(this.channel, capital(`${GONE.recording}: the daemon has ended.`), "recording", { rank: "", outlives: true });
+      toast(this.channel, capital(`${GONE.recording}: the daemon has ended.`), "recording", { outlives: true });
     }
     if (!before.held || this.#lost !== null) return;
     this.#lose({ kind: "released_by_fault", monotonic_s: atS, message: DEAD, data: {}, isDead: true });

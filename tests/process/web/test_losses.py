@@ -1,8 +1,8 @@
 """What was held and is no more, or with too little: the page says so, and claims no hold."""
 
 import contextlib
-import os
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import BrowserContext, expect
 from playwright.sync_api import Page as Tab
 
-from tests.process.daemon_process import Client, DaemonProcess, written
+from tests.process.daemon_process import Client, DaemonProcess
 from tests.process.restarting import held, restartable
 from tests.process.web.on_page import (
     OBJECT_MM,
@@ -428,24 +428,22 @@ def test_what_came_of_a_stop_is_said_before_the_loss_is_again(
     expect(said).to_be_hidden()
 
 
+@contextlib.contextmanager
+def ready(daemon: DaemonProcess) -> Iterator[Client]:
+    """Connect to a daemon, and wait until its gripper can be used."""
+    with daemon.connect() as client:
+        client.until(lambda state: bool(state["motor"] == "disabled" and state["calibrated"]))
+        yield client
+
+
 @pytest.mark.parametrize("how", ["kill", "end"])
 def test_what_a_daemon_has_taken_with_it_is_said_until_it_is_read_or_the_next_motion(
     window: BrowserContext, tmp_path: Path, how: str
 ) -> None:
-    arguments = (*written(tmp_path), "--socket", str(tmp_path / "rpc.sock"))
-
-    def run(stack: contextlib.ExitStack) -> tuple[DaemonProcess, Client]:
-        running = DaemonProcess(tmp_path, f"gone-{os.getpid()}", *arguments)
-        stack.callback(running.kill)
-        client = stack.enter_context(running.connect())
-        client.until(lambda state: bool(state["motor"] == "disabled" and state["calibrated"]))
-        return running, client
-
     told = "The daemon was restarted: what was held was let go, the stop is gone"
-    with contextlib.ExitStack() as stack:
-        daemon, client = run(stack)
+    with mortal(tmp_path, "gone") as (run, daemon, shown), contextlib.ExitStack() as clients:
+        client = clients.enter_context(ready(daemon))
         grasp(client)
-        shown = stack.enter_context(page("--socket", str(daemon.socket_path), "--operate"))
         tab, other = opened(window, shown), opened(window, shown)
         take_control(tab)
         client.result("stop", level="hold")
@@ -457,7 +455,7 @@ def test_what_a_daemon_has_taken_with_it_is_said_until_it_is_read_or_the_next_mo
             expect(alarm(one)).to_have_text("LET GO, NO DAEMON")
             expect(part(one, "lost-text")).to_contain_text("no daemon: what was held must be taken")
         expect(toasts(other)).to_contain_text(["LET GO: no daemon"])
-        _, client = run(stack)
+        client = clients.enter_context(ready(run()))
         expect(toasts(tab)).to_contain_text([f"{told}, you no longer have control."])
         expect(toasts(other)).to_contain_text([f"{told}."])
         for one in (tab, other):
@@ -513,18 +511,8 @@ def test_what_is_let_go_by_the_pages_own_button_is_no_loss(operated: Tab, client
 def test_a_recording_that_a_daemon_took_with_it_is_said_and_offered_no_more(
     window: BrowserContext, tmp_path: Path, is_over: bool
 ) -> None:
-    arguments = (*written(tmp_path), "--socket", str(tmp_path / "rpc.sock"))
-
-    def run(stack: contextlib.ExitStack) -> tuple[DaemonProcess, Client]:
-        running = DaemonProcess(tmp_path, f"taught-{os.getpid()}", *arguments)
-        stack.callback(running.kill)
-        client = stack.enter_context(running.connect())
-        client.until(lambda state: bool(state["motor"] == "disabled" and state["calibrated"]))
-        return running, client
-
-    with contextlib.ExitStack() as stack:
-        daemon, client = run(stack)
-        shown = stack.enter_context(page("--socket", str(daemon.socket_path), "--operate"))
+    with mortal(tmp_path, "taught") as (run, daemon, shown), contextlib.ExitStack() as clients:
+        client = clients.enter_context(ready(daemon))
         tab = opened(window, shown)
         enable(tab, client)
         button(tab, "Teach").click()
@@ -535,7 +523,7 @@ def test_a_recording_that_a_daemon_took_with_it_is_said_and_offered_no_more(
         daemon.end()
         expect(toasts(tab)).to_contain_text(["The recording is lost: the daemon has ended."])
         assert re.search(r"a recording of \d+ samples is lost: nobody", daemon.log)
-        _, client = run(stack)
+        client = clients.enter_context(ready(run()))
         what = "the stop is gone, the recording is lost" if is_over else "the recording is lost"
         told = f"The daemon was restarted: {what}, you no longer have control."
         expect(toasts(tab)).to_contain_text([told])
