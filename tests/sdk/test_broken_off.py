@@ -243,6 +243,32 @@ def test_a_replay_that_is_ended_is_an_error(gripper: LiteGrip, daemon: Daemon, s
 
 
 @pytest.mark.parametrize(
+    "use", [lambda g: g.enter_zero_gravity(30.0), lambda g: g.set_force(0.0, 30.0)]
+)
+def test_slack_jaws_are_not_waited_for_after_a_stop(
+    gripper: LiteGrip, site: Site, use: Any
+) -> None:
+    began_s = site.now_s
+    assert use(gripper) in {None, True}
+    assert site.now_s - began_s == pytest.approx(30.0, abs=0.1)
+    assert gripper.daemon is not None
+    assert gripper.daemon.get_state().mode == "relaxed"
+
+    began_s = site.now_s
+    site.after(1.0, gripper.daemon.software_stop)
+    with pytest.raises(litegrip.CommandError, match="stop"):
+        use(gripper)
+    assert site.now_s - began_s < 1.5
+    gripper.daemon.clear_stop()
+
+    began_s = site.now_s
+    site.after(1.0, lambda: go_away(site, gripper))
+    with pytest.raises(litegrip.CommError, match="the daemon ended the connection"):
+        use(gripper)
+    assert site.now_s - began_s < 1.5
+
+
+@pytest.mark.parametrize(
     "begin",
     [
         lambda g: g.record_start(),

@@ -15,6 +15,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import litegrip_client
+from litegrip_client.core.motion import stay
+from litegrip_client.threads.blocking import complete
 from litegrip_client.values import errors as ours
 
 from . import _files
@@ -767,8 +769,7 @@ class LiteGrip:
         daemon = self._begin("set_force", None)
         with in_their_terms():
             if force == 0.0:
-                daemon.zero_gravity()
-                time.sleep(lasts_s)
+                _loosen(daemon, lasts_s)
                 return True
             present_n = max(self.get_force(), 0.0)
             climb_s = abs(force - present_n) / max(self.motion_config.force_ramp_n_s, 1e-3)
@@ -778,14 +779,13 @@ class LiteGrip:
     def enter_zero_gravity(self, duration: float = 0.0) -> None:
         """Let the jaws be moved by hand; with a `duration` it returns after so many seconds.
 
-        They stay slack until another command.
+        They stay slack until another command. What ends a motion ends the wait at once, by the
+        same error: a stop, the loss of the lease, a fault, the daemon's end.
         """
         daemon = self._ready()
         self._drop_frames()
         with in_their_terms():
-            daemon.zero_gravity()
-        if duration > 0.0:
-            time.sleep(duration)
+            _loosen(daemon, finite("duration", duration))
 
     def exit_zero_gravity(self) -> None:
         """Hold the jaws where they are; nothing before `connect()`, or where not enabled."""
@@ -1161,6 +1161,12 @@ class LiteGrip:
     def _move_gains(self, kp: float | None, kd: float | None) -> tuple[float, float]:
         config = self.config
         return gains_in_range(config.kp if kp is None else kp, config.kd if kd is None else kd)
+
+
+def _loosen(daemon: litegrip_client.LiteGrip, lasts_s: float) -> None:
+    """Make the jaws slack, and return after `lasts_s`; what ends a motion ends this, too."""
+    began = daemon.zero_gravity()
+    complete(stay(daemon._session, began.stop_generation, lasts_s))  # noqa: SLF001
 
 
 def _is_slack(state: Any) -> bool:
