@@ -4,6 +4,7 @@ python examples/collect.py FILE [--channel can0] [--seconds 10]
 
 It only watches, and needs no right to move. To try it with one gripper, have that follow a leader
 that is no gripper: litegripctl enable && litegripctl teleop slave --fake-leader --detach
+A file that exists stays as it is, and the example ends.
 """
 
 import argparse
@@ -27,7 +28,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     rows, missing, last_s = 0, 0, None
     with (
         LiteGrip(options.channel) as gripper,
-        open(options.file, "w", newline="", encoding="utf-8") as file,  # noqa: PTH123
+        open(options.file, "x", newline="", encoding="utf-8") as file,  # noqa: PTH123
         gripper.states(HZ, FIELDS, batch=50) as states,  # 50 at once cost the daemon the least
     ):
         out = csv.DictWriter(file, FIELDS)
@@ -48,5 +49,5 @@ def main(arguments: Sequence[str] | None = None) -> int:
 if __name__ == "__main__":
     try:
         sys.exit(main())
-    except LiteGripError as error:
+    except (LiteGripError, OSError) as error:
         sys.exit(f"collect: {error}")

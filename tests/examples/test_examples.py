@@ -60,6 +60,10 @@ def test_what_a_follower_does_is_collected_tick_by_tick(
         with site.recorded(daemon) as moments:
             assert collect.main([str(file), "--seconds", "6"]) == 0
         assert other.teleop_status()["active"]  # the one that watches takes nothing away
+    collected = file.read_bytes()
+    with pytest.raises(FileExistsError):
+        collect.main([str(file)])
+    assert file.read_bytes() == collected
     assert capsys.readouterr().out == "1200 rows, 0 missing; the follower was following\n"
     with file.open(encoding="utf-8", newline="") as lines:
         rows = list(csv.DictReader(lines))
