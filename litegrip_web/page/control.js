@@ -34,8 +34,9 @@ const BARS = {
   release: ["silent", "off"],
   hold: ["silent", "stop", "off"],
   motion: ["late", "silent", "stop", "off"],
+  force: ["late", "silent", "stop", "off", "loose"],
 };
-const NEEDS = { enable: "enable", zero: "enable", release: "release", hold: "hold", "clear-fault": "control" }; // all else "motion"
+const NEEDS = { enable: "enable", zero: "enable", release: "release", hold: "hold", "clear-fault": "control", "set-force": "force" }; // all else "motion"
 /* What the bar says already of these reasons, by the kind of the event. */
 const ABOUT = { motor_fault: "motor", motor_silent: "bus" };
 const LEASE = { ttl_s: TTL_S, purpose: "the page in a browser", on_lost: "hold" };
@@ -54,6 +55,11 @@ function inMotion({ kind }) {
   return kind === "play" ? "it replays a motion" : `it moves the jaws (${kind})`;
 }
 
+/* Whether nothing is gripped, nor about to be: jaws that are given a force close then until something resists. */
+function isLoose({ is_grasped: isGrasped, force_set_n: force, job }) {
+  return isGrasped === false && force === null && job?.kind !== "grasp";
+}
+
 /* Why something was refused, in the words of the buttons that there are then. */
 function refusal({ message, reason, data }) {
   if (reason !== "lease_held" || !data.owner) return message;
@@ -65,6 +71,7 @@ export class Control {
   #operates = false;
   #has = false;
   #isDragging = false;
+  #isScrolling = false; // by a finger that has begun on the slider
   #isChosen = false; // the slider's value, by a person
   #slides = 0; // motions of the slider that run
   #isDisabling = false; // which ends a motion that this page has begun
@@ -94,7 +101,9 @@ export class Control {
     on("enable", () => this.#do("enable", "motor.enable"));
     on("disable", async () => {
       this.#isDisabling = true;
-      await this.#do("disable", "motor.disable");
+      const wasHeld = panel.state?.is_grasped;
+      const done = await this.#do("disable", "motor.disable");
+      if (done !== null && wasHeld) panel.tell("disable: done, what was held was let go");
       this.#isDisabling = false;
     });
     on("clear-fault", () => this.#do("clear the fault", "motor.clear_fault"));
@@ -112,14 +121,11 @@ export class Control {
       this.#with({ force_n: "force" }, (params) => this.#do("set force", "motion.set_force", params)));
     on("zero", () => askZero(this.#panel));
     on("rescale", () => askZero(this.#panel));
-    panel.node("force").oninput = () => this.#showForce();
-    const name = panel.node("name");
-    const kept = `name ${panel.channel}`; // over a reload
-    name.value = sessionStorage.getItem(kept) ?? name.value;
-    name.oninput = () => {
-      sessionStorage.setItem(kept, name.value);
+    for (const name of ["force", "pace", "name", "speed"]) this.#keepTyped(name);
+    panel.node("force").addEventListener("input", () => this.#showForce());
+    panel.node("name").addEventListener("input", () => {
       for (const about of ["name", "replay"]) this.#panel.forgive(about);
-    };
+    });
     const speed = panel.node("speed");
     [speed.min, speed.max] = REPLAY_SPEEDS;
     on("teach", () => this.#teach());
@@ -134,8 +140,16 @@ export class Control {
     slider.onpointerup = slider.onblur = () => {
       this.#isDragging = false; // back at its place it has not changed
     };
+    slider.onpointerdown = slider.onkeydown = () => {
+      this.#isScrolling = false;
+    };
+    slider.onpointercancel = () => {
+      this.#isScrolling = true;
+      this.#isDragging = this.#isChosen = false;
+    };
     slider.onchange = async () => {
       this.#isDragging = false;
+      if (this.#isScrolling) return void (slider.value = panel.state?.opening_mm ?? slider.value);
       this.#slides += 1;
       await this.#with(pace, (params) =>
         this.#move("move", "motion.move", { opening_mm: Number(slider.value), ...params }));
@@ -156,6 +170,14 @@ export class Control {
   /* Whether the daemon has a recording of this page that is not kept yet. */
   get hasRecording() {
     return ["on", "ended"].includes(this.#recording);
+  }
+
+  /* Keep what is typed into a field over a reload: a force that was chosen for what is in the jaws is no other then. */
+  #keepTyped(name) {
+    const node = this.#panel.node(name);
+    const kept = `${name} ${this.#panel.channel}`;
+    node.value = sessionStorage.getItem(kept) ?? node.value;
+    node.addEventListener("input", () => sessionStorage.setItem(kept, node.value));
   }
 
   /* A connection to the daemon has begun; `ranges` are those of its configuration. */
@@ -242,6 +264,7 @@ export class Control {
       silent: this.#panel.isSilent && "the motor does not answer",
       stop: state.stop !== null && `stopped: “${clear}” first`,
       off: !state.enabled && (state.mode === "fault" ? "a fault: “Enable” again" : "“Enable” first"),
+      loose: isLoose(state) && "nothing is gripped, and the jaws would close: “Grasp”",
     };
     if (this.#recording === "on" && state.job?.kind !== "record") this.#askRecording();
     this.#allow();
@@ -358,6 +381,10 @@ export class Control {
   }
 
   async #give() {
+    if (this.#recording === "on") {
+      const ends = [this.#panel.node("keep"), this.#panel.node("discard")].map(({ textContent }) => `“${textContent}”`);
+      return this.#panel.complain(`give control back: a recording runs, and the jaws are slack: ${ends.join(" or ")} first`, "give");
+    }
     this.#set(false);
     await this.#do("give control back", "lease.release");
     this.showLease({ owner: null, mine: false });
@@ -392,16 +419,13 @@ export class Control {
 
   async #do(name, method, params = {}) {
     this.#panel.tell(`${name} …`, false);
-    this.#panel.forgive(name);
+    for (const about of [name, "name"]) this.#panel.forgive(about);
     try {
       const result = await this.#call(method, params);
       const text = outcome(name, result);
       const rank = result.outcome === "object_lost" ? "loss" : "";
       if (result.ok === false) this.#panel.complain(text, "motion", undefined, rank);
-      else {
-        this.#panel.tell(text);
-        this.#panel.forgive("name");
-      }
+      else this.#panel.tell(text);
       return result;
     } catch (error) {
       const isOffered = method === "trajectory.play" && this.#offerSpeed(name, error.data);
@@ -574,7 +598,10 @@ export class Control {
   #showRecording(recording, unkept = null) {
     this.#recording = recording;
     this.#unkept = unkept;
-    if (recording !== "on") this.#mayReplace = null;
+    if (recording !== "on") {
+      this.#mayReplace = null;
+      this.#panel.forgive("give");
+    }
     this.#panel.dispatchEvent(new Event("withdrawn"));
     this.#panel.node("teach").hidden = recording !== null;
     this.#panel.node("keep").hidden = this.#panel.node("discard").hidden = recording === null;
@@ -589,7 +616,7 @@ export class Control {
     node.onmousedown = node.onpointerdown;
     node.onclick = () => {
       field.value = name;
-      field.oninput();
+      field.dispatchEvent(new Event("input", { bubbles: true }));
     };
     return node;
   }

@@ -8,7 +8,7 @@ let settling = 0;
    saves is deaf for a moment at first, and whenever what is returned is called, which says that the dialog shows
    something else now: a click that was meant for what was there before does nothing. */
 export function open(dialog, panel, isBusy = () => false) {
-  const [barred, drops] = [".barred", ".drops"].map((name) => dialog.querySelector(name));
+  const barred = dialog.querySelector(".barred");
   let deaf = 0;
   const allow = () => {
     let told = null;
@@ -19,8 +19,9 @@ export function open(dialog, panel, isBusy = () => false) {
     }
     const moves = dialog.querySelector('[data-needs="motion"]') !== null;
     const isHeld = moves && panel.state?.is_grasped === true;
-    say(drops, isHeld ? "Something is held: it will drop." : "");
-    say(barred, told === null ? "" : `Not now: ${told}.`);
+    dialog.classList.toggle("drops", isHeld);
+    const drops = isHeld ? "Something is held: it will drop." : "";
+    say(barred, [drops, told === null ? "" : `Not now: ${told}.`].filter(Boolean).join(" "));
   };
   const settle = () => {
     clearTimeout(deaf);

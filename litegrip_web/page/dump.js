@@ -53,7 +53,7 @@ export async function showDump(file, place, notice) {
   title.textContent = `${file.name}: ${seconds} s, ${ticks.length} ticks`;
   const close = document.createElement("button");
   close.type = "button";
-  close.textContent = "Close";
+  close.textContent = "Put away";
   close.onclick = () => {
     untoast(null, "dump");
     place.hidden = true;

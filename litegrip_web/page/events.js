@@ -9,15 +9,18 @@ export class Events {
   #place;
   #wire;
   #last = 0;
+  #epoch = null;
 
   constructor(place, wire) {
     this.#place = place;
     this.#wire = wire;
   }
 
-  /* Begin again, with what a new subscription told. */
-  begin(events, offsetS) {
-    this.#place.replaceChildren();
+  /* Begin again, with what a new subscription told, to the daemon whose start is `epoch`; what one before it has told
+     stays. */
+  begin(events, offsetS, epoch) {
+    for (const line of [...this.#place.children]) if (line.dataset.epoch === String(epoch)) line.remove();
+    this.#epoch = epoch;
     this.#last = 0;
     for (const event of events) this.add(event, offsetS);
   }
@@ -33,6 +36,7 @@ export class Events {
     text.textContent = inPageWords(event.message, event.terms?.message);
     line.append(when, text);
     line.dataset.kind = event.kind;
+    line.dataset.epoch = this.#epoch;
     line.classList.toggle("warning", isWarning(event));
     this.#place.prepend(line);
     while (this.#place.children.length > MOST) this.#place.lastChild.remove();

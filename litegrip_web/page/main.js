@@ -102,7 +102,10 @@ function start() {
   document.body.classList.toggle("several", channels.length > 1);
   const secret = new Secret(token);
   const panels = channels.map((channel) => new Panel(channel, secret, $("grippers")));
-  for (const panel of panels) panel.addEventListener("alarms", () => showAlarms(panels));
+  for (const panel of panels) {
+    panel.addEventListener("alarms", () => showAlarms(panels));
+    panel.addEventListener("state", () => ($("brief").textContent = panels.map(({ brief }) => brief).join("; ")));
+  }
   const stop = new Stop(panels, $("notice"), { tellsAll: true });
   onStop(() => stop.press());
   addEventListener("keydown", (event) => press(event, panels));

@@ -15,6 +15,7 @@ const LOOK_EVERY_MS = 1000;
 const AGE_EVERY_MS = 200;
 const OVERTAKES = new Set(["job_started", "motor", "stop", "stop_cleared"]);
 const LATE_S = 1;
+const CALM_MS = 1000; // so long states have to come in time before they are called late no more
 const JUST_S = 1;
 const HEALTH = { ok: "Healthy", degraded: "Degraded", down: "Down" };
 const HAND_OVER_MS = 1500;
@@ -31,6 +32,7 @@ const GONE = {
   recording: "the recording is lost",
   control: "you no longer have control",
 };
+const AGAIN = "“Enable”, “Open”, then “Grasp” again";
 const MISSED = "NOT STOPPED: press STOP again. It did not get through.";
 const SUPPORT = "support what is held, it may slip";
 const LOWERED = `FORCE LOWERED BY HEAT: ${SUPPORT}, and set less force (“Set force”)`;
@@ -128,6 +130,7 @@ export class Panel extends EventTarget {
   #isMissed = false; // by a STOP that was pressed on the page
   #hasLostControl = false; // which has not been read
   #isLate = false;
+  #oldMs = 0; // when a state was last too old
   #away = ""; // what the bar says of why there is no newer state
   #operates = false;
   #maySend = false; // what acts, which the daemon may refuse
@@ -266,6 +269,11 @@ export class Panel extends EventTarget {
     return this.state === null || Boolean(this.state.stale) || this.#isLate;
   }
 
+  /* What the gripper does, in few words. */
+  get brief() {
+    return `${this.whose}${figure(this.state?.opening_mm, 1, "mm")}, ${this.#nodes.mode.textContent}`;
+  }
+
   /* What begins a text that is read elsewhere than on the panel: its name, if there are several. */
   get whose() {
     return document.body.classList.contains("several") ? `${this.channel}: ` : "";
@@ -302,7 +310,7 @@ export class Panel extends EventTarget {
       this.plots.begin(moments);
       this.#grip ??= gripIn(moments);
       const events = await this.wire.call("events.subscribe");
-      this.events.begin(events.events, this.#offsetS);
+      this.events.begin(events.events, this.#offsetS, hello.epoch);
       this.#weak = null;
       for (const event of events.events) {
         this.#noteLoss(event);
@@ -473,7 +481,9 @@ export class Panel extends EventTarget {
     if (this.#last !== null && this.state === null) this.plots.advance(Date.now() / 1000);
     if (this.state === null || !this.wire.isUp) return;
     const age = this.wire.age(this.state.monotonic_s);
-    const isLate = age === null || age > LATE_S;
+    const isOld = age === null || age > LATE_S;
+    if (isOld) this.#oldMs = performance.now();
+    const isLate = isOld || (this.#isLate && performance.now() - this.#oldMs < CALM_MS);
     if (isLate) this.plots.advance(Date.now() / 1000);
     if (!isLate && !this.#isLate) return;
     if (isLate !== this.#isLate && !this.#nodes.outcome.dataset.stop) this.#showTold(isLate);
@@ -601,8 +611,11 @@ export class Panel extends EventTarget {
   #tellGone() {
     if (!this.#gone.size) return this.forgive("gone");
     const parts = [...this.#gone.keys()].map((part) => GONE[part]).join(", ");
-    const text = capital(`${[...this.#gone.values()].at(-1)}: ${parts}.`);
-    const rank = this.#gone.has("held") ? "loss" : "";
+    const isHeld = this.#gone.has("held");
+    const take = this.#gone.has("control") ? "“Take control”, " : "";
+    const advice = isHeld && this.#operates ? `${take}${AGAIN}; ` : "";
+    const text = capital(`${advice}${[...this.#gone.values()].at(-1)}: ${parts}.`);
+    const rank = isHeld ? "loss" : "";
     toast(this.channel, text, "gone", { rank, outlives: true, onRead: () => this.#forget() });
   }
 
@@ -816,7 +829,7 @@ export class Panel extends EventTarget {
     if (this.#isLate) {
       mode.dataset.mode = "late";
       mode.textContent = "late";
-      const seconds = age === null ? "more than 1" : age.toFixed(1);
+      const seconds = age === null || age < LATE_S ? "more than 1" : age.toFixed(1);
       const held = state.is_grasped === false ? "" : " What was held may be let go: a motor without commands lets go by itself.";
       why.textContent = `${OLD} No newer state has come for ${seconds} s: the daemon or litegripd-web stands still, or the link is slow.${held}`;
     } else if (state.stop !== null) {

@@ -96,9 +96,12 @@ export class Plots {
     ];
   }
 
-  /* Begin anew with moments of the last minute, the oldest first. */
+  /* Begin anew with moments of the last minute, the oldest first. What was drawn before them stays: a daemon that has
+     begun again knows nothing of what led to that. */
   begin(moments) {
-    for (const column of Object.values(this.#columns)) column.length = 0;
+    const { time } = this.#columns;
+    const fromS = Math.min(moments[0]?.time ?? Infinity, Date.now() / 1000);
+    while (time.at(-1) >= fromS) for (const column of Object.values(this.#columns)) column.pop();
     for (const moment of moments) this.#push(moment);
     this.#drawSoon(this.#columns.time.at(-1));
   }

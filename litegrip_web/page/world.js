@@ -49,13 +49,16 @@ export class World {
   begin(isSimulated, operate) {
     this.#isOn = isSimulated;
     this.#operates = operate;
-    this.#panel.node("world").hidden = !isSimulated;
+    const world = this.#panel.node("world");
+    world.hidden = !isSimulated;
+    world.disabled = false;
     this.#look();
   }
 
   end() {
     this.#isOn = false;
     this.#letGo();
+    this.#panel.node("world").disabled = true;
   }
 
   /* An object is dragged in, or away. */

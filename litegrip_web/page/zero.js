@@ -8,6 +8,13 @@ import { numberIn, typed } from "./fields.js";
 import { figure, isNumber } from "./format.js";
 import { SPAN_INSET_MM, TEMPLATES_RAD_TO_MM } from "./motions.js";
 
+const PHASES = {
+  probe_open: "step 1 of 5, the jaws open until they meet a stop",
+  probe_closed: "step 2 of 5, they close until they meet one",
+  confirm_open: "step 3 of 5, they open once more",
+  confirm_closed: "step 4 of 5, they close once more",
+  back_off: "step 5 of 5, they open a little",
+};
 const typedOpenings = new Map(); // by the channel: what was typed, and the daemon's figure at that time
 
 /* How far the jaws open by a calibration of this travel, in mm. */
@@ -51,7 +58,7 @@ export function askZero(panel) {
       dialog.classList.add("done");
       progress.textContent = done;
     } catch (error) {
-      cancel.textContent = "Close";
+      cancel.textContent = "Back";
       progress.textContent = `${wrong}: ${error.message}`;
     }
     showUses();
@@ -69,15 +76,15 @@ export function askZero(panel) {
     const result = await panel.wire.call("calibration.zero", { ...params, progress: true }, (step) => {
       job = step.job;
       cancel.disabled = false;
-      progress.textContent = `${step.phase.replaceAll("_", " ")}: step ${step.step}, ${figure(step.torque_nm, 2, "N·m")}`;
+      progress.textContent = `${PHASES[step.phase] ?? step.phase.replaceAll("_", " ")}: ${figure(step.torque_nm, 2, "N·m")}`;
     });
     if (!result.ok) throw new Error(result.message ?? result.outcome.replaceAll("_", " "));
     const travel = result.travel_rad * result.rad_to_mm;
     inUse = opens(travel);
     return (
-      `Measured: ${figure(travel, 1, "mm")} of travel, saved. ` +
+      `Measured: ${figure(travel, 1, "mm")} of travel with ${SPAN_INSET_MM} mm of pressing, saved. ` +
       `The scale uses ${used(inUse)}. If a caliper shows another opening, enter it and press ` +
-      "“Correct the scale only”, now or later, or run 'litegripctl calibration rescale --stroke-mm MM'."
+      "“Correct the scale only”, or run 'litegripctl calibration rescale --stroke-mm MM'."
     );
   };
 

@@ -205,7 +205,7 @@ def test_a_key_on_a_page_that_only_looks_says_why(shown: Tab) -> None:
     ("field", "value", "press", "told"),
     [
         ("force", "99", "Grasp", "force: It may be from 0.5 to 40 N, and is 99."),
-        ("force", "", "Set force", "force: It may be from 0.5 to 40 N, and is empty."),
+        ("force", "", "Grasp", "force: It may be from 0.5 to 40 N, and is empty."),
         ("pace", "999", "Open", "speed: It may be from 0.1 to 150 mm/s, and is 999."),
         ("speed", "9", "Replay", "replay: It may be from 0.1 to 4 times the speed, and is 9."),
         (
@@ -248,6 +248,45 @@ def test_a_motion_that_ended_wrongly_says_why_until_the_next_one(
     button(operated, "Close").click()
     why = "close: protected.*: something was in the way, and the jaws let go of it: .* “Grasp”"
     expect(toasts(operated)).to_have_text([re.compile(why)])
+
+
+def test_a_complaint_stays_when_a_motion_ends_that_had_begun_before(
+    operated: Tab, client: Client
+) -> None:
+    enable(operated, client)
+    begin_to_close(operated, client)
+    part(operated, "name").fill("a/b")
+    button(operated, "Teach").click()
+    expect(toasts(operated)).to_contain_text(["“Name”: it may have"])
+    expect(part(operated, "events")).to_contain_text("close: ")
+    client.until(lambda state: state["job"] is None)
+    expect(part(operated, "outcome")).to_have_text("close: pressed home")
+    expect(toasts(operated)).to_contain_text(["“Name”: it may have"])
+
+
+def test_no_force_is_set_that_would_close_empty_jaws(operated: Tab, client: Client) -> None:
+    enable(operated, client)
+    button(operated, "Open").click()
+    expect(part(operated, "outcome")).to_contain_text("open: reached")
+    force = button(operated, "Set force")
+    expect(force).to_be_disabled()
+    box = force.bounding_box()
+    assert box is not None
+    operated.mouse.click(box["x"] + 5, box["y"] + 5)
+    told = "set force: nothing is gripped, and the jaws would close: “Grasp”"
+    expect(part(operated, "outcome")).to_have_text(told)
+    assert not client.result("state.get")["force_set_n"]
+    client.result("sim.object", width_mm=OBJECT_MM)
+    button(operated, "Grasp").click()
+    expect(part(operated, "outcome")).to_contain_text("grasp: object held")
+    part(operated, "force").fill("7")
+    force.click()
+    client.until(lambda state: bool(state["force_set_n"] == 7 and state["is_grasped"]))
+    button(operated, "Disable").click()
+    expect(part(operated, "outcome")).to_have_text("disable: done, what was held was let go")
+    button(operated, "Enable").click()
+    button(operated, "Disable").click()
+    expect(part(operated, "outcome")).to_have_text("disable: done")
 
 
 def begin_to_close(tab: Tab, client: Client) -> None:

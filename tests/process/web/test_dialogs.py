@@ -143,7 +143,7 @@ def test_what_is_not_measured_is_closed_and_not_done(operated: Tab, client: Clie
     operated.keyboard.press("Escape")
     expect(operated.locator("#zero-progress")).to_contain_text("Not measured")
     expect(button(operated, "The jaws are free: move them")).to_be_disabled()
-    dialog.get_by_role("button", name="Close").click()
+    dialog.get_by_role("button", name="Back").click()
     expect(dialog).to_be_hidden()
 
 
@@ -187,6 +187,11 @@ def test_what_would_drop_what_is_held_says_so(operated: Tab, client: Client) -> 
     assert move.bounding_box() == place
     button(operated, "Cancel").click()
     hold_something(operated, client)
+    operated.set_viewport_size({"width": 700, "height": 390})  # low, and enlarged
+    zero_dialog(operated)
+    expect(dialog.get_by_text(told)).to_be_in_viewport(ratio=1)
+    button(operated, "Cancel").click()
+    operated.set_viewport_size({"width": 1280, "height": 900})
     button(operated, "Teach").click()
     expect(operated.get_by_role("dialog")).to_contain_text(told)
     button(operated, "No, leave it").click()
@@ -283,7 +288,7 @@ def test_each_button_of_the_dialog_that_measures_stays_where_it_is(
     assert sized.evaluate(AIMS) == place
     client.result("sim.fault", name="overload")
     expect(progress).to_contain_text("Not measured: the motor reports overload")
-    expect(cancel).to_have_text("Close")
+    expect(cancel).to_have_text("Back")
     assert sized.evaluate(AIMS) == place
     assert not progress.evaluate(CUT)
     assert not progress.evaluate("(node) => node.scrollHeight > node.clientHeight")

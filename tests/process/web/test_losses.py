@@ -2,6 +2,7 @@
 
 import contextlib
 import re
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -440,7 +441,8 @@ def ready(daemon: DaemonProcess) -> Iterator[Client]:
 def test_what_a_daemon_has_taken_with_it_is_said_until_it_is_read_or_the_next_motion(
     window: BrowserContext, tmp_path: Path, how: str
 ) -> None:
-    told = "The daemon was restarted: what was held was let go, the stop is gone"
+    told = "the daemon was restarted: what was held was let go, the stop is gone"
+    again = "“Enable”, “Open”, then “Grasp” again"
     with mortal(tmp_path, "gone") as (run, daemon, shown), contextlib.ExitStack() as clients:
         client = clients.enter_context(ready(daemon))
         grasp(client)
@@ -456,13 +458,14 @@ def test_what_a_daemon_has_taken_with_it_is_said_until_it_is_read_or_the_next_mo
             expect(part(one, "lost-text")).to_contain_text("no daemon: what was held must be taken")
         expect(toasts(other)).to_contain_text(["LET GO: no daemon"])
         client = clients.enter_context(ready(run()))
-        expect(toasts(tab)).to_contain_text([f"{told}, you no longer have control."])
+        taken = f"“Take control”, {again}; {told}, you no longer have control."
+        expect(toasts(tab)).to_contain_text([taken])
         expect(toasts(other)).to_contain_text([f"{told}."])
         for one in (tab, other):
             expect(alarm(one)).to_have_text("LET GO")
             expect(part(one, "lost-text")).to_contain_text("what was held was let go.")
         take_control(tab)
-        expect(toasts(tab)).to_contain_text([f"{told}."])
+        expect(toasts(tab)).to_contain_text([f"{again}; {told}."])
         button(other, "Read").click()
         expect(toasts(other)).to_have_count(0)
         expect(alarm(other)).to_be_hidden()
@@ -475,6 +478,28 @@ def test_what_a_daemon_has_taken_with_it_is_said_until_it_is_read_or_the_next_mo
         button(tab, "Open").click()
         expect(toasts(tab)).to_have_count(0)
         expect(alarm(tab)).to_be_hidden()
+
+
+def test_what_led_to_the_end_of_a_daemon_is_there_when_the_next_one_has_begun(
+    window: BrowserContext, tmp_path: Path
+) -> None:
+    with mortal(tmp_path, "before") as (run, daemon, shown), contextlib.ExitStack() as clients:
+        client = clients.enter_context(ready(daemon))
+        tab = opened(window, shown)
+        client.result("stop", level="hold", why="a hand is in it")
+        events = part(tab, "events")
+        expect(events).to_contain_text("a hand is in it")
+        ended = time.strftime("%H:%M:%S")
+        daemon.kill()
+        expect(part(tab, "mode")).to_have_text("no daemon")
+        clients.enter_context(ready(run()))
+        expect(part(tab, "mode")).to_have_text("disabled")
+        expect(events).to_contain_text("a hand is in it")
+        plot = tab.locator(".plots .u-over").first
+        plot.hover(position={"x": 1, "y": 20})  # the first moment that is drawn is told then
+        first = tab.locator(".plots .u-legend .u-value").first
+        expect(first).to_have_text(re.compile(r"\d\d:\d\d:\d\d"))
+        assert first.inner_text() <= ended
 
 
 def test_what_another_program_lets_go_of_by_disabling_is_lost(

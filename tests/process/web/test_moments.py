@@ -177,6 +177,27 @@ def test_jaws_stop_and_the_buttons_that_move_are_in_sight_together(
         expect(button(operated, name)).to_be_in_viewport(ratio=1)
 
 
+KEEP_WHEN_IT_IS_LATE_NO_MORE = """
+() => {
+  const mode = document.querySelector("[data-is=mode]");
+  new MutationObserver(() => mode.textContent !== "late" && (window.inTimeMs ??= performance.now()))
+    .observe(mode, {childList: true, characterData: true, subtree: true});
+}
+"""
+
+
+def test_states_come_in_time_for_a_while_before_they_are_late_no_more(
+    shown: Tab, simulated: DaemonProcess, client: Client
+) -> None:
+    """Over a link that delays them by about a second the word would come and go."""
+    with frozen(simulated.process):
+        expect(part(shown, "mode")).to_have_text("late")
+        shown.evaluate(KEEP_WHEN_IT_IS_LATE_NO_MORE)
+        wakes_ms = shown.evaluate("performance.now()")
+    expect(part(shown, "mode")).to_have_text("disabled")
+    assert shown.evaluate("window.inTimeMs") - wakes_ms > 700
+
+
 def test_the_ruler_says_the_opening_also_while_it_is_late(
     operated: Tab, simulated: DaemonProcess, client: Client
 ) -> None:

@@ -617,7 +617,7 @@ def test_a_dump_is_shown_and_anything_else_is_not(
     button(shown, "Read").click()
     expect(toasts).to_have_count(0)
     expect(shown.locator("#notice")).to_have_text("")
-    button(shown, "Close").last.click()
+    button(shown, "Put away").click()
     expect(section).to_be_hidden()
 
 
@@ -833,6 +833,37 @@ def test_dark_and_light_are_chosen_and_kept(shown: Tab) -> None:
     expect(root).to_have_attribute("data-theme", "dark")
     shown.reload()
     expect(root).to_have_attribute("data-theme", "dark")
+
+
+def test_what_was_typed_is_there_when_the_page_is_opened_again(
+    operated: Tab, operating: Page
+) -> None:
+    """A force that was chosen for what is in the jaws is not another one then."""
+    take_control(operated)
+    typed = {"force": "17", "pace": "33", "name": "wave", "speed": "0.5"}
+    for name, value in typed.items():
+        part(operated, name).fill(value)
+    operated.goto("about:blank")
+    operated.goto(operating.told)
+    for name, value in typed.items():
+        expect(part(operated, name)).to_have_value(value)
+
+
+def test_a_phone_tells_what_the_jaws_do_wherever_it_is_scrolled_to(
+    operated: Tab, client: Client
+) -> None:
+    brief = operated.locator("#brief")
+    enable(operated, client)
+    expect(brief).to_be_hidden()  # what says it is in sight
+    operated.set_viewport_size({"width": 390, "height": 844})
+    button(operated, "Open").click()
+    expect(brief).to_have_text(re.compile(r"^(79\.9|80\.0) mm, still$"))
+    part(operated, "events").scroll_into_view_if_needed()
+    expect(brief).to_be_in_viewport(ratio=1)
+    expect(part(operated, "mode")).not_to_be_in_viewport()
+    operated.keyboard.press("Escape")  # what is said then has its place
+    expect(operated.locator("#notice")).to_contain_text("Stopped")
+    expect(brief).to_be_hidden()
 
 
 def test_two_grippers_stand_on_one_page_and_stop_together(

@@ -7,7 +7,7 @@ from playwright.sync_api import Browser, BrowserContext, expect
 from playwright.sync_api import Page as Tab
 
 from tests.process.daemon_process import DEADLINE_S, Client
-from tests.process.web.on_page import button, opened, part, take_control
+from tests.process.web.on_page import button, enable, opened, part, take_control
 from tests.process.web.page_process import Page
 
 
@@ -117,3 +117,52 @@ def test_stop_acts_when_it_is_pressed(
     button(tab, "Clear the stop").click()
     expect(button(tab, "Clear the stop")).to_be_hidden()
     assert client.result("state.get")["stop_generation"] - before == PRESSES[press]
+
+
+def swipe(tab: Tab, name: str, dx: float, dy: float) -> None:
+    """Draw a finger over the page, from a part of it, by so many pixels."""
+    node = part(tab, name)
+    node.evaluate("(node) => node.scrollIntoView({block: 'center'})")
+    box = node.bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 5, box["y"] + box["height"] / 2
+    fingers = Fingers(tab)
+    fingers("touchStart", (x, y))
+    for step in range(1, 13):
+        fingers("touchMove", (x + dx * step / 12, y + dy * step / 12))
+    fingers("touchEnd")
+
+
+def swipe_until_it_scrolls(tab: Tab, name: str, dy: float) -> None:
+    part(tab, name).evaluate("(node) => node.scrollIntoView({block: 'center'})")
+    before = tab.evaluate("scrollY")
+    swipe(tab, name, 0.0, dy)
+    while tab.evaluate("scrollY") == before:
+        tab.wait_for_timeout(20)
+
+
+@pytest.mark.parametrize("dy", [-120.0, 120.0])
+def test_who_scrolls_a_phones_page_moves_no_jaws(
+    window: BrowserContext, operating: Page, client: Client, dy: float
+) -> None:
+    """A thumb that begins on the slider scrolls the page, as one beside it does."""
+    tab = opened(window, operating)
+    enable(tab, client)
+    button(tab, "Open").click()
+    expect(part(tab, "outcome")).to_contain_text("open: reached")
+    jobs = client.result("job.list")["jobs"]
+    swipe_until_it_scrolls(tab, "slider", dy)
+    expect(part(tab, "slider-text")).to_have_text("80.0 mm")
+    expect(part(tab, "outcome")).to_contain_text("open: reached")
+    assert client.result("job.list")["jobs"] == jobs
+    # A key or a finger that slides it moves the jaws, also after that.
+    part(tab, "slider").press("ArrowLeft")
+    client.until(lambda state: bool(state["job"] is None and 78 < state["opening_mm"] < 79.8))
+    swipe(tab, "slider", 60.0, 0.0)
+    client.until(lambda state: bool(state["job"] is None and state["opening_mm"] < 70))
+
+
+def test_jaws_that_nobody_can_drag_are_scrolled(
+    window: BrowserContext, looking: Page, client: Client
+) -> None:
+    swipe_until_it_scrolls(opened(window, looking), "jaws", -120.0)

@@ -243,6 +243,24 @@ def test_a_bad_name_is_complained_of_no_more_once_something_else_was_done(
     expect(operated.locator("#toasts li")).to_have_count(0)
 
 
+def test_control_is_not_given_back_while_a_recording_runs(
+    operated: Tab, client: Client, recording: int
+) -> None:
+    """It would run on with nobody's control, the jaws slack, and its end be out of reach."""
+    button(operated, "Give control back").click()
+    told = (
+        "give control back: a recording runs, and the jaws are slack: “End and keep” or “Discard”"
+    )
+    expect(operated.locator("#toasts li")).to_contain_text([f"{told} first"])
+    assert client.result("lease.get")["owner"]["program"] == "litegripd-web"
+    assert client.result("state.get")["job"]["job"] == recording
+    button(operated, "End and keep").click()
+    expect(part(operated, "outcome")).to_contain_text("kept as part")
+    expect(operated.locator("#toasts li")).to_have_count(0)
+    button(operated, "Give control back").click()
+    expect(button(operated, "Take control")).to_be_visible()
+
+
 def test_the_head_says_that_it_teaches_and_replays(
     operated: Tab, client: Client, recording: int
 ) -> None:
