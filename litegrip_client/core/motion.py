@@ -374,7 +374,7 @@ class SetpointStream(AsyncBlock, Hinting):
             clear = (self._session.voice or in_python)("stop.clear", None, None)
             error.data["hint"] = clear or "stop.clear"
         else:
-            error.data["hint"] = "that stop is cleared: when it is safe, the next target is followed"
+            error.data["hint"] = "that stop is cleared: when it is safe, send the next target"
         return True
 
     async def close(self) -> None:

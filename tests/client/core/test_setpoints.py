@@ -334,9 +334,7 @@ def test_a_stop_of_another_is_told_as_the_end_of_the_stream(
     watcher.result("stop", why="hand")
     watcher.result("stop.clear")
     told = until_refused(kind, stream, 10.0)
-    assert told.text == (
-        f"{ended}\nthat stop is cleared: when it is safe, the next target is followed"
-    )
+    assert told.text == (f"{ended}\nthat stop is cleared: when it is safe, send the next target")
     stream.set_target(11.0)
     assert daemon.state.mode == "moving"
 
