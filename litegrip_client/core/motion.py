@@ -301,7 +301,10 @@ class SetpointStream(AsyncBlock, Hinting):
             await self._send({**target, "valid_s": self._valid_s, **limits, **own})
         except ParameterError as error:
             if error.data.get("parameter") == self._tuned is not None:
+                from litegrip_client.values.voices import setting_right  # noqa: PLC0415 - an error
+
                 error.message = f"motion_config: {error.message}"
+                error.data.setdefault("hint", setting_right(self._tuned))
             raise
 
     def _ended(self) -> ConnectError:

@@ -152,6 +152,7 @@ def test_a_speed_of_the_tunables_that_is_refused_is_named_as_theirs(enabled: Lit
     with enabled.stream() as stream, pytest.raises(CommandError) as caught:
         stream.set_target(20.0)
     assert caught.value.message.startswith("motion_config: speed_mm_s is 500, it must be")
+    assert str(caught.value).endswith(": del gripper.motion_config.speed_mm_s")
     with pytest.raises(CommandError) as caught:
         enabled.stream(speed_mm_s=600.0)
     assert caught.value.message.startswith("speed_mm_s is 600, it must be")
