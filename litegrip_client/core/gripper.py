@@ -28,7 +28,7 @@ from litegrip_client.values.warn import leave, warn
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: what is seldom needed takes its time to import
-    from typing import Any
+    from typing import Any, Literal
 
     from litegrip_client.core.session import Wire
     from litegrip_client.values.calibration import GripperConfig
@@ -188,7 +188,9 @@ class Gripper(GripperActions):
             if (await self.get_state()).enabled is not False:
                 raise
 
-    async def software_stop(self, level: str = "hold", why: str | None = None) -> GripperState:
+    async def software_stop(
+        self, level: Literal["hold", "relax", "disable"] = "hold", why: str | None = None
+    ) -> GripperState:
         """Stop the gripper, whichever client moves it, until `clear_stop`.
 
         `level` is "hold", "relax" or "disable". Any thread may call it, and also a signal

@@ -8,7 +8,7 @@ import traceback
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Literal, get_args
 
 import pytest
 
@@ -29,6 +29,7 @@ from litegrip_client import (
     StoppedError,
     aio,
 )
+from litegrip_client.core.sockets import STOP_LEVELS
 from litegrip_client.values.terms import Voice
 from litegrip_client.values.voices import MEANT, in_shell
 from litegripd.model.sentence import method_name, with_terms
@@ -497,6 +498,13 @@ def test_a_loss_has_the_same_cure_in_the_warning_at_the_end_as_in_the_error(
     assert caught.value.message.endswith(cure)
     assert "leaves the motor as it is" in caplog.text
     assert caplog.messages[-1].endswith(cure)
+
+
+def test_a_type_checker_knows_the_levels_of_a_stop() -> None:
+    """A wrong one shows only when it counts; what else is wrong, when a program begins."""
+    for kind in (LiteGrip, aio.LiteGrip):
+        level = inspect.signature(kind.software_stop).parameters["level"]
+        assert get_args(eval(level.annotation, {"Literal": Literal})) == tuple(STOP_LEVELS)
 
 
 def test_a_stop_of_a_gripper_that_is_anothers_is_told_before_the_reason(
