@@ -85,7 +85,9 @@ MOTIONS = """## The motions' defaults
 They are no part of the file. `litegripctl config` shows them. `litegripctl config set
 speed_mm_s=25`, for admins, changes one until the daemon ends, with `--keep` for good: then the
 daemon writes it to its state directory. A request may bring its own values, which count for that
-request only: `MotionConfig` in Python, `config` in the [protocol](protocol.md). The ranges are with
+request only: `MotionConfig` in Python, `config` in the [protocol](protocol.md). So they are no
+caps: none can be set for force or speed, and whoever may move may ask for all that the ranges
+allow. To keep a user from that, make an observer of them (`[access]`). The ranges are with
 a DM4310; `litegripctl config` shows those with the configured motor.
 
 | field | range | default | meaning |

@@ -160,6 +160,9 @@ def ended(code: int) -> int:
 def main() -> int:
     """Run both until a signal comes, or until the daemon ends; return the daemon's exit code."""
     world = sys.argv[1] if len(sys.argv) > 1 else "simulated"
+    if world in ("-h", "--help"):
+        print(f"usage: run_simulated.py [{'|'.join(WORLDS)}]\n\n{__doc__}")
+        return 0
     if world not in WORLDS:
         sys.exit(f"run_simulated: {world!r} is none of {', '.join(WORLDS)}")
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):

@@ -487,7 +487,10 @@ class Subscription(_BegunLate[Feed[_Item]], Generic[_Item]):
 
     @property
     def dropped(self) -> int:
-        """How many items this reader has missed up to the newest that it got: it was too slow."""
+        """How many items this reader has missed up to the newest that it got.
+
+        It was too slow, or the daemon had no time to send them (`health` has its late ticks).
+        """
         return self._feed.dropped
 
     async def close(self) -> None:

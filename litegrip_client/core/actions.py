@@ -1062,6 +1062,7 @@ def _name_arguments(error: LiteGripError) -> None:
         _, found, problem = error.message.partition(f"{name} is ")
         error.message = f"{found}{problem.removesuffix(unit)}{unit}"
         del error.data["field"]
+        error.data.pop("hint", None)  # it is of what was set before
         error.data["parameter"] = name
     error.args = (error.message,)
 

@@ -6,6 +6,8 @@ from this file: its docstrings are written for both.
 
 from __future__ import annotations
 
+import os
+
 from litegrip_client.core.actions import GripperActions, state_of
 from litegrip_client.core.session import ACTION_TIMEOUT_S, DaemonSession, Lease
 from litegrip_client.core.sockets import STOP_LEVELS
@@ -14,6 +16,7 @@ from litegrip_client.values.checks import flag
 from litegrip_client.values.errors import (
     BusyError,
     HardwareError,
+    LiteGripError,
     NotPermittedError,
     ParameterError,
     StoppedError,
@@ -25,7 +28,7 @@ from litegrip_client.values.warn import leave, warn
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: what is seldom needed takes its time to import
-    from typing import Any
+    from typing import Any, Literal
 
     from litegrip_client.core.session import Wire
     from litegrip_client.values.calibration import GripperConfig
@@ -180,15 +183,14 @@ class Gripper(GripperActions):
             await self._session.ask("motion.zero_gravity", {"if_busy": "replace"})
         except (BusyError, NotPermittedError, StoppedError) as error:
             await self.software_stop("relax", "stop() beside another call or client")
-            warn(
-                f"stop(): {error.message}. So the gripper is stopped for every client, until"
-                " clear_stop()"
-            )
+            warn(_stopped_for_all(error, self._session))
         except HardwareError:
             if (await self.get_state()).enabled is not False:
                 raise
 
-    async def software_stop(self, level: str = "hold", why: str | None = None) -> GripperState:
+    async def software_stop(
+        self, level: Literal["hold", "relax", "disable"] = "hold", why: str | None = None
+    ) -> GripperState:
         """Stop the gripper, whichever client moves it, until `clear_stop`.
 
         `level` is "hold", "relax" or "disable". Any thread may call it, and also a signal
@@ -282,6 +284,26 @@ class Gripper(GripperActions):
         """
         await self._session.open_first()
         return (await self.get_state()).mount
+
+
+def _stopped_for_all(error: LiteGripError, session: DaemonSession) -> str:
+    """Say what `stop` has done to a gripper that was not its object's to move, and why."""
+    from litegrip_client.values.voices import in_python  # noqa: PLC0415 - an error
+
+    owner, connection = error.owner, session.wire.connection
+    if isinstance(error, NotPermittedError):
+        why = "this user may not move it"
+    elif isinstance(error, StoppedError):
+        why = "a stop was latched already"
+    elif owner is None:
+        why = error.message
+    elif connection.has_clock and owner.get("pid") == os.getpid():
+        why = "another call or object of this program has it"
+    else:
+        verb = "has taken it" if error.reason == "lease_lost" else "has it"
+        why = f"{owner.get('program')} (pid {owner.get('pid')}) {verb}"
+    clear = (session.voice or in_python)("stop.clear", None, None) or "stop.clear"
+    return f"stop(): the gripper is stopped for every client, until {clear}: {why}"
 
 
 _AWAITED = "(await gripper.get_state())."

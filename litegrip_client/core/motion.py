@@ -23,6 +23,7 @@ from litegrip_client.values.errors import (
     LeaseError,
     LiteGripError,
     ParameterError,
+    StoppedError,
 )
 from litegrip_client.values.fields import Hinting
 from litegrip_client.values.tracebacks import shortened
@@ -198,6 +199,9 @@ STREAM_RANGES = {
 }
 """What the protocol allows, for each gripper."""
 
+_OF_THE_TARGET = ("invalid_params", "out_of_limits")
+"""What is wrong with a target itself; all else ends the stream, whatever it was sent."""
+
 _EXPIRED = "set_point_expired"
 """A target that came too late, on a busy machine say: the next one takes its place."""
 
@@ -297,7 +301,10 @@ class SetpointStream(AsyncBlock, Hinting):
             await self._send({**target, "valid_s": self._valid_s, **limits, **own})
         except ParameterError as error:
             if error.data.get("parameter") == self._tuned is not None:
+                from litegrip_client.values.voices import setting_right  # noqa: PLC0415 - an error
+
                 error.message = f"motion_config: {error.message}"
+                error.data.setdefault("hint", setting_right(self._tuned))
             raise
 
     def _ended(self) -> ConnectError:
@@ -323,7 +330,13 @@ class SetpointStream(AsyncBlock, Hinting):
         # Also after half of the validity: the job that it began may have ended on its way.
         if is_heard or self._asks or paused_s >= self._valid_s / 2.0:
             self._asks = True
-            job = (await wire.run(wire.connection.prepare_guarded("stream.set", params)))["job"]
+            try:
+                call = wire.connection.prepare_guarded("stream.set", params)
+                job = (await wire.run(call))["job"]
+            except StoppedError as error:
+                if not is_heard:
+                    self._say_stopped(error)
+                raise
             self._wire, self._job, self._asks = wire, job, False
             self._sent_s = time.monotonic()
             if is_heard:
@@ -340,8 +353,32 @@ class SetpointStream(AsyncBlock, Hinting):
         if refusal is not None:
             self._asks = True
         if refusal is not None and refusal.reason != _EXPIRED:
-            refusal.message = f"of an earlier target: {refusal.message}"
+            if refusal.reason in _OF_THE_TARGET:
+                refusal.message = f"of an earlier target: {refusal.message}"
+            elif not self._say_stopped(refusal):
+                refusal.message = f"the stream was broken off: {refusal.message}"
             raise refusal
+
+    def _say_stopped(self, error: LiteGripError) -> bool:
+        """Have the error say that a stop ended the stream; return False if it knows of none.
+
+        The daemon speaks of a request that came too late, which is to be sent again. Of a stream
+        that is no news, and old targets are not sent again.
+        """
+        if error.reason != "sent_before_stop" or "level" not in error.data:
+            return False
+        owner, why = error.owner or {}, error.data.get("why")
+        by = f"{owner['program']} (pid {owner['pid']})" if owner else "the daemon"
+        stop = f"a stop ({error.data['level']}) by {by}{f': {why}' if why else ''}"
+        error.message = f"the stream was broken off: {stop}"
+        if "stop.clear" in error.named:
+            from litegrip_client.values.voices import in_python  # noqa: PLC0415 - an error
+
+            clear = (self._session.voice or in_python)("stop.clear", None, None)
+            error.data["hint"] = clear or "stop.clear"
+        else:
+            error.data["hint"] = "that stop is cleared: when it is safe, send the next target"
+        return True
 
     async def close(self) -> None:
         """End the stream at once, so that the jaws hold; again does nothing.

@@ -306,7 +306,7 @@ class DaemonSession:
         if wire is None:
             return
         enabled_here, leased = wire.connection.has_enabled and not self.handed_over, self.leased
-        wire.connection.has_enabled = self.keeps_lease = False
+        self.keeps_lease = False
         self._leases = 0
         try:
             if enabled_here and wire.connection.is_own and self.disable_on_disconnect:

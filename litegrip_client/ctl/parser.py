@@ -1,7 +1,7 @@
 """The command line of `litegripctl`: its parsers, and the types of its arguments.
 
 A parser takes half a millisecond to make, so only that of the command that runs is made. The form
-of values is checked here; the daemon checks ranges.
+of values is checked here; the daemon checks ranges, which are only named here.
 """
 
 from __future__ import annotations
@@ -131,11 +131,15 @@ class LateParser(Parser):
             fill(self)
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Become a parser, and parse; note in `help_of` whose help fits the arguments."""
+        """Become a parser, and parse.
+
+        Note in `help_of` whose help fits the arguments, and in `usage_of` what returns its usage.
+        """
         self.become()
         options, rest = super().parse_known_args(args, namespace)
         if not hasattr(options, "help_of"):  # else an action of this command has noted its own
             options.help_of = self.prog
+            options.usage_of = self.format_usage
             options.known = list(self._option_string_actions)
         return options, rest
 
@@ -239,7 +243,7 @@ def parse(given: list[str], rows: Sequence[Row]) -> argparse.Namespace:
     options, rest = parser.parse_known_args(words)
     if rest:
         message = f"unrecognized arguments: {' '.join(rest)}{_meant(rest[0], options)}"
-        raise UsageError(message, parser.format_usage(), options.help_of)
+        raise UsageError(message, options.usage_of(), options.help_of)
     chosen = getattr(options, "channel", None) or os.environ.get(CHANNEL_VARIABLE)
     options.channel_chosen = chosen is not None
     options.only_reads = any(row.reads for row in rows if row.name == options.command)
@@ -248,11 +252,12 @@ def parse(given: list[str], rows: Sequence[Row]) -> argparse.Namespace:
     options.socket = getattr(options, "socket", None)
     options.json = getattr(options, "json", False)
     if options.command == "grasp" and (options.width is None) != (options.tolerance is None):
-        message = "grasp: --width and --tolerance go together: give both"
-        raise UsageError(message, parser.format_usage(), options.help_of)
+        missing = "--tolerance 2" if options.tolerance is None else "--width 20"
+        message = f"grasp: --width and --tolerance go together: give {missing}, too, say (mm)"
+        raise UsageError(message, options.usage_of(), options.help_of)
     if options.command == "stop" and options.all and options.socket:
         message = "stop: --all is for the grippers of this machine, and takes no --socket"
-        raise UsageError(message, parser.format_usage(), options.help_of)
+        raise UsageError(message, options.usage_of(), options.help_of)
     try:
         options.channel = check_channel(chosen or DEFAULT_CHANNEL)
     except CommandError as error:
@@ -417,17 +422,24 @@ def not_negative(text: str) -> float:
     return value
 
 
-def in_unit(read: Callable[[str], float], unit: str) -> Callable[[str], float]:
-    """Return what reads as `read` does, and takes the unit, which is known, behind the number."""
+def in_unit(
+    read: Callable[[str], float], unit: str, allowed: str | None = None
+) -> Callable[[str], float]:
+    """Return what reads as `read` does, and takes the unit, which is known, behind the number.
+
+    What it does not take is told with the unit, and with what is `allowed`.
+    """
     known = (unit, unit.replace("·", ""))
 
     def read_in_unit(text: str) -> float:
         found = re.fullmatch(rf"({NUMBER}) ?([^\d.]\D*)", text.strip())
-        if found is None:
-            return read(text)
-        if found[2] not in known:
+        if found is not None and found[2] not in known:
             raise ArgumentTypeError(f"{text!r} is not in {unit}: give it in {unit}, or as a number")
-        return read(found[1])
+        try:
+            return read(text if found is None else found[1])
+        except ArgumentTypeError as error:
+            more = f", in {unit}" if allowed is None else f": say {allowed} {unit}"
+            raise ArgumentTypeError(f"{error}{more}") from None
 
     return read_in_unit
 

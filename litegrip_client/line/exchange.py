@@ -603,9 +603,13 @@ class Exchange:
             closing_the_stream,
             enabling_again,
             in_python,
+            setting_right,
         )
 
         error = from_error_object(error_object, method, self.voice, self.daemon_version)
+        field = error.data.get("field") if error.data.get("parameter") == "config" else None
+        if field and (self.voice or in_python)(None, "config", method) == "motion_config":
+            error.data.setdefault("hint", setting_right(field))
         if error.reason == "lease_lost" and self.has_enabled:
             voice = enabling_again(self.voice)
             error = from_error_object(error_object, method, voice, self.daemon_version)

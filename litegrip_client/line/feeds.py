@@ -199,8 +199,9 @@ class StateSample:
     """One sample: `state` holds the subscribed fields. `seq` is None for the first one.
 
     `seq` and `monotonic_s` (CLOCK_MONOTONIC seconds) are as the daemon sent them; `dropped` counts
-    the samples that were lost since the begin, because this program read too slowly. Where some
-    were lost since the batch before, only the last of a batch has its `seq`.
+    the samples that were lost since the begin, because this program read too slowly or the daemon
+    had no time to send them. Where some were lost since the batch before, only the last of a batch
+    has its `seq`.
     """
 
     seq: int | None
@@ -395,7 +396,10 @@ class Subscription(Generic[_Item]):
 
     @property
     def dropped(self) -> int:
-        """How many items this reader has missed up to the newest that it got: it was too slow."""
+        """How many items this reader has missed up to the newest that it got.
+
+        It was too slow, or the daemon had no time to send them (`health` has its late ticks).
+        """
         return self._feed.dropped
 
     def close(self) -> None:

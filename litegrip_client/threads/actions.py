@@ -1007,7 +1007,9 @@ class BlockingGripper(GripperActions):
         """
         complete(self._core.stop())
 
-    def software_stop(self, level: str = "hold", why: str | None = None) -> GripperState:
+    def software_stop(
+        self, level: Literal["hold", "relax", "disable"] = "hold", why: str | None = None
+    ) -> GripperState:
         """Stop the gripper, whichever client moves it, until `clear_stop`.
 
         `level` is "hold", "relax" or "disable". Any thread may call it, and also a signal

@@ -150,9 +150,10 @@ class LiteGrip(SdkGripper):
     def states(self, hz: float = 20.0, fields: Sequence[str] | None = None, batch: int = 1) -> Any:
         """Iterate over states, `hz` times a second (0.1 to 200), until closed.
 
-        With `fields`, each item is a dictionary of these only. A slow reader misses states
-        (`dropped` counts them), and gets some that are 0.5 s old: `age_s` of a state is its age
-        when it was taken. For the newest of all there is `latest`. Use it as
+        With `fields`, each item is a dictionary of these only. A slow reader misses states,
+        and gets some that are 0.5 s old: `age_s` of a state is its age when it was taken. `dropped`
+        counts what it missed, and what the daemon had no time to send (`health` has its late
+        ticks). For the newest of all there is `latest`. Use it as
         `with gripper.states(50) as states:`.
 
         A `batch` of up to 50 states per message is for a data set: every state of 200 Hz comes, one

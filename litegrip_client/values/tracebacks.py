@@ -5,6 +5,9 @@ user's below it, of a callback, stay. Other errors are defects of ours, and show
 arguments that a method does not have is the user's line alone; one that was to stop the gripper
 stops it first. With `python -X dev` tracebacks are whole.
 
+Pytest shows the whole source of each function in a traceback. It leaves out what lies in a module
+with `__tracebackhide__`: there the user's line is the last one.
+
 Here an error gets its gripper, too: all pass, also those that no daemon has sent.
 """
 
@@ -44,6 +47,15 @@ _STOP = "software_stop"
 STOPPED_ALL_THE_SAME = "the gripper was told to stop all the same, until clear_stop()"
 _IS_COROUTINE = 128
 """`inspect.CO_COROUTINE`."""
+
+
+def _is_hidden_by_pytest(raised: Any) -> bool:
+    """Return True for pytest's record of an error that a member has been asked to raise."""
+    errors = (LiteGripError, KeyboardInterrupt)
+    return isinstance(getattr(raised, "value", None), errors) and not sys.flags.dev_mode
+
+
+__tracebackhide__ = _is_hidden_by_pytest
 
 
 def shortened(kind: _Kind) -> _Kind:
@@ -121,6 +133,7 @@ def _shortened(method: Any, rules: _Rules) -> Callable[..., Any]:
     """Return a method that does so; of an inherited one that does, one for this class."""
     if _is_own(method):
         method = method.__wrapped__
+    method.__globals__.setdefault("__tracebackhide__", _is_hidden_by_pytest)
 
     def call(*arguments: Any, **named: Any) -> Any:
         try:

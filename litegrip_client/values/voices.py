@@ -83,6 +83,13 @@ CALLS: Mapping[str, tuple[str, str]] = {
 }
 """By method: the call of `LiteGrip` and the command that do the same; empty where there is none."""
 
+
+def setting_right(field: str) -> str:
+    """Return how a tunable that a call cannot be made with is set right: it was set before."""
+    name = f"gripper.motion_config.{field}"
+    return f"{name} = ..., or for the daemon's own: del {name}"
+
+
 _STROKE = {"stroke_mm": ("stroke_mm", "--stroke-mm")}
 _SPEED = {"speed_mm_s": ("speed_mm_s", "--speed")}
 _TARGETS = {
@@ -134,7 +141,7 @@ ARGUMENTS: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "force": ("force", "--force"),
     },
     "sim.object": {
-        "width_mm": ("width_mm", "MM|none"),
+        "width_mm": ("width_mm", "WIDTH"),
         "stiffness_nm_rad": ("stiffness_nm_rad", "--stiffness"),
         "slip_mm_s": ("slip_mm_s", "--slip"),
     },

@@ -223,7 +223,9 @@ def stroke_refusal(stroke_mm: float | None, gripper_id: GripperId) -> Refusal | 
         sentence(
             "{.stroke_mm} is {stroke_mm:g}, and the configured stroke is {configured_mm:g} mm: they"
             " may differ by {tolerance:.0%}; measure how far the jaws open (caliper), and if it is"
-            " {stroke_mm:g} mm, set stroke_mm = {written_mm:g} in [gripper]",
+            " {stroke_mm:g} mm, set stroke_mm = {written_mm:g} in [gripper] of"
+            " /etc/litegripd/{channel}.toml, or of the file that the daemon was given",
+            channel=gripper_id.channel,
             stroke_mm=stroke_mm,
             configured_mm=configured_mm,
             tolerance=SCALE_TOLERANCE,
@@ -249,6 +251,24 @@ def force_refusal(force_n: float, geometry: Geometry, motor_type: MotorType) -> 
             most_nm=motor_type.holding_nm,
         ),
         {"field": "force_n", "requested": force_n, "limit": most_n},
+    )
+
+
+def width_refusal(width_mm: float | None, within_mm: float, geometry: Geometry) -> Refusal | None:
+    """Return a refusal if no object between the jaws can be as wide as is expected, or None."""
+    most_mm = geometry.travel_mm + within_mm
+    if width_mm is None or width_mm <= most_mm:
+        return None
+    return Refusal(
+        "out_of_limits",
+        sentence(
+            "{.width_mm} is {width_mm:g} mm, the calibrated travel is {travel} mm, and"
+            " {.tolerance_mm} {within_mm:g} mm: no object between the jaws can be so wide",
+            width_mm=width_mm,
+            travel=at_most(geometry.travel_mm, 3),
+            within_mm=within_mm,
+        ),
+        {"field": "width_mm", "requested": width_mm, "limit": most_mm},
     )
 
 

@@ -349,6 +349,7 @@ OnAnswer: TypeAlias = Callable[[Grant | Refusal], None]
 class _Waiting:
     owner: Owner
     options: LeaseOptions
+    wait_s: float
     until_s: float
     on_answer: OnAnswer
 
@@ -428,13 +429,18 @@ class Lease:
         return self._grant(owner, options, now_s)
 
     def wait(
-        self, owner: Owner, options: LeaseOptions, until_s: float, on_answer: OnAnswer
+        self,
+        owner: Owner,
+        options: LeaseOptions,
+        now_s: float,
+        wait_s: float,
+        on_answer: OnAnswer,
     ) -> Refusal | None:
         """Wait for the lease; `on_answer` is called once, from `step` or another's request."""
         if len(self._waiting) >= MOST_WAITING:
             text = f"{MOST_WAITING} are waiting for the lease already: try again later"
             return Refusal("too_many_requests", text, {"limit": MOST_WAITING})
-        self._waiting.append(_Waiting(owner, options, until_s, on_answer))
+        self._waiting.append(_Waiting(owner, options, wait_s, now_s + wait_s, on_answer))
         return None
 
     def release(self, owner: Owner) -> Refusal | None:
@@ -516,7 +522,7 @@ class Lease:
                 entry.on_answer(holder)
         for entry in [entry for entry in self._waiting if now_s >= entry.until_s]:
             self._waiting.remove(entry)
-            entry.on_answer(_NOT_FREE if self.holder is None else held_refusal(self.holder))
+            entry.on_answer(_waited_refusal(self.holder, entry.wait_s))
         if may_grant and self.holder is None and self._waiting:
             entry = self._waiting.popleft()
             entry.on_answer(self._grant(entry.owner, entry.options, now_s))
@@ -545,23 +551,41 @@ class Lease:
 
 
 _TO_GET_IT = sentence("wait for it ({lease.acquire with wait_s}), or take it over ({lease.take})")
+_AFTER_WAITING = sentence(
+    "wait longer ({lease.acquire with wait_s}), or take it over ({lease.take})"
+)
 
 
-def held_refusal(holder: Grant) -> Refusal:
-    """Return who has the lease, and what for."""
+def held_refusal(holder: Grant, waited_s: float | None = None) -> Refusal:
+    """Return who has the lease, and what for; and that it was waited for."""
     owner, purpose = holder.owner, holder.options.purpose
     what = "" if purpose in (None, owner.program) else f" for {purpose}"
+    how = _TO_GET_IT if waited_s is None else _AFTER_WAITING
+    waited = "" if waited_s is None else f" after {waited_s:g} s of waiting"
     return Refusal(
         "lease_held",
         sentence(
-            "{program} (pid {pid}) has the gripper{what}: {how}",
+            "{program} (pid {pid}) {still}has the gripper{what}{waited}: {how}",
             program=owner.program,
             pid=owner.pid,
+            still="" if waited_s is None else "still ",
             what=what,
-            how=_TO_GET_IT,
+            waited=waited,
+            how=how,
         ),
-        {"owner": _owner_data(holder), "hint": _TO_GET_IT},
+        {"owner": _owner_data(holder), "hint": how},
     )
+
+
+_LATER = sentence("wait longer, or try again")
+
+
+def _waited_refusal(holder: Grant | None, waited_s: float) -> Refusal:
+    """Return why the lease could not be had in the time of who waited for it."""
+    if holder is not None:
+        return held_refusal(holder, waited_s)
+    text = sentence("the gripper was not free within {s:g} s: {how}", s=waited_s, how=_LATER)
+    return Refusal("lease_held", text, {"hint": _LATER})
 
 
 def _held_by(holder: Grant | None) -> dict[str, object]:
@@ -576,11 +600,3 @@ def _owner_data(holder: Grant) -> dict[str, object]:
 def process_of(owner: Owner) -> Taker:
     """Return the process of a client, for programs."""
     return {"pid": owner.pid, "uid": owner.uid, "program": owner.program}
-
-
-_LATER = sentence("wait longer, or try again")
-_NOT_FREE = Refusal(
-    "lease_held",
-    sentence("the gripper was not free in time: {how}", how=_LATER),
-    {"hint": _LATER},
-)

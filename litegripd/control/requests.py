@@ -24,6 +24,7 @@ from litegripd.control.admission import (
     push_refusal,
     stroke_refusal,
     target_refusal,
+    width_refusal,
 )
 from litegripd.control.calibration import Saving, Terms, content_of, save_task
 from litegripd.control.controller import Controller
@@ -202,6 +203,7 @@ class MotionRequests:
         hot = None if held else heat_refusal(controller.output.heat.allowance_nm, BUDGET_NM)
         refusal = conflict_refusal(conflict) or hot
         refusal = refusal or force_refusal(request.force_n, geometry, motor_type)
+        refusal = refusal or width_refusal(request.width_mm, request.tolerance_mm, geometry)
         if refusal is not None:
             return refusal
         action = Grasp(

@@ -27,7 +27,7 @@ def at_least(limit: float, digits: int = 6) -> str:
 _UNITS = (
     *(("_rad_s", "rad/s"), ("_mm_s", "mm/s"), ("_n_s", "N/s"), ("_nm_rad", "N·m/rad")),
     ("_rad", "rad"),
-    *(("_mm", "mm"), ("_nm", "N·m"), ("_n", "N"), ("_s", "s"), ("_hz", "Hz"), ("_c", "°C")),
+    *(("_mm", "mm"), ("_nm", "N·m"), ("_n", "N"), ("_s", "s"), ("hz", "Hz"), ("_c", "°C")),
 )
 
 

@@ -6,7 +6,9 @@ from typing import Any, TypeAlias
 
 import pytest
 
+from litegrip_client.ctl.commands.motions import FORCES, SPEEDS
 from litegripd.model.errors import ERROR_TABLE, ErrorKind
+from litegripd.model.motion_config import WIDEST
 from litegripd.model.sentence import sentence
 from litegripd.motor.phases import implausible_refusal
 from tests.client.helpers import Ctl
@@ -138,7 +140,10 @@ USAGE = {
     "grasp --width 48 --tolerance -1": "'-1' is not a number of 0 or more",
     "grasp --force 10kg": "'10kg' is not in N: give it in N, or as a number",
     "open --speed 25mm": "'25mm' is not in mm/s: give it in mm/s, or as a number",
-    "open --speed 0mm/s": "'0' is not a number above 0",
+    "open --speed 0mm/s": "'0' is not a number above 0: say 0.1 to 150 mm/s\n",
+    "close --speed fast": "'fast' is not a number above 0: say 0.1 to 150 mm/s\n",
+    "force 0": "'0' is not a number above 0: say 0.5 to 40 N\n",
+    "watch --hz 0": "'0' is not a number above 0: say 0.1 to 200 Hz\n",
     "sim object 4cm": "'4cm' is not in mm: give it in mm, or as a number",
     "open 40mm": "unrecognized arguments: 40mm; to an opening or a position: litegripctl move 40mm",
     "open 40": "to an opening: litegripctl move 40mm; a speed is an option: --speed 40",
@@ -153,15 +158,26 @@ USAGE = {
     "dump /tmp/a.mcap": "; a file is an option: -o /tmp/a.mcap\n",
     "move 45,5mm": "'45,5mm' has a comma: say 45.5mm",
     "grasp --hold nan": "'nan' is not a number of 0 or more",
-    "grasp --width 0 --tolerance 1": "'0' is not a number above 0",
+    "grasp --width 0 --tolerance 1": "'0' is not a number above 0, in mm\n",
+    "grasp --width 20": "go together: give --tolerance 2, too, say (mm)\n",
+    "grasp --tolerance 1": "go together: give --width 20, too, say (mm)\n",
     "grasp --force x": "see: litegripctl grasp --help\n",
     "grasp --width 4": "see: litegripctl grasp --help\n",
     "grasp --no-such-option": "see: litegripctl grasp --help\n",
+    "grasp --frce 10": "usage: litegripctl grasp [-h]",
+    "close --force 10": "usage: litegripctl close [-h]",
+    "-c can0 state --nope": "usage: litegripctl state [-h]",
+    "lease take mine now": "usage: litegripctl lease take [-h]",
     "teleop slave --no-such-option": "see: litegripctl teleop slave --help\n",
     "calibration load": "see: litegripctl calibration load --help\n",
     "nothing": "see: litegripctl --help\n",
 }
 """Wrong command lines, and what of it is said."""
+
+
+def test_what_is_allowed_is_what_the_daemon_allows() -> None:
+    told = {"speed_mm_s": SPEEDS, "grasp_speed_mm_s": SPEEDS, "force_n": FORCES}
+    assert told == {name: "{:g} to {:g}".format(*WIDEST[name]) for name in told}
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,9 @@ from typing import Any
 
 import pytest
 
-from litegrip_client import CommandError, LiteGrip, MotionConfig
-from litegrip_client.values.motion_config import DAEMON_FIELDS
+from litegrip_client import CommandError, LiteGrip, MotionConfig, ParameterError
+from litegrip_client.values.motion_config import DAEMON_FIELDS, RANGES
+from litegripd.model.errors import unit_of
 from litegripd.model.motion_config import WIDEST as DAEMONS_RANGES
 from litegripd.model.motion_config import MotionConfig as DaemonsConfig
 
@@ -169,6 +170,18 @@ def test_clocks_have_no_place_across_a_process() -> None:
         assert (caught.value.reason, "--simulate" in str(caught.value)) == ("unsupported", True)
     with pytest.raises(CommandError, match="sleep_fn"):
         MotionConfig(sleep_fn=lambda _: None)
+
+
+def test_what_can_never_be_is_refused_with_the_range_where_that_is_known() -> None:
+    for name, told in RANGES.items():
+        least, most = DAEMONS_RANGES[name]
+        assert told == f"{least:g} to {most:g}{unit_of(name)}"
+        for value in (-5, 0):
+            with pytest.raises(ParameterError) as caught:
+                setattr(MotionConfig(), name, value)
+            assert caught.value.message == f"{name} is {value}, it must be {told}"
+    with pytest.raises(ParameterError, match=r"^reach_tol is 0, it must be more than 0$"):
+        MotionConfig(reach_tol=0.0)
 
 
 def test_a_field_that_does_not_exist_cannot_be_set() -> None:

@@ -247,3 +247,10 @@ def test_python_reads_python(heard: Heard) -> None:
         with pytest.raises(LiteGripError, match=r"; clear it with gripper\.clear_stop\(\) first$"):
             gripper.open()
         assert gripper.health()["reasons"] == ["gripper.clear_fault()", "motor.clear_fault"]
+
+
+def test_an_argument_that_may_be_a_word_too_has_one_name_in_the_shell() -> None:
+    assert told("{.width_mm} is 300, it must be 0.1 to 200 mm", "sim.object") == (
+        "width_mm is 300, it must be 0.1 to 200 mm",
+        "WIDTH is 300, it must be 0.1 to 200 mm",
+    )

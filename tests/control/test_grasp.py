@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from litegripd.model.errors import at_most
 from litegripd.sim.plant import MOUNTS
 from tests.world import Client, World, ready
 
@@ -171,6 +172,51 @@ def test_the_wrong_width_is_told_without_letting_go() -> None:
     client.result("motion.open")
     world.gripper.put_object(width_mm=50.0)
     assert grasped(client, force_n=10, width_mm=51, tolerance_mm=3)["ok"]
+
+
+def test_a_width_that_no_object_between_the_jaws_can_have_is_refused() -> None:
+    """Nothing closes for it; one that is within its tolerance may be."""
+    world, client = world_with(50.0)
+    geometry = world.controller.geometry
+    assert geometry is not None
+    travel_mm = geometry.travel_mm
+    error = client.call("motion.grasp", force_n=10, width_mm=500, tolerance_mm=1)["error"]
+    assert error["message"] == (
+        f"width_mm is 500 mm, the calibrated travel is {at_most(travel_mm, 3)} mm, and tolerance_mm"
+        " 1 mm: no object between the jaws can be so wide"
+    )
+    data = error["data"]
+    assert (data["reason"], data["field"], data["requested"], data["limit"]) == (
+        ("out_of_limits", "width_mm", 500, pytest.approx(travel_mm + 1.0))
+    )
+    assert world.state.mode == "holding"
+    assert (
+        client.refusal("motion.grasp", width_mm=travel_mm + 3.0, tolerance_mm=2) == "out_of_limits"
+    )
+    held = grasped(client, force_n=10, width_mm=travel_mm + 5.0, tolerance_mm=travel_mm)
+    assert held["ok"]
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        (
+            {"width_mm": 20},
+            "width_mm is given without tolerance_mm: say how far the width may differ, 2 mm",
+        ),
+        (
+            {"tolerance_mm": 2},
+            "tolerance_mm is given without width_mm: say which width is expected, 20 mm",
+        ),
+    ],
+)
+def test_the_half_of_an_expected_width_is_refused_by_what_is_missing(
+    given: dict[str, float], told: str
+) -> None:
+    _, client = world_with(50.0)
+    error = client.call("motion.grasp", force_n=10, **given)["error"]
+    assert error["message"] == f"motion.grasp: {told} for example"
+    assert error["data"]["parameter"] not in given
 
 
 @pytest.mark.parametrize("force_n", [2.0, 5.0, 20.0, 30.0])

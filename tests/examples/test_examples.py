@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from examples import collect, policy, teleop
+from examples import collect, policy, run_simulated, teleop
 from litegrip_client import LiteGrip
 from litegripd.model.calibration import NOMINAL
 from tests.drop_in import Daemon, Site, a_site
@@ -38,6 +38,16 @@ def test_the_policy_drives_the_jaws_at_50_hz(
         (0.8 * TRAVEL_MM, 0.208 * TRAVEL_MM), abs=1.4
     )
     assert not daemon.is_energised
+
+
+def test_the_simulated_gripper_says_what_it_takes_and_starts_nothing(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.argv", ["run_simulated.py", "--help"])
+    assert run_simulated.main() == 0
+    usage, _, rest = capsys.readouterr().out.partition("\n")
+    assert usage == "usage: run_simulated.py [simulated|mujoco]"
+    assert "With the argument `mujoco`" in rest
 
 
 def test_the_policy_feels_an_object(site: Site) -> None:

@@ -235,6 +235,31 @@ def test_who_waits_gets_the_lease_with_options_of_its_own() -> None:
     assert (owner["purpose"], owner["ttl_s"], owner["on_lost"]) == (None, None, "hold")
 
 
+def test_who_has_waited_in_vain_is_told_how_long_and_not_to_do_the_same() -> None:
+    _, holder, other, _ = pair(purpose="sorting")
+    pid = holder.session.peer.pid
+    answered = other.wait(other.send("lease.acquire", wait_s=2))["error"]
+    assert answered["message"] == (
+        f"program{pid} (pid {pid}) still has the gripper for sorting after 2 s of waiting:"
+        " wait longer (lease.acquire with wait_s), or take it over (lease.take)"
+    )
+    assert answered["data"]["hint"].startswith("wait longer (")
+    assert answered["data"]["owner"]["pid"] == pid
+    assert (
+        "has the gripper for sorting: wait for it ("
+        in other.call("lease.acquire")["error"]["message"]
+    )
+
+
+def test_a_gripper_that_another_still_moves_was_not_free_in_so_many_seconds() -> None:
+    world, holder, other, _ = pair()
+    holder.send("motion.close", speed_mm_s=5)
+    world.run(0.1)
+    holder.result("lease.release")
+    message = other.wait(other.send("lease.acquire", wait_s=1.5))["error"]["message"]
+    assert message == "the gripper was not free within 1.5 s: wait longer, or try again"
+
+
 def test_a_motion_is_replaced_by_who_shows_the_token_that_it_runs_under() -> None:
     world, holder, other, token = pair()
     first = holder.send("motion.open", speed_mm_s=10, lease=token)
@@ -254,7 +279,7 @@ def test_so_many_may_wait() -> None:
     lease, refusals = Lease(), []
     for client in range(MOST_WAITING + 1):
         owner = Owner(client, 100 + client, 1000, "p")
-        refusals.append(lease.wait(owner, LeaseOptions(), 10.0, lambda _answer: None))
+        refusals.append(lease.wait(owner, LeaseOptions(), 0.0, 10.0, lambda _answer: None))
     assert refusals[:-1] == [None] * MOST_WAITING
     assert refusals[-1] is not None
     assert refusals[-1].reason == "too_many_requests"

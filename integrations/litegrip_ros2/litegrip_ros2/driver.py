@@ -12,7 +12,7 @@ import contextlib
 import time
 from collections.abc import Coroutine
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 from litegrip_client import ConnectError, GraspResult, GripperState, LiteGripError, MotionConfig
 from litegrip_client.aio import LiteGrip, SetpointStream
@@ -42,7 +42,7 @@ class Settings:
     rate_hz: float = 50.0
     disable_on_disconnect: bool = True
     allow_stalling: bool = False
-    stop_level: str = "hold"
+    stop_level: Literal["hold", "relax", "disable"] = "hold"
     stream_valid_s: float = 0.2
     stream_speed_mm_s: float | None = None
     """How fast the jaws follow set-points without a velocity; None leaves it to the daemon."""

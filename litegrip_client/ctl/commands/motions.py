@@ -26,6 +26,9 @@ from litegrip_client.values.figures import Data, figure, owner, plain
 from litegrip_client.values.printed import aligned, leaves
 from litegrip_client.values.trajectory_format import MOST_FORCE_N
 
+SPEEDS, FORCES = "0.1 to 150", "0.5 to 40"
+"""What the daemon allows, in mm/s and N, for each gripper."""
+
 
 def enable_options(parser: LateParser) -> None:
     """Add the arguments of `enable`."""
@@ -109,9 +112,9 @@ def to_stop_options(parser: LateParser) -> None:
 def _speed_options(parser: _ActionsContainer) -> None:
     parser.add_argument(
         "--speed",
-        type=in_unit(positive, "mm/s"),
+        type=in_unit(positive, "mm/s", SPEEDS),
         metavar="MM_S",
-        help="in mm/s (default: the daemon's)",
+        help=f"in mm/s, {SPEEDS} (default: the daemon's)",
     )
 
 
@@ -189,9 +192,9 @@ def grasp_options(parser: LateParser) -> None:
     parser.description, parser.epilog = _GRASP, _GRASP_EXAMPLES
     parser.add_argument(
         "--force",
-        type=in_unit(positive, "N"),
+        type=in_unit(positive, "N", FORCES),
         metavar="N",
-        help="in newtons, 0.5 to 40 (default: the daemon's)",
+        help=f"in newtons, {FORCES} (default: the daemon's)",
     )
     _speed_options(parser)
     parser.add_argument(
@@ -305,7 +308,7 @@ def force_options(parser: LateParser) -> None:
         "Squeeze with another force from now on; jaws that hold nothing close with it."
     )
     parser.add_argument(
-        "newtons", type=in_unit(positive, "N"), metavar="N", help="in newtons, 0.5 to 40"
+        "newtons", type=in_unit(positive, "N", FORCES), metavar="N", help=f"in newtons, {FORCES}"
     )
 
 
@@ -378,7 +381,8 @@ def _outcome(row: Data) -> str:
     """Return how a job ended, or where it is."""
     error, result = row.get("error"), row.get("result") or {}
     if error:
-        return f"{plain(row.get('state'))}: {words((error.get('data') or {}).get('reason'))}"
+        state, reason = plain(row.get("state")), words((error.get("data") or {}).get("reason"))
+        return state if state == reason else f"{state}: {reason}"
     if "outcome" in result:
         return verdict(result)
     phase = f", {words(row['phase'])}" if row.get("phase") else ""

@@ -38,7 +38,7 @@ def _object_options(parser: LateParser) -> None:
     parser.epilog = (
         "examples:\n  litegripctl sim object 40 --stiffness 10\n  litegripctl sim object none"
     )
-    parser.add_argument("width", type=_width, metavar="MM|none", help="its width, or none")
+    parser.add_argument("width", type=_width, metavar="WIDTH", help="in mm, or none")
     parser.add_argument(
         "--stiffness", type=positive, metavar="NM_RAD", help="250 is rigid (default), 10 is foam"
     )

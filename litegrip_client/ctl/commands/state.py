@@ -214,7 +214,11 @@ def watch_options(parser: LateParser) -> None:
     """Add the arguments of `watch`."""
     parser.description = _WATCH
     parser.add_argument(
-        "--hz", type=in_unit(positive, "Hz"), default=5.0, metavar="N", help="0.1 to 200 (5)"
+        "--hz",
+        type=in_unit(positive, "Hz", "0.1 to 200"),
+        default=5.0,
+        metavar="N",
+        help="0.1 to 200 (5)",
     )
     parser.add_argument("--count", type=count, metavar="N", help="end after N states")
     parser.add_argument(

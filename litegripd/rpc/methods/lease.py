@@ -180,9 +180,12 @@ class LeaseMethods:
         if isinstance(answer, Grant) or wait_s == 0.0:
             return self._granted(answer)
         deferred = Deferred()
-        until_s = self._controller.now_s + wait_s
         refusal = self._controller.lease.wait(
-            call.owner, options, until_s, lambda late: deferred.resolve(self._granted(late))
+            call.owner,
+            options,
+            self._controller.now_s,
+            wait_s,
+            lambda late: deferred.resolve(self._granted(late)),
         )
         return refusal or deferred
 

@@ -221,9 +221,18 @@ class MotionMethods:
     def _grasp(self, call: Call) -> Answer:
         terms, params = call.terms(self._controller), call.params
         config = terms.config
-        if ("width_mm" in params) != ("tolerance_mm" in params):
-            text = sentence("{motion.grasp}: {.width_mm} and {.tolerance_mm} go together")
+        if "width_mm" in params and "tolerance_mm" not in params:
+            text = sentence(
+                "{motion.grasp}: {.width_mm} is given without {.tolerance_mm}: say how far the"
+                " width may differ, 2 mm for example"
+            )
             raise Refused(Refusal("invalid_params", text, {"parameter": "tolerance_mm"}))
+        if "tolerance_mm" in params and "width_mm" not in params:
+            text = sentence(
+                "{motion.grasp}: {.tolerance_mm} is given without {.width_mm}: say which width is"
+                " expected, 20 mm for example"
+            )
+            raise Refused(Refusal("invalid_params", text, {"parameter": "width_mm"}))
         if params.get("until") == "verdict" and "hold_s" in params:
             text = sentence(
                 '{motion.grasp}: with until = "verdict" leave {.hold_s} out: the hold continues'

@@ -208,7 +208,7 @@ class ReadingMethods:
         if hz > limit_hz:
             text = sentence(
                 "{state.subscribe}: {.hz} is {hz:g}, it must be at most the control rate,"
-                " {limit_hz:g}",
+                " {limit_hz:g} Hz",
                 hz=hz,
                 limit_hz=limit_hz,
             )

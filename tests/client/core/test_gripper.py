@@ -8,7 +8,7 @@ import traceback
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Literal, get_args
 
 import pytest
 
@@ -29,6 +29,7 @@ from litegrip_client import (
     StoppedError,
     aio,
 )
+from litegrip_client.core.sockets import STOP_LEVELS
 from litegrip_client.values.terms import Voice
 from litegrip_client.values.voices import MEANT, in_shell
 from litegripd.model.sentence import method_name, with_terms
@@ -479,6 +480,52 @@ def test_leaving_after_the_lease_was_taken_disables_nothing_and_says_so(
     assert daemon.methods() == [*ENABLED, *DISABLED]
     assert "leaves the motor as it is" in caplog.text
     assert daemon.is_energised
+
+
+def test_a_loss_has_the_same_cure_in_the_warning_at_the_end_as_in_the_error(
+    daemon: Heard, kind: Kind, caplog: pytest.LogCaptureFixture
+) -> None:
+    cure = f"({kind.awaits}gripper.enable())"
+
+    def script() -> None:
+        with kind.gripper() as gripper:
+            gripper.enable()
+            daemon.client(uid=os.getuid()).result("lease.take", why="mine", purpose="picking")
+            gripper.open()
+
+    with pytest.raises(LeaseError) as caught:
+        script()
+    assert caught.value.message.endswith(cure)
+    assert "leaves the motor as it is" in caplog.text
+    assert caplog.messages[-1].endswith(cure)
+
+
+def test_a_type_checker_knows_the_levels_of_a_stop() -> None:
+    """A wrong one shows only when it counts; what else is wrong, when a program begins."""
+    for kind in (LiteGrip, aio.LiteGrip):
+        level = inspect.signature(kind.software_stop).parameters["level"]
+        assert get_args(eval(level.annotation, {"Literal": Literal})) == tuple(STOP_LEVELS)
+
+
+def test_a_stop_of_a_gripper_that_is_anothers_is_told_before_the_reason(
+    daemon: Heard, gripper: LiteGrip, kind: Kind, caplog: pytest.LogCaptureFixture
+) -> None:
+    for_all = (
+        f"stop(): the gripper is stopped for every client, until {kind.awaits}gripper.clear_stop()"
+    )
+    other = daemon.client(pid=4711, uid=os.getuid())
+    other.result("motor.enable")
+    other.result("lease.acquire")
+    gripper.stop()
+    assert caplog.messages[-1] == f"{for_all}: program4711 (pid 4711) has it"
+    other.result("lease.release")
+    gripper.stop()
+    assert caplog.messages[-1] == f"{for_all}: a stop was latched already"
+    gripper.clear_stop()
+    gripper.lease().acquire()
+    other.result("lease.take", why="my turn")
+    gripper.stop()
+    assert caplog.messages[-1] == f"{for_all}: program4711 (pid 4711) has taken it"
 
 
 def on_lost(daemon: Heard) -> str | None:

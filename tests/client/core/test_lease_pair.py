@@ -93,6 +93,15 @@ def test_who_has_taken_it_is_told_also_after_giving_it_back(
     assert f"{taker['program']} (pid {taker['pid']}, uid {taker['uid']})" in caught.value.message
 
 
+def test_who_has_waited_is_not_told_to_do_what_it_did(
+    daemon: Heard, gripper: LiteGrip, kind: Kind
+) -> None:
+    daemon.client(pid=4711).result("lease.acquire", purpose="another")
+    with pytest.raises(LeaseError, match="still has the gripper for another after 2 s") as caught:
+        gripper.lease("mine", wait_s=2).acquire()
+    assert "wait longer (" + kind.awaits + "gripper.lease(wait_s=...)" in caught.value.message
+
+
 def test_an_object_of_the_same_program_is_told_so(
     daemon: Heard, gripper: LiteGrip, kind: Kind
 ) -> None:

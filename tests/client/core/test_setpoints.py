@@ -152,6 +152,7 @@ def test_a_speed_of_the_tunables_that_is_refused_is_named_as_theirs(enabled: Lit
     with enabled.stream() as stream, pytest.raises(CommandError) as caught:
         stream.set_target(20.0)
     assert caught.value.message.startswith("motion_config: speed_mm_s is 500, it must be")
+    assert str(caught.value).endswith(": del gripper.motion_config.speed_mm_s")
     with pytest.raises(CommandError) as caught:
         enabled.stream(speed_mm_s=600.0)
     assert caught.value.message.startswith("speed_mm_s is 600, it must be")
@@ -313,6 +314,40 @@ def test_a_stop_reaches_the_streaming_program_with_all_that_is_known_of_it(
         assert error.owner == {"pid": 4711, "uid": 1000, "program": "program4711"}
         for part in ("(relax)", "program4711 (pid 4711)", "a hand in the jaws"):
             assert part in error.message
+
+
+@pytest.mark.parametrize("pause_s", [0.01, 0.1])
+def test_a_stop_of_another_is_told_as_the_end_of_the_stream(
+    daemon: Heard, enabled: LiteGrip, kind: Kind, pause_s: float
+) -> None:
+    """What matters is first, and no old target is to be sent again."""
+    watcher = daemon.client(pid=4711, uid=1000)
+    ended = "the stream was broken off: a stop (hold) by program4711 (pid 4711): hand"
+    stream = enabled.stream(valid_s=0.2)
+    stream.set_target(10.0)
+    kind.pause(pause_s)
+    watcher.result("stop", why="hand")
+    told = until_refused(kind, stream, 10.0)
+    assert told.text == f"{ended}\nnext: {kind.awaits}gripper.clear_stop()"
+    enabled.clear_stop()
+    enabled.enable()
+    stream.set_target(10.0)
+    watcher.result("stop", why="hand")
+    watcher.result("stop.clear")
+    told = until_refused(kind, stream, 10.0)
+    assert told.text == (f"{ended}\nthat stop is cleared: when it is safe, send the next target")
+    stream.set_target(11.0)
+    assert daemon.state.mode == "moving"
+
+
+def test_a_loss_is_not_told_as_one_of_a_target(
+    daemon: Heard, enabled: LiteGrip, kind: Kind
+) -> None:
+    with enabled.stream() as stream:
+        stream.set_target(10.0)
+        daemon.client(pid=4711).result("lease.take", why="my turn")
+        told = until_refused(kind, stream, 10.0)
+    assert told.message.startswith("the stream was broken off: the lease of this connection is")
 
 
 def test_a_stop_of_the_daemons_own_has_no_owner(

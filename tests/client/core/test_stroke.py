@@ -230,7 +230,10 @@ def test_a_key_of_the_configuration_keeps_its_name() -> None:
     refused = stroke_refusal(130.0, GripperId())
     assert refused is not None
     wire = refused.message
-    assert wire.endswith("set stroke_mm = 130 in [gripper]")
+    assert wire.endswith(
+        "set stroke_mm = 130 in [gripper] of /etc/litegripd/can0.toml, or of the file that the"
+        " daemon was given"
+    )
     for method in ("calibration.zero", "calibration.manual", "calibration.rescale"):
         error = error_object(refused)
         assert from_error_object(error, method, in_python).message == wire

@@ -113,8 +113,14 @@ def test_what_is_no_list_of_names_is_told_as_it_was_written(
 def test_too_high_a_rate_is_told_the_highest_at_once(
     gripper: LiteGrip, subscribe: Callable[[LiteGrip], Any]
 ) -> None:
-    told = "^hz is 5000, it must be at most the control rate, 200$"
+    told = "^hz is 5000, it must be at most the control rate, 200 Hz$"
     with pytest.raises(ParameterError, match=told), subscribe(gripper):
+        pass
+
+
+def test_too_low_a_rate_is_told_with_its_unit(gripper: LiteGrip) -> None:
+    told = r"^hz is 0, it must be at least 0.1 Hz$"
+    with pytest.raises(ParameterError, match=told), gripper.states(0):
         pass
 
 

@@ -15,6 +15,7 @@ import pytest
 
 import litegrip_client
 from litegrip_client import CommandError, ConnectError, LiteGrip, LiteGripError, Trajectory, aio
+from litegrip_client.core.sockets import SYSTEM_DIRECTORY
 from litegrip_client.testing import SimulatedDaemon
 from litegrip_client.values.tracebacks import STOPPED_ALL_THE_SAME
 from tests.client.fake_daemon import FakeDaemon
@@ -49,6 +50,33 @@ def test_a_daemon_that_is_killed_during_a_calibration_by_hand_is_told_once(
     assert not caplog.messages
     with pytest.raises(ConnectError):
         gripper.disconnect()
+
+
+def told_by_pytest(caught: pytest.ExceptionInfo[Any]) -> str:
+    """Return what pytest prints of a test that fails so."""
+    return str(caught.getrepr(style="long"))
+
+
+def test_pytest_shows_the_line_of_the_test_and_none_of_ours(
+    daemon: Heard, gripper: LiteGrip, kind: Kind
+) -> None:
+    of_the_simulator = SimulatedDaemon("can0", f"{SYSTEM_DIRECTORY}/can0.sock")
+    for ask in (lambda: gripper.goto(500), lambda: of_the_simulator.fault("foo")):
+        with pytest.raises(LiteGripError) as caught:
+            ask()
+        told = told_by_pytest(caught)
+        assert "litegrip_client/" not in told
+        if not kind.awaits:  # else asyncio's lines, of the test's bench, are the last
+            assert Path(__file__).name in told.splitlines()[-1]
+
+
+def test_pytest_shows_a_defect_of_ours_whole(
+    site: Bench, daemon: Heard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("litegrip_client.core.actions.number", None)
+    with Threads(site).gripper() as gripper, pytest.raises(TypeError) as caught:
+        gripper.goto(500)
+    assert "core/actions.py" in told_by_pytest(caught)
 
 
 def test_a_traceback_ends_at_the_method_that_was_called(site: Bench, daemon: Heard) -> None:

@@ -109,7 +109,10 @@ def test_stop_of_a_script_that_does_not_move_the_gripper_stops_it_for_all(
 ) -> None:
     with LiteGrip("can0") as other:
         other.stop()
-        assert "stopped for every client" in caplog.text
+        assert caplog.messages[-1] == (
+            "stop(): the gripper is stopped for every client, until gripper.clear_stop():"
+            " another call or object of this program has it"
+        )
         assert gripper.get_state().stop is not None
         with pytest.raises(StoppedError):
             gripper.open()
