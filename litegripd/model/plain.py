@@ -32,6 +32,8 @@ def plain_of(value: Any) -> Any:
 
     Numbers that are not finite stay: both ends use Python's own `json`.
     """
+    if type(value) in _AS_THEY_ARE:
+        return value
     if isinstance(value, Sentence) and value.terms:
         return {TYPE_KEY: Sentence.__name__, "text": str(value), "terms": value.terms}
     if value is None or isinstance(value, bool | int | float | str):
@@ -43,9 +45,21 @@ def plain_of(value: Any) -> Any:
     if isinstance(value, tuple | list | deque):
         return [plain_of(item) for item in value]
     if is_dataclass(value):
-        own = {field.name: plain_of(getattr(value, field.name)) for field in fields(value)}
-        return {TYPE_KEY: type(value).__name__, **own}
+        plain: dict[str, Any] = {TYPE_KEY: type(value).__name__}
+        for name in _fields_of(type(value)):
+            plain[name] = plain_of(getattr(value, name))
+        return plain
     raise PlainError(f"a {type(value).__name__} cannot be handed over")
+
+
+_AS_THEY_ARE = frozenset((NoneType, bool, int, float, str))
+"""Nothing commands the motor while its state is made plain: most values end here."""
+
+
+@cache
+def _fields_of(owner: type) -> tuple[str, ...]:
+    """Return the names of a dataclass's fields."""
+    return tuple(field.name for field in fields(owner))
 
 
 def value_of(plain: Any, kind: Any, where: str) -> Any:
@@ -120,9 +134,13 @@ _READERS: Mapping[Any, Reader] = {Any: _as_it_is, object: _as_it_is, Sentence: _
 def _union(members: tuple[Any, ...]) -> Reader:
     classes: list[Any] = [member for member in members if is_dataclass(member)]
     named = {member.__name__: _reader(member) for member in classes}
-    others = [_reader(member) for member in members if member not in classes]
+    primitives = [member for member in members if member in _PRIMITIVES]
+    allowed = {kind for member in primitives for kind in _PRIMITIVES[member]}
+    others = [_reader(one) for one in members if one not in classes and one not in primitives]
 
     def read(plain: Any, where: str) -> Any:
+        if type(plain) in allowed:
+            return plain
         name = plain.get(TYPE_KEY) if isinstance(plain, dict) else None
         if isinstance(name, str) and name in named:
             return named[name](plain, where)
@@ -240,10 +258,19 @@ def undeclared(source: object) -> set[str]:
 
     Attributes that it declares twice, and those that the object does not have, are included.
     """
-    owner: type = type(source)
+    once, twice = _declared_by(type(source))
+    own = vars(source).keys()
+    if own == once and not twice:
+        return set()
+    missing = {name for name in once if not hasattr(source, name)}
+    return (own - once) | twice | missing
+
+
+@cache
+def _declared_by(owner: type) -> tuple[frozenset[str], frozenset[str]]:
+    """Return the attributes that a class declares, and those that it declares twice."""
     carried, left = carried_by(owner).keys(), set(getattr(owner, "NOT_CARRIED", ()))
-    missing = {name for name in carried | left if not hasattr(source, name)}
-    return (vars(source).keys() - carried - left) | (carried & left) | missing
+    return frozenset(carried | left), frozenset(carried & left)
 
 
 def memory(source: object) -> dict[str, Any]:
@@ -260,6 +287,13 @@ def memory(source: object) -> dict[str, Any]:
     return plain
 
 
+@cache
+def _readers_of(owner: type) -> Mapping[str, Reader | None]:
+    """Return what reads each carried attribute; None for one with carried attributes of its own."""
+    kinds = carried_by(owner)
+    return {name: None if is_stateful(kind) else _reader(kind) for name, kind in kinds.items()}
+
+
 def restore(target: object, plain: Any, where: str = "") -> None:
     """Fill `target` with what `memory` returned. Raises `PlainError` for anything else.
 
@@ -267,14 +301,14 @@ def restore(target: object, plain: Any, where: str = "") -> None:
     filled, too, so that they keep their bounds.
     """
     owner: type = type(target)
-    where, kinds = where or owner.__name__, carried_by(owner)
-    check_object(plain, owner.__name__, {TYPE_KEY, *kinds}, where)
-    for name, kind in kinds.items():
+    where, readers = where or owner.__name__, _readers_of(owner)
+    check_object(plain, owner.__name__, {TYPE_KEY, *readers}, where)
+    for name, read in readers.items():
         present, inner = getattr(target, name), f"{where}.{name}"
-        if is_stateful(kind):
+        if read is None:
             restore(present, plain[name], inner)
             continue
-        value = value_of(plain[name], kind, inner)
+        value = read(plain[name], inner)
         if isinstance(present, deque):
             present.clear()
             present.extend(value)
