@@ -45,8 +45,9 @@ def plain_of(value: Any) -> Any:
     if isinstance(value, tuple | list | deque):
         return [plain_of(item) for item in value]
     if is_dataclass(value):
-        plain: dict[str, Any] = {TYPE_KEY: type(value).__name__}
-        for name in _fields_of(type(value)):
+        owner: type = type(value)
+        plain: dict[str, Any] = {TYPE_KEY: owner.__name__}
+        for name in _fields_of(owner):
             plain[name] = plain_of(getattr(value, name))
         return plain
     raise PlainError(f"a {type(value).__name__} cannot be handed over")
@@ -258,7 +259,8 @@ def undeclared(source: object) -> set[str]:
 
     Attributes that it declares twice, and those that the object does not have, are included.
     """
-    once, twice = _declared_by(type(source))
+    owner: type = type(source)
+    once, twice = _declared_by(owner)
     own = vars(source).keys()
     if own == once and not twice:
         return set()
