@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 
 from tests.control.held import Held, every_mount, every_setting
+from tests.world import World
 
 
 @every_setting
@@ -19,6 +20,26 @@ def test_the_true_clamp_lies_in_the_reported_interval(
         assert low_n <= held.clamp_n <= high_n
         assert low_n <= force_n <= high_n
         assert high_n - low_n < 2.0 * (3.6 + 0.1 * max(force_n, 10.5))  # the approach's
+
+
+@every_setting
+@pytest.mark.parametrize("until", ["verdict", "held"])
+@pytest.mark.parametrize("force_n", [3.0, 8.0, 20.0])
+def test_the_interval_is_true_from_the_first_moment_of_a_hold(
+    force_n: float, until: str, rate_hz: int, mount: str
+) -> None:
+    """A program reads it from the grasp's own answer."""
+    world = World(mount, period_s=1.0 / rate_hz, initial_opening_mm=70.0)
+    world.gripper.put_object(width_mm=50.0)
+    client = world.enabled()
+    number = client.send("motion.grasp", force_n=force_n, until=until)
+    world.run_until(lambda: world.controller.grip is not None)
+    for _ in range(40):
+        state, true_n = world.state, 10.0 * world.gripper.clamp_nm
+        assert state.clamp_n is not None
+        assert state.clamp_n[0] <= true_n <= state.clamp_n[1]
+        world.run(1.0 / rate_hz)
+    assert client.has_answer(number) is (until == "verdict")
 
 
 @every_setting

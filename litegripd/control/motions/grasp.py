@@ -368,6 +368,7 @@ class Grasp(PlainAction):
             self._grip = self._take(now_s, feedback)
             self._grip.is_doubtful = self._is_short
             if self._request.until == "verdict" or self._is_short:
+                command = self._grip.command(now_s, feedback)
                 return Step(command, outcome=self._result(self._held()))
         elif self._width_mm is None and self._is_felt(now_s, feedback, self._grip):
             self._note_contact(now_s, feedback)
