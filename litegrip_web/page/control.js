@@ -31,12 +31,13 @@ const BARS = {
   take: [],
   control: [],
   enable: ["late", "silent", "stop"],
-  release: ["silent", "off"],
+  zero: ["late", "silent", "stop", "teach"],
+  release: ["silent", "off"], // a finger may be in it, behind a stop, too
   hold: ["silent", "stop", "off"],
-  motion: ["late", "silent", "stop", "off"],
-  force: ["late", "silent", "stop", "off", "loose"],
+  motion: ["late", "silent", "stop", "off", "teach"],
+  force: ["late", "silent", "stop", "off", "teach", "loose"],
 };
-const NEEDS = { enable: "enable", zero: "enable", release: "release", hold: "hold", "clear-fault": "control", "set-force": "force" }; // all else "motion"
+const NEEDS = { enable: "enable", zero: "zero", release: "release", hold: "hold", "clear-fault": "control", "set-force": "force" }; // all else "motion"
 /* What the bar says already of these reasons, by the kind of the event. */
 const ABOUT = { motor_fault: "motor", motor_silent: "bus" };
 const LEASE = { ttl_s: TTL_S, purpose: "the page in a browser", on_lost: "hold" };
@@ -79,6 +80,7 @@ export class Control {
   #isHoldKnown = true;
   #bars = {}; // what bars what, by its name in BARS
   #isRenewing = false;
+  #isGiven = false; // control, back, by a person
   #owner = null; // another program that has control
   #isTakingOver = false; // which is asked about
   #mayReplace = null;
@@ -112,7 +114,11 @@ export class Control {
     on("close", () => this.#with(pace, (params) => this.#move("close", "motion.close", params)));
     on("hold", () => this.#move("hold", "motion.hold"));
     on("release", async () => {
-      if (await this.#move("let go", "motion.zero_gravity")) this.#panel.forgive("motion"); // which may have advised it
+      // Behind a stop nothing moves, but what is stopped may be slack.
+      const isStopped = panel.state?.stop !== null;
+      const slack = () => this.#do("let go", "stop", { level: "relax", why: "“Let go” on the page" });
+      const done = isStopped ? slack() : this.#move("let go", "motion.zero_gravity");
+      if (await done) this.#panel.forgive("motion"); // which may have advised it
     });
     on("grasp", () =>
       this.#with({ force_n: "force", ...pace }, (params) =>
@@ -264,6 +270,7 @@ export class Control {
       silent: this.#panel.isSilent && "the motor does not answer",
       stop: state.stop !== null && `stopped: “${clear}” first`,
       off: !state.enabled && (state.mode === "fault" ? "a fault: “Enable” again" : "“Enable” first"),
+      teach: this.#recording === "on" && `a recording runs, with a hand at the jaws: ${this.#endings} first`,
       loose: isLoose(state) && "nothing is gripped, and the jaws would close: “Grasp”",
     };
     if (this.#recording === "on" && state.job?.kind !== "record") this.#askRecording();
@@ -369,6 +376,7 @@ export class Control {
   }
 
   async #take(method, params) {
+    this.#isGiven = false;
     try {
       await this.#call(method, params);
       this.#set(true);
@@ -382,12 +390,17 @@ export class Control {
 
   async #give() {
     if (this.#recording === "on") {
-      const ends = [this.#panel.node("keep"), this.#panel.node("discard")].map(({ textContent }) => `“${textContent}”`);
-      return this.#panel.complain(`give control back: a recording runs, and the jaws are slack: ${ends.join(" or ")} first`, "give");
+      return this.#panel.complain(`give control back: a recording runs, and the jaws are slack: ${this.#endings} first`, "give");
     }
+    this.#isGiven = true;
     this.#set(false);
     await this.#do("give control back", "lease.release");
     this.showLease({ owner: null, mine: false });
+  }
+
+  /* The buttons that end a recording. */
+  get #endings() {
+    return ["keep", "discard"].map((name) => `“${this.#panel.node(name).textContent}”`).join(" or ");
   }
 
   async #renew() {
@@ -398,6 +411,7 @@ export class Control {
       await this.#panel.wire.call("lease.renew");
     } catch (error) {
       if (CUT_OFF.has(error.reason) || error.data.followed) return; // the connection's end says it
+      if (this.#isGiven) return; // back, meanwhile
       this.#set(false);
       this.#panel.loseControl(lossOfControl(error));
     } finally {
@@ -489,8 +503,10 @@ export class Control {
      would take its place. It may be of a page that was closed, or of another program. */
   async #isAllKept() {
     try {
-      const { unkept } = await this.#panel.wire.call("trajectory.status");
-      if (unkept) this.#tellEnd(unkept, unkept.error && inPageWords(unkept.error, unkept.terms?.error));
+      const { unkept, kind, job } = await this.#panel.wire.call("trajectory.status");
+      const isOfJob = unkept && kind === "record" && job !== null;
+      const ended = isOfJob ? await this.#panel.wire.call("job.get", { job }).catch(() => null) : null;
+      if (unkept) this.#tellEnd(unkept, unkept.error && inPageWords(unkept.error, unkept.terms?.error), ended?.ended_s);
       else if (this.#recording === "ended") {
         this.#showRecording(null); // another program has kept it
         this.#panel.forgive("teach");
@@ -529,7 +545,7 @@ export class Control {
       ]);
       if (active || this.#recording !== "on") return;
       const why = ended.error ? inPageWords(ended.error.message, ended.error.data.terms?.message) : error;
-      this.#tellEnd(unkept, why);
+      this.#tellEnd(unkept, why, ended.ended_s);
     } catch (error) {
       this.#showRecording(null); // the daemon knows no more of it
       this.#wrong("teach", error);
@@ -538,13 +554,14 @@ export class Control {
     }
   }
 
-  #tellEnd(unkept, why) {
+  /* Say that a recording has ended at `endedS` by the daemon's clock, if that is known, and what can be done about it. */
+  #tellEnd(unkept, why, endedS) {
     this.#showRecording(unkept && "ended", unkept);
     const how = why === null ? "has ended" : "was broken off";
     const left = unkept
       ? ` after ${unkept.samples} samples (${figure(unkept.duration_s, 1, "s")}), “${this.#panel.node("keep").textContent}” or “Discard”`
       : ", and there is nothing of it to keep";
-    this.#panel.complain(`The recording ${how}${left}${why === null ? "" : `: ${why}`}`, "teach");
+    this.#panel.complain(`The recording ${how}${left}${why === null ? "" : `: ${why}`}`, "teach", undefined, undefined, endedS ?? null);
   }
 
   async #discard() {

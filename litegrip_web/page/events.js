@@ -1,6 +1,6 @@
 /* The list of events, the newest first; how a job ended stands with its end. */
 
-import { inPageWords, outcome, time } from "./format.js";
+import { inPageWords, kindName, outcome, time } from "./format.js";
 import { isWarning } from "./severity.js";
 
 const MOST = 100;
@@ -33,7 +33,8 @@ export class Events {
     const when = document.createElement("time");
     when.textContent = time(event.monotonic_s + offsetS);
     const text = document.createElement("span");
-    text.textContent = inPageWords(event.message, event.terms?.message);
+    const told = inPageWords(event.message, event.terms?.message);
+    text.textContent = told.replace(/^(job \d+: )(\w+)/, (_whole, job, kind) => job + kindName(kind));
     line.append(when, text);
     line.dataset.kind = event.kind;
     line.dataset.epoch = this.#epoch;
@@ -52,7 +53,7 @@ export class Events {
     }
     const took = job.ended_s === null ? "" : `, ${(job.ended_s - job.started_s).toFixed(1)} s`;
     const why = job.error && inPageWords(job.error.message, job.error.data.terms?.message);
-    const how = job.error ? `${job.kind}: ${why}` : outcome(job.kind, job.result ?? {});
+    const how = job.error ? `${kindName(job.kind)}: ${why}` : outcome(job.kind, job.result ?? {});
     const whole = why?.startsWith(`job ${job.job}, `) ? why : `job ${job.job}, ${how}`;
     text.textContent = `${whole}${took}`;
     line.classList.toggle("warning", job.state === "failed");

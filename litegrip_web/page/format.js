@@ -122,6 +122,9 @@ export function inPageWords(text, terms = []) {
 
 const KINDS = { record: "teach", play: "replay" };
 
+/* A kind of job, in the words of this page's buttons. */
+export const kindName = (kind) => KINDS[kind] ?? kind;
+
 /* What a motion ended with, in words: "grasp: object held, 40.1 mm, force set to 10.0 N", which nobody has measured;
    and of one that ended wrongly why. */
 export function outcome(kind, result) {
@@ -133,5 +136,5 @@ export function outcome(kind, result) {
   if (isNumber(result.force_n)) parts.push(`force set to ${figure(result.force_n, 1, "N")}`);
   if (result.message) parts.push(inPageWords(result.message, result.terms?.message));
   const why = result.ok === false && !result.message ? WHY_NOT[result.outcome] : undefined;
-  return `${KINDS[kind] ?? kind}: ${parts.join(", ") || "done"}${why ? `: ${why}` : ""}`;
+  return `${kindName(kind)}: ${parts.join(", ") || "done"}${why ? `: ${why}` : ""}`;
 }

@@ -214,11 +214,13 @@ export class Panel extends EventTarget {
     if (!this.#nodes.outcome.dataset.stop) this.tell("");
   }
 
-  /* Say what is wrong `about` something, until it has been read or a state comes for which `isOver`. */
-  complain(text, about, isOver, rank) {
+  /* Say what is wrong `about` something, until it has been read or a state comes for which `isOver`. It is so since
+     `sinceS` by the daemon's clock (null: that is not known), else since now. */
+  complain(text, about, isOver, rank, sinceS) {
     this.tell(text);
     this.forgive(about);
-    toast(this.channel, text, about, { isOver, rank });
+    const since = sinceS === undefined ? {} : { atS: sinceS === null ? null : sinceS + this.#offsetS };
+    toast(this.channel, text, about, { isOver, rank, ...since });
   }
 
   /* Say that control is lost: by a word beside STOP, too, for a loss hides the sentence. */
@@ -269,9 +271,11 @@ export class Panel extends EventTarget {
     return this.state === null || Boolean(this.state.stale) || this.#isLate;
   }
 
-  /* What the gripper does, in few words. */
+  /* What the gripper does, in few words, and what came of the last act. */
   get brief() {
-    return `${this.whose}${figure(this.state?.opening_mm, 1, "mm")}, ${this.#nodes.mode.textContent}`;
+    const { mode, outcome } = this.#nodes;
+    const told = outcome.textContent && `. ${capital(outcome.textContent)}`;
+    return `${this.whose}${figure(this.state?.opening_mm, 1, "mm")}, ${mode.textContent}${told}`;
   }
 
   /* What begins a text that is read elsewhere than on the panel: its name, if there are several. */
@@ -836,7 +840,7 @@ export class Panel extends EventTarget {
       mode.dataset.mode = isFault ? "fault" : "stopped";
       mode.textContent = isFault ? "fault, STOPPED" : "STOPPED";
       const how = isFault || does === STILL ? "" : `it is ${does}`;
-      why.textContent = capital([how, this.#reason(state)].filter(Boolean).join("; "));
+      why.textContent = capital([how, this.#reason(state), this.#howToLetGo(state)].filter(Boolean).join("; "));
     } else {
       mode.dataset.mode = does === STILL ? STILL : state.mode;
       mode.textContent = does === "holding" ? this.#howHeld : does;
@@ -853,6 +857,13 @@ export class Panel extends EventTarget {
       ? `Stop latched ${who}, but the motor does not answer: cut its power.`
       : `Stopped ${who}. Nothing moves until it is cleared${how}.`;
     stopped.textContent = told + (reason && !isPages ? ` Why: ${reason}.` : "");
+  }
+
+  /* What lets go of what is squeezed behind a stop, which may be a finger. */
+  #howToLetGo({ enabled, is_grasped: isGrasped, pressing_n: pressing }) {
+    if (!enabled || (isGrasped === false && !isNumber(pressing))) return "";
+    const take = this.control.has ? "" : "“Take control”, ";
+    return `to let go of what is squeezed: ${this.#operates ? `${take}“Let go”` : "'litegripctl stop --level relax'"}`;
   }
 
   /* How what is held is held. */

@@ -67,7 +67,7 @@ export function askZero(panel) {
     setBusy(false);
   };
 
-  const measure = async (params) => {
+  const measure = async (params, as) => {
     cancel.textContent = "Stop measuring";
     cancel.disabled = true; // there is nothing yet that it could stop
     progress.textContent = "The jaws move.";
@@ -82,7 +82,7 @@ export function askZero(panel) {
     const travel = result.travel_rad * result.rad_to_mm;
     inUse = opens(travel);
     return (
-      `Measured: ${figure(travel, 1, "mm")} of travel with ${SPAN_INSET_MM} mm of pressing, saved. ` +
+      `Measured: ${figure(travel, 1, "mm")} of travel with ${SPAN_INSET_MM} mm of pressing, saved${as === mountNow ? "" : `, mount ${as}`}. ` +
       `The scale uses ${used(inUse)}. If a caliper shows another opening, enter it and press ` +
       "“Correct the scale only”, or run 'litegripctl calibration rescale --stroke-mm MM'."
     );
@@ -112,7 +112,16 @@ export function askZero(panel) {
   mount.querySelector("input").checked = true;
   cancel.textContent = "Cancel";
   dialog.classList.remove("done");
-  start.onclick = () => numberIn(stroke) !== null && run("Not measured", measure);
+  const mountNow = panel.state?.mount ?? null;
+  document.getElementById("zero-mount-now").textContent = mountNow === null ? "" : ` (${mountNow})`;
+  start.onclick = async () => {
+    if (numberIn(stroke) === null) return;
+    const chosen = mount.querySelector(":checked").value || mountNow;
+    const text = `The mount is “${mountNow}” now. As “${chosen}” the jaws close where they open now, and the other way round: all openings are inverse then, if it is not mounted so.`;
+    const isMeant = chosen === mountNow || (await ask(panel, text, `It is mounted ${chosen}`, "motion"));
+    if (isMeant) await run("Not measured", (params) => measure(params, chosen));
+    else settle();
+  };
   rescale.onclick = async () => {
     if (numberIn(stroke) === null) return;
     const mm = given().stroke_mm ?? configured;

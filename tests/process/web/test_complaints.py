@@ -8,7 +8,7 @@ from playwright.sync_api import BrowserContext, Locator, expect
 from playwright.sync_api import Page as Tab
 
 from tests.process.daemon_process import Client
-from tests.process.web.on_page import OBJECT_MM, button, enable, opened, part, take_control
+from tests.process.web.on_page import OBJECT_MM, button, enable, grasp, opened, part, take_control
 from tests.process.web.page_process import Page
 
 SAMPLES = 30
@@ -107,6 +107,22 @@ def test_what_is_grey_says_why_when_it_is_clicked(operated: Tab, client: Client)
     click(operated, part(operated, "slider"))
     expect(outcome).to_have_text("move: something is held, which it would drop")
     assert client.result("state.get")["is_grasped"]
+
+
+def test_what_is_squeezed_behind_a_stop_is_let_go_of(operated: Tab, client: Client) -> None:
+    """A finger, say: the jaws keep their hold behind a stop."""
+    grasp(client)
+    client.result("stop", level="hold", why="my finger")
+    why = part(operated, "why")
+    expect(why).to_contain_text("to let go of what is squeezed: “Take control”, “Let go”")
+    take_control(operated)
+    expect(why).to_contain_text("to let go of what is squeezed: “Let go”")
+    button(operated, "Let go").click()
+    client.until(lambda state: bool(state["mode"] == "relaxed"))
+    assert client.result("state.get")["stop"]["level"] == "relax"
+    expect(why).not_to_contain_text("to let go")
+    expect(part(operated, "outcome")).to_have_text("let go: done")
+    expect(part(operated, "mode")).to_have_text("STOPPED")
 
 
 def test_what_needs_an_enabled_motor_is_grey_without_one_and_says_so(

@@ -480,12 +480,22 @@ def test_the_mount_that_is_chosen_is_the_one_that_is_measured(
 ) -> None:
     enable(operated, client)
     zero_dialog(operated)
+    expect(operated.get_by_label("as it is now (normal)")).to_be_checked()
     operated.get_by_label("reverse").check()
     operated.evaluate(KEEP_WHAT_IS_SENT)
     button(operated, "The jaws are free: move them").click()
+    asked = operated.get_by_role("dialog").last
+    expect(asked).to_contain_text("As “reverse” the jaws close where they open now")
+    button(operated, "No, leave it").click()
+    methods = operated.evaluate("window.sent.map(({method}) => method)")
+    assert "calibration.zero" not in methods
+    button(operated, "The jaws are free: move them").click()
+    button(operated, "It is mounted reverse").click()
     expect(operated.locator("#zero-progress")).to_contain_text("step")
     assert sent(operated, "calibration.zero")["mount"] == "reverse"
-    expect(operated.get_by_label("reverse")).to_be_disabled()  # it says what is measured
+    expect(
+        operated.get_by_role("radio", name="reverse")
+    ).to_be_disabled()  # it says what is measured
     button(operated, "Stop measuring").click()
 
 

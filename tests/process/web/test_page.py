@@ -857,7 +857,7 @@ def test_a_phone_tells_what_the_jaws_do_wherever_it_is_scrolled_to(
     expect(brief).to_be_hidden()  # what says it is in sight
     operated.set_viewport_size({"width": 390, "height": 844})
     button(operated, "Open").click()
-    expect(brief).to_have_text(re.compile(r"^(79\.9|80\.0) mm, still$"))
+    expect(brief).to_have_text(re.compile(r"^(79\.9|80\.0) mm, still\. Open: reached$"))
     part(operated, "events").scroll_into_view_if_needed()
     expect(brief).to_be_in_viewport(ratio=1)
     expect(part(operated, "mode")).not_to_be_in_viewport()

@@ -281,3 +281,36 @@ def test_the_head_says_that_it_teaches_and_replays(
     expect(mode).to_have_text(re.compile(r"^replaying( \(\w+\))?$"))
     operated.keyboard.press("Escape")
     expect(part(operated, "stopped")).to_be_visible()
+
+
+def test_no_key_moves_the_jaws_that_a_hand_leads(
+    operated: Tab, client: Client, recording: int
+) -> None:
+    for key, name in (("o", "open"), ("c", "close"), ("g", "grasp")):
+        operated.keyboard.press(key)
+        told = (
+            f"{name}: a recording runs, with a hand at the jaws: “End and keep” or “Discard” first"
+        )
+        expect(part(operated, "outcome")).to_have_text(told)
+    expect(button(operated, "Open")).to_be_disabled()
+    expect(part(operated, "slider")).to_be_disabled()
+    assert client.result("state.get")["job"]["job"] == recording
+    operated.keyboard.press("h")  # which holds, and does end it
+    client.until(lambda state: state["job"] is None)
+    expect(button(operated, "Open")).to_be_enabled()
+
+
+def test_a_recording_that_was_broken_off_before_is_dated_so(operated: Tab, client: Client) -> None:
+    client.despite_silence("motor.enable")
+    client.result("trajectory.record_start")
+    client.until(lambda _state: client.result("trajectory.status")["samples"] > SAMPLES)
+    client.result("stop", level="hold")
+    client.result("stop.clear")
+    ended_s = client.result("state.get")["monotonic_s"]
+    line = part(operated, "events").locator("li[data-kind=job_ended]").first
+    expect(line).to_contain_text(re.compile(r"job \d+, teach: a stop \(hold\)"))
+    client.until(lambda state: bool(state["monotonic_s"] > ended_s + 2.5))
+    take_control(operated)
+    toast = operated.locator("#toasts li", has_text="The recording was broken off")
+    dated = toast.locator("time").inner_text().strip()
+    assert dated == line.locator("time").inner_text()
