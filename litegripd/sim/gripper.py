@@ -18,6 +18,7 @@ from litegripd.model.motor import MUJOCO, CanFrame
 from litegripd.sim.drive import Drive, Mechanics, Scene
 from litegripd.sim.motor import FAULTS, SimulatedMotor
 from litegripd.sim.plant import (
+    STIFFEST_NM_RAD,
     UNASKED_MAX_HZ,
     GrippedObject,
     Plant,
@@ -340,7 +341,12 @@ def build_gripper(
         travel_mm = abs(closed_rad - open_rad) * nominal.rad_to_mm
         if not 0 <= object_mm < travel_mm:
             raise ValueError(
-                f"the object must be 0 mm to less than {travel_mm:.0f} mm wide, not {object_mm:g}"
+                f"object_mm must be 0 to less than {travel_mm:.0f} mm wide, not {object_mm:g}"
+            )
+        if not 0 < object_stiffness_nm_rad <= STIFFEST_NM_RAD:
+            raise ValueError(
+                f"object_stiffness_nm_rad must be more than 0 and at most {STIFFEST_NM_RAD:g}, not"
+                f" {object_stiffness_nm_rad:g}"
             )
         opening_mm = min(max(opening_mm, object_mm + 10.0), travel_mm)
     parameters = replace(

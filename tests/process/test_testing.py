@@ -155,6 +155,13 @@ def test_why_a_daemon_did_not_begin_is_said() -> None:
         pass
 
 
+@pytest.mark.parametrize("object_mm", [-3.0, 90.0])
+def test_an_object_that_fits_in_no_jaws_is_refused_at_the_call(object_mm: float) -> None:
+    told = rf"object_mm must be 0 to less than 87 mm wide, not {object_mm:g}$"
+    with pytest.raises(ConnectError, match=told), simulated(object_mm=object_mm):
+        pass
+
+
 def test_a_width_that_is_no_number_is_refused_as_that() -> None:
     width: Any = "40"
     with (
