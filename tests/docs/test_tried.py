@@ -50,8 +50,8 @@ TRIED: list[tuple[str, str | None]] = [
     ("`can0.sock: not a socket", "symptom:daemon"),
     ("`the daemon is about to end`", ("tests/client/core/test_silence.py::"
      "test_who_waits_when_the_daemon_is_ended_is_told_once_what_it_does_and_how_to_go_on")),
-    ("`the daemon ended the connection`", ("tests/client/core/test_interrupted.py::"
-     "test_the_end_of_the_daemon_ends_the_motion_and_cancels_nothing")),
+    ("`the daemon ended the connection`", ("tests/sdk/test_broken_off.py::"
+     "test_it_connects_again")),
     ("`the motor could not be disabled`", ("tests/client/core/test_gripper.py::"
      "test_a_motor_that_cannot_be_disabled_is_told_once")),
     # A gripper at rest

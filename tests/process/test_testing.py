@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from litegrip_client import ConnectError, LiteGrip, ParameterError
+from litegrip_client import CommandError, ConnectError, LiteGrip, ParameterError
 from litegrip_client.testing import SimulatedDaemon, simulated
 from tests.process.daemon_process import (
     DEADLINE_S,
@@ -185,4 +185,16 @@ def test_the_fixture_is_there_for_pytest(tmp_path: Path, named: str) -> None:
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(tmp_path)]
     own = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
     done = ran(*command, within_s=100, env=own)
-    assert "1 passed" in done.stdout, done.stdout + done.stderr
+    assert "2 passed" in done.stdout, done.stdout + done.stderr
+
+
+def test_a_program_that_names_another_gripper_is_refused_as_the_page_says(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with simulated() as daemon:
+        monkeypatch.setenv("LITEGRIPD_SOCKET", daemon.socket_path)
+        with pytest.raises(CommandError) as caught, LiteGrip("can0"):
+            pass
+        assert caught.value.reason == "wrong_gripper"
+        with LiteGrip(daemon.channel) as gripper:
+            assert gripper.enable()
