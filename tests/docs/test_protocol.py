@@ -68,7 +68,7 @@ def test_each_mode_means_what_the_page_says() -> None:
     world.gripper.put_object(width_mm=40.0)
     client = world.client()
 
-    seen = [world.state.mode]
+    seen: list[str] = [world.state.mode]
     world.start()
     for method, params, found in (
         ("motor.enable", {}, "holding"),
