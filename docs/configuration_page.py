@@ -10,7 +10,7 @@ from typing import Any
 from litegripd.app.config import KEYS, SAME_TABLES, TABLES, Key, load
 from litegripd.model.gripper import DM4310, MOTOR_FAMILY, MOTOR_TYPES, IncompleteType
 from litegripd.model.motion_config import MotionConfig, ranges_of
-from litegripd.sim.options import OPTIONS
+from litegripd.sim.gripper import OPTIONS
 
 KINDS = {
     str: "string",

@@ -163,8 +163,11 @@ def check_simulated(config: Config) -> None:
     bus = config.bus
     if bus.interface != SIMULATOR:
         return
-    from litegripd.sim.gripper import build_gripper  # noqa: PLC0415 - it takes time to import
-    from litegripd.sim.options import check_bitrate, options_of  # noqa: PLC0415
+    from litegripd.sim.gripper import (  # noqa: PLC0415 - it takes time to import
+        build_gripper,
+        check_bitrate,
+        options_of,
+    )
 
     where = "command line" if config.source is None else str(config.source)
     try:

@@ -28,8 +28,7 @@ import can
 
 from litegripd.model.motor import CanFrame
 from litegripd.sim.faults import BusFaults, FrameFaults, failure
-from litegripd.sim.gripper import SimulatedGripper, build_gripper
-from litegripd.sim.options import check_bitrate, options_of
+from litegripd.sim.gripper import SimulatedGripper, build_gripper, check_bitrate, options_of
 
 Arrival = tuple[float, CanFrame]
 """A frame, behind the time in seconds at which it arrives."""

@@ -3,8 +3,7 @@
 import inspect
 
 from litegripd.motor.identity import LONGEST_WATCHDOG_S, WATCHDOG_S
-from litegripd.sim.gripper import build_gripper
-from litegripd.sim.options import OPTIONS
+from litegripd.sim.gripper import OPTIONS, build_gripper
 
 NOT_OF_A_FILE = {"can_id", "master_id"}
 """`[motor]` has the ids; the simulated motor of a daemon keeps those from the factory."""
