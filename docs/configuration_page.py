@@ -10,6 +10,7 @@ from typing import Any
 from litegripd.app.config import KEYS, SAME_TABLES, TABLES, Key, load
 from litegripd.model.gripper import DM4310, MOTOR_FAMILY, MOTOR_TYPES, IncompleteType
 from litegripd.model.motion_config import MotionConfig, ranges_of
+from litegripd.sim.gripper import OPTIONS
 
 KINDS = {
     str: "string",
@@ -65,10 +66,11 @@ adapter.
 
 An unknown key, a wrong type or an impossible value is refused at the start, with exit code 2 and a
 line that names the file, the key and what is allowed; `litegripd can0 --check` does only that, and
-ends with 0 where all is right. It also reads the calibration file that `mount` or LITEGRIP_CALIB
-names, and judges it as the daemon will: one that cannot be used is exit code 2, though the daemon
-would start with it and refuse motions. `--socket`, `--interface` and `--simulate` of the command
-line win over the file.
+ends with 0 where all is right. Only the arguments of python-can's interfaces it cannot judge: a
+wrong one shows, if at all, when the bus is opened, in the log and in what is refused. It also reads
+the calibration file that `mount` or LITEGRIP_CALIB names, and judges it as the daemon will: one
+that cannot be used is exit code 2, though the daemon would start with it and refuse motions.
+`--socket`, `--interface` and `--simulate` of the command line win over the file.
 """
 REREAD = """## What can be read again
 
@@ -103,27 +105,6 @@ counts before all others but `mount`.
 """
 
 
-SIMULATOR = {
-    "mount": '"normal" or "reverse": which way closing runs. Say the same in `[gripper]`.',
-    "object_mm": "How wide an object between the jaws is, mm. Left out: there is none.",
-    "object_stiffness_nm_rad": "How stiff it is, N·m/rad; only with `object_mm`.",
-    "seed": "An integer: reports have a noise of at most one code. Left out: they are exact.",
-    "watchdog_s": "After so long without a command the motor disarms, 0.1 s unless given, at most"
-    " 0.4: a longer one the daemon sets back to 0.1 when it enables the motor.",
-    "comm_loss_s": "After so long it really disarms, whatever its register TIMEOUT says: 0.1, 0.4"
-    " and 0.9 were seen, 0 is never. Left out: as `watchdog_s`.",
-    "idle_loss_s": "After so long without a command it latches the same while it is disabled, as"
-    " motors do after about 0.9. Left out: never.",
-    "unasked_hz": "How often it reports by itself while it is enabled: about 10 was seen. Left"
-    " out: never.",
-    "motor_type": f"The type of its motor, {' or '.join(MOTOR_TYPES)}; {DM4310.name} unless given."
-    " Say the same in `[motor]`.",
-    "mechanics": '"mujoco", or "mujoco:" and the absolute path of a scene: MuJoCo moves the jaws'
-    " ([mujoco.md](mujoco.md)), and there is no `object_mm`. Left out: the simulator's own.",
-}
-"""What a simulated gripper can be given in `[bus]`."""
-
-
 MOTOR_TYPES_HEAD = """\
 What follows from the type of the motor; the ranges are those from the factory, the motor's own are
 used. More than the most force and speed is refused; the speed is the motor's, and 150 mm/s at most.
@@ -143,9 +124,10 @@ them, here and in a calibration file.
 def configuration_page() -> str:
     """Make the page."""
     sections = [f"## [{table}]\n\n{about}\n\n{_table(table)}\n" for table, about in TABLES.items()]
-    rows = (f"| `{name}` | {meaning} |" for name, meaning in SIMULATOR.items())
+    rows = (f"| `{row.name}` | {KINDS[row.kind]} | {row.meaning} |" for row in OPTIONS)
     head = (
-        'With `interface = "litegrip_sim"` it takes these, too:\n\n| key | meaning |\n| --- | --- |'
+        'With `interface = "litegrip_sim"` it takes these, too, and no others:\n\n'
+        "| key | type | meaning |\n| --- | --- | --- |"
     )
     sections[0] += "\n".join(["", head, *rows, ""])
     sections[list(TABLES).index("motor")] += _motor_types()

@@ -13,7 +13,7 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from litegrip_client.values.severity import SEVERITIES, WARNINGS
 from litegripd.app.build import METHODS, SIMULATED_METHODS
-from litegripd.control.snapshot import GripperState
+from litegripd.control.snapshot import GripperState, Mode
 from litegripd.model.state import (
     JobKind,
     JobState,
@@ -24,6 +24,22 @@ from litegripd.model.state import (
 from litegripd.model.teleop import TeleopStatus
 from litegripd.rpc.method import REFERENCE, Method, Schema, Schemas
 from litegripd.rpc.openrpc import FORMS, NOTIFICATIONS, result_schema
+
+MODES: Mapping[Mode, str] = {
+    "offline": "The motor does not answer, or has not been heard of yet.",
+    "disabled": "The motor is off.",
+    "enabling": "It is being enabled.",
+    "holding": "It is enabled, and no job runs: the jaws hold where they are, or what they have"
+    " gripped.",
+    "moving": "A job runs, also while the jaws rest in it: a `motion.grasp` that is answered only"
+    " at its end, while it holds; a recording; teleoperation. Whether the jaws move,"
+    " `velocity_rad_s` says (the Python client's `is_moving`); whether they hold something,"
+    " `is_grasped`.",
+    "relaxed": "It is enabled, no job runs, and the jaws are slack: after `motion.zero_gravity`, or"
+    " a stop that relaxes.",
+    "disabling": "It is being disabled.",
+    "fault": "It has a fault and makes no torque: enable it, or clear the fault.",
+}
 
 _JSON_NAMES = {
     int: "integer",
@@ -240,7 +256,13 @@ def teleop_section() -> str:
 def state_section() -> str:
     """Make the section on the state."""
     rows = ((f"`{name}`", type_name(hint)) for name, hint in get_type_hints(GripperState).items())
-    return _section("## The state", _about(GripperState), _table(("field", "type"), rows))
+    modes = ((f"`{mode}`", MODES[mode]) for mode in get_args(Mode))
+    return _section(
+        "## The state",
+        _about(GripperState),
+        _table(("field", "type"), rows),
+        _table(("mode", "meaning"), modes),
+    )
 
 
 def result_form(method: Method) -> str:

@@ -101,6 +101,9 @@ def build_service(
     simulated gripper; without it, the service has no methods that change its world.
     """
 
+    def why_down() -> Refusal | None:
+        return controller.bus.refusal(controller.gripper_id.bus_channel)
+
     def features(reporter: Reporter) -> Sequence[Feature]:
         files = TrajectoryFileMethods(controller)
         trajectories = TrajectoryMethods(controller, files)
@@ -110,7 +113,7 @@ def build_service(
             Feature((RecorderMethods(dumps or Dumps(controller)),)),
             Feature((trajectories, files), trajectories.session_ended),
             Feature((teleop,)),
-            Feature(() if simulated is None else (SimMethods(simulated),)),
+            Feature(() if simulated is None else (SimMethods(simulated, why_down),)),
         )
 
     return RpcService(
@@ -152,24 +155,30 @@ def simulated_gripper(config: Config) -> GripperOf | None:
     return lambda: gripper_on(config.bus.channel)
 
 
-def check_mechanics(config: Config) -> None:
-    """Raise `ConfigError` if a simulated gripper cannot have the mechanics that are named for it.
+def check_simulated(config: Config) -> None:
+    """Raise `ConfigError` if the simulated gripper of `[bus]` cannot be.
 
-    Where it can, its package is imported by now: that takes longer than a tick.
+    Where it can, what it needs is imported by now: that takes longer than a tick.
     """
-    name = config.bus.options.get("mechanics")
-    if config.bus.interface != SIMULATOR or name is None:
+    bus = config.bus
+    if bus.interface != SIMULATOR:
         return
-    from litegripd.sim.gripper import named_mechanics  # noqa: PLC0415 - it takes time to import
-    from litegripd.sim.plant import SimulatorParameters  # noqa: PLC0415
+    from litegripd.sim.gripper import (  # noqa: PLC0415 - it takes time to import
+        build_gripper,
+        check_bitrate,
+        options_of,
+    )
 
-    scene = str(name).partition(":")[2]
-    if scene and not scene.startswith("/"):
-        raise ConfigError(f"[bus] mechanics is {name!r}, its scene must be an absolute path")
+    where = "command line" if config.source is None else str(config.source)
     try:
-        named_mechanics(str(name), SimulatorParameters())
+        check_bitrate(bus.bitrate)
+        options = options_of(bus.options)
+        mechanics = options.get("mechanics", "")
+        if ":" in mechanics and not mechanics.partition(":")[2].startswith("/"):
+            raise ValueError(f"mechanics is {mechanics!r}, its scene must be an absolute path")
+        build_gripper(**options)
     except ValueError as error:
-        raise ConfigError(f"[bus] mechanics: {error}") from None
+        raise ConfigError(f"{where}: [bus] {error}") from None
 
 
 def make_bus(config: Config, period_s: float, spawner: Spawner) -> FrameBus:

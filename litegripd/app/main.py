@@ -89,7 +89,7 @@ def _log_to_standard_error() -> None:
 
 def _config(arguments: argparse.Namespace) -> Config:
     """Return the configuration; raises `ConfigError`."""
-    from litegripd.app.build import check_mechanics  # noqa: PLC0415
+    from litegripd.app.build import check_simulated  # noqa: PLC0415
 
     path = arguments.config or find(arguments.channel)
     config = override(
@@ -98,7 +98,7 @@ def _config(arguments: argparse.Namespace) -> Config:
         interface=arguments.interface,
         simulate=arguments.simulate,
     )
-    check_mechanics(config)
+    check_simulated(config)
     return config
 
 

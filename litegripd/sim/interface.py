@@ -22,13 +22,13 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import can
 
-from litegripd.model.gripper import DM4310
 from litegripd.model.motor import CanFrame
 from litegripd.sim.faults import BusFaults, FrameFaults, failure
-from litegripd.sim.gripper import SimulatedGripper, build_gripper
+from litegripd.sim.gripper import SimulatedGripper, build_gripper, check_bitrate, options_of
 
 Arrival = tuple[float, CanFrame]
 """A frame, behind the time in seconds at which it arrives."""
@@ -271,48 +271,10 @@ class Channel:
         )
 
 
-BITRATE = 1_000_000
-
-
-@dataclass(frozen=True, slots=True)
-class _Options:
-    """What a channel was opened with; a second bus must ask for the same or for nothing."""
-
-    mount: str | None
-    seed: int | None
-    object_mm: float | None
-    object_stiffness_nm_rad: float | None
-    watchdog_s: float | None
-    comm_loss_s: float | None
-    idle_loss_s: float | None
-    unasked_hz: float | None
-    motor_type: str | None
-    mechanics: str | None
-
-    def build(self) -> SimulatedGripper:
-        return build_gripper(
-            mount=self.mount or "normal",
-            seed=self.seed,
-            object_mm=self.object_mm,
-            object_stiffness_nm_rad=250.0
-            if self.object_stiffness_nm_rad is None
-            else self.object_stiffness_nm_rad,
-            watchdog_s=0.1 if self.watchdog_s is None else self.watchdog_s,
-            comm_loss_s=self.comm_loss_s,
-            idle_loss_s=self.idle_loss_s or 0.0,
-            unasked_hz=self.unasked_hz or 0.0,
-            motor_type=self.motor_type or DM4310.name,
-            mechanics=self.mechanics,
-        )
-
-
-_NO_OPTIONS = _Options(*[None] * 10)
-
-
 @dataclass(frozen=True, slots=True)
 class _OpenChannel:
     channel: Channel
-    options: _Options
+    options: dict[str, Any]
     monotonic_fn: Callable[[], float]
 
 
@@ -325,15 +287,7 @@ class SimulatedBus(can.BusABC):
 
     Options, by keyword:
 
-    - `mount`: "normal" (closing increases radians) or "reverse"
-    - `seed`: an integer gives the reports a noise of at most one code; without it they are exact
-    - `object_mm`, `object_stiffness_nm_rad`: an object between the jaws
-    - `watchdog_s`: time without a command in its register TIMEOUT, 0.1 unless given
-    - `comm_loss_s`: that after which it really disarms, 0 for never; TIMEOUT's unless given
-    - `idle_loss_s`: that after which it latches the same while it is disabled, 0 unless given
-    - `unasked_hz`: how often it reports by itself while it is enabled, 0 unless given
-    - `motor_type`: the type of the motor, DM4310 unless given
-    - `mechanics`: "mujoco" or "mujoco:SCENE.xml", in place of the simulator's own
+    - those of `OPTIONS`; a second bus of a channel gives the same, or none
     - `gripper`: a ready-made `SimulatedGripper` instead of the options above
     - `monotonic_fn`: the clock, `time.monotonic` unless given; seconds, never backwards
     - `receive_own_messages`: also receive what this node sends
@@ -348,45 +302,16 @@ class SimulatedBus(can.BusABC):
         channel: object = "sim0",
         can_filters: can.typechecking.CanFilters | None = None,
         *,
-        mount: str | None = None,
-        seed: object = None,
-        object_mm: object = None,
-        object_stiffness_nm_rad: object = None,
-        watchdog_s: object = None,
-        comm_loss_s: object = None,
-        idle_loss_s: object = None,
-        unasked_hz: object = None,
-        motor_type: str | None = None,
-        mechanics: str | None = None,
         gripper: SimulatedGripper | None = None,
         monotonic_fn: Callable[[], float] | None = None,
         receive_own_messages: bool = False,
         bitrate: object = None,
-        **unknown: object,
+        **given: object,
     ) -> None:
-        if unknown:
-            raise ValueError(
-                f"unknown option {', '.join(sorted(unknown))}; litegrip_sim takes mount, seed, "
-                f"object_mm, object_stiffness_nm_rad, watchdog_s, comm_loss_s, idle_loss_s, "
-                f"unasked_hz, motor_type, mechanics, gripper, monotonic_fn, receive_own_messages "
-                f"and bitrate"
-            )
         if not isinstance(channel, str) or not channel:
             raise ValueError(f"channel must be a name like 'sim0', not {channel!r}")
-        if bitrate is not None and _number("bitrate", bitrate) != BITRATE:
-            raise ValueError(f"bitrate must be {BITRATE}, as the motor's is, not {bitrate!r}")
-        options = _Options(
-            mount=mount,
-            seed=_integer("seed", seed),
-            object_mm=_number("object_mm", object_mm),
-            object_stiffness_nm_rad=_number("object_stiffness_nm_rad", object_stiffness_nm_rad),
-            watchdog_s=_number("watchdog_s", watchdog_s),
-            comm_loss_s=_number("comm_loss_s", comm_loss_s),
-            idle_loss_s=_number("idle_loss_s", idle_loss_s),
-            unasked_hz=_number("unasked_hz", unasked_hz),
-            motor_type=motor_type,
-            mechanics=mechanics,
-        )
+        check_bitrate(bitrate)
+        options = options_of(given, from_text=True)
         self._node = Node(receive_own=bool(receive_own_messages))
         self._name = channel
         self._channel = _join(channel, self._node, options, gripper, monotonic_fn)
@@ -435,26 +360,21 @@ class SimulatedBus(can.BusABC):
 def _join(
     name: str,
     node: Node,
-    options: _Options,
+    options: dict[str, Any],
     gripper: SimulatedGripper | None,
     monotonic_fn: Callable[[], float] | None,
 ) -> Channel:
     """Attach a node to the channel of this name, which the first node creates."""
-    if gripper is not None and options != _NO_OPTIONS:
-        raise ValueError(
-            "give either gripper or the options that build one (mount, seed, object_mm, "
-            "object_stiffness_nm_rad), not both"
-        )
-    if options.object_stiffness_nm_rad is not None and options.object_mm is None:
-        raise ValueError("object_stiffness_nm_rad needs object_mm: there is no object")
+    if gripper is not None and options:
+        raise ValueError(f"give either gripper or {', '.join(options)}, not both")
     with _channels_lock:
         opened = _channels.get(name)
         if opened is None:
             clock = monotonic_fn or time.monotonic
-            built = options.build() if gripper is None else gripper
+            built = build_gripper(**options) if gripper is None else gripper
             opened = _channels[name] = _OpenChannel(Channel(built, clock), options, clock)
         elif (
-            options not in (_NO_OPTIONS, opened.options)
+            options not in ({}, opened.options)
             or gripper not in (None, opened.channel.gripper)
             or monotonic_fn not in (None, opened.monotonic_fn)
         ):
@@ -478,23 +398,3 @@ def _leave(name: str, node: Node) -> None:
         channel = _channels[name].channel
         if not channel.detach(node) and not channel.faults.is_unplugged:
             del _channels[name]
-
-
-def _number(name: str, value: object) -> float | None:
-    """Return an option as a number; configuration files and command lines give text."""
-    if value is None:
-        return None
-    complaint = f"{name} must be a number, not {value!r}"
-    if not isinstance(value, (int, float, str)) or isinstance(value, bool):
-        raise ValueError(complaint)
-    try:
-        return float(value)
-    except ValueError:
-        raise ValueError(complaint) from None
-
-
-def _integer(name: str, value: object) -> int | None:
-    number = _number(name, value)
-    if number is not None and not number.is_integer():
-        raise ValueError(f"{name} must be a whole number, not {value!r}")
-    return None if number is None else int(number)

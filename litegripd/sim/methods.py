@@ -67,10 +67,11 @@ class SimulatedScene(TypedDict):
 class SimMethods:
     """The simulator's methods."""
 
-    NOT_CARRIED = ("_gripper_of",)
+    NOT_CARRIED = ("_gripper_of", "_why_down")
 
-    def __init__(self, gripper_of: GripperOf) -> None:
+    def __init__(self, gripper_of: GripperOf, why_down: Callable[[], Refusal | None]) -> None:
         self._gripper_of = gripper_of
+        self._why_down = why_down
 
     @Method(
         "sim.get",
@@ -263,7 +264,7 @@ class SimMethods:
     def _answer(self, told: "Callable[[SimulatedGripper], dict[str, Any]]") -> Answer:
         gripper = self._gripper_of()
         if gripper is None:
-            return Refusal("bus_down", "the simulated bus is not open")
+            return self._why_down() or Refusal("bus_down", "the simulated bus is not open")
         try:
             return told(gripper)
         except ValueError as error:

@@ -239,6 +239,8 @@ def limits_of_mount(mount: str) -> tuple[float, float]:
 
 STEP_S = 0.25e-3
 STEPS_PER_S = 4000
+STIFFEST_NM_RAD = 5000.0
+"""The stiffest object that these steps bear."""
 
 STILL_RAD_S = 1e-6
 """Below this speed the jaws stand; what they would still creep is far below 1e-6 rad."""
@@ -267,9 +269,9 @@ class GrippedObject:
             value = getattr(self, name)
             if not math.isfinite(value) or value < 0:
                 raise ValueError(f"{name} must be finite and not negative, but is {value!r}")
-        if not 0 < self.stiffness_nm_rad <= 5000:
+        if not 0 < self.stiffness_nm_rad <= STIFFEST_NM_RAD:
             raise ValueError(
-                f"stiffness_nm_rad must be more than 0 and at most 5000, "
+                f"stiffness_nm_rad must be more than 0 and at most {STIFFEST_NM_RAD:g}, "
                 f"but is {self.stiffness_nm_rad!r}"
             )
 

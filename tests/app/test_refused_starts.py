@@ -84,6 +84,53 @@ def test_mechanics_that_cannot_be_are_told(
     assert told in caplog.text
 
 
+@pytest.mark.parametrize(
+    ("bus", "told"),
+    [
+        ("objct_mm = 40", "unknown option objct_mm; litegrip_sim takes mount, object_mm"),
+        ("receive_own_messages = true", "unknown option receive_own_messages"),
+        ('mount = "norml"', "mount must be one of normal, reverse, not 'norml'"),
+        ("mount = 1", "mount must be a string, not 1"),
+        ("watchdog_s = -1", "watchdog_s must not be negative"),
+        ('watchdog_s = "x"', "watchdog_s must be a number, not 'x'"),
+        ('object_mm = "40"', "object_mm must be a number, not '40'"),
+        ("object_mm = true", "object_mm must be a number, not True"),
+        ("object_mm = -3", "object_mm must be 0 to less than 87 mm wide, not -3"),
+        ("object_mm = 90", "object_mm must be 0 to less than 87 mm wide, not 90"),
+        ("object_stiffness_nm_rad = 9", "object_stiffness_nm_rad needs object_mm"),
+        (
+            "object_mm = 40\nobject_stiffness_nm_rad = 0",
+            "object_stiffness_nm_rad must be more than 0 and at most 5000, not 0",
+        ),
+        ("seed = 1.5", "seed must be a whole number"),
+        ('motor_type = "X"', "motor_type is 'X', no type of the family; it must be DM4310 or"),
+        ("bitrate = 500000", "bitrate must be 1000000, as the motor's is, not 500000"),
+    ],
+)
+@pytest.mark.parametrize("check", [("--check",), ()])
+def test_a_simulated_gripper_that_cannot_be_is_refused_at_the_start(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, bus: str, told: str, check: tuple[str, ...]
+) -> None:
+    path = tmp_path / "wrong.toml"
+    path.write_text(f'[bus]\ninterface = "litegrip_sim"\n{bus}\n', encoding="utf-8")
+    assert main(["can0", "--config", str(path), *check]) == EXIT_USAGE
+    assert f"{path}: [bus] {told}" in caplog.text
+
+
+def test_a_simulated_gripper_that_can_be_passes_the_check(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "right.toml"
+    text = (
+        '[bus]\ninterface = "litegrip_sim"\nmount = "reverse"\nobject_mm = 40\nseed = 3\n'
+        "object_stiffness_nm_rad = 10.5\nwatchdog_s = 0.4\ncomm_loss_s = 0\nidle_loss_s = 0.9\n"
+        'unasked_hz = 10\nmotor_type = "DM4340"\n'
+    )
+    path.write_text(text, encoding="utf-8")
+    assert main(["can0", "--config", str(path), "--check"]) == 0
+    assert "litegrip_sim" in capsys.readouterr().out
+
+
 def test_a_missing_mujoco_is_told_with_the_way_to_install_it(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -98,7 +145,7 @@ def test_the_word_behind_simulate_is_the_channel_unless_it_names_mechanics(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     checked: list[Config] = []
-    monkeypatch.setattr("litegripd.app.build.check_mechanics", checked.append)
+    monkeypatch.setattr("litegripd.app.build.check_simulated", checked.append)
     monkeypatch.chdir(tmp_path)
 
     def mechanics(*arguments: str) -> object:

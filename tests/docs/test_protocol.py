@@ -6,9 +6,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from docs.protocol_fields import JOB, PARAMS, TELEOP
+from docs.protocol_fields import JOB, MODES, PARAMS, TELEOP
+from litegrip_client.values.fields import STILL_RAD_S
 from litegripd.app.build import METHODS
 from tests.rpc.transcripts import FOLDER, talk
+from tests.world import World
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/protocol.md").read_text(encoding="utf-8")
@@ -59,3 +61,37 @@ def test_who_may_leave_out_the_id_is_said() -> None:
     ]
     said = "without an `id`, a string or an integer, except `stream.set` and `teleop.receive`"
     assert said in " ".join(PAGE.split())
+
+
+def test_each_mode_means_what_the_page_says() -> None:
+    world = World()
+    world.gripper.put_object(width_mm=40.0)
+    client = world.client()
+
+    seen: list[str] = [world.state.mode]
+    world.start()
+    for method, params, found in (
+        ("motor.enable", {}, "holding"),
+        ("motion.zero_gravity", {}, "relaxed"),
+        ("motion.hold", {}, "holding"),
+        ("stop", {"level": "relax"}, "relaxed"),
+    ):
+        seen.append(world.state.mode)
+        client.send(method, **params)
+        seen += world.track(1.0, lambda: world.state.mode)
+        assert world.state.mode == found
+    client.result("stop.clear")
+    client.send("motion.grasp", force_n=10.0)
+    world.run(4.0)
+    assert (world.state.mode, world.state.is_grasped) == ("moving", True)
+    assert abs(world.state.velocity_rad_s or 0.0) < STILL_RAD_S
+    world.gripper.latch_fault(0x8)
+    seen += world.track(0.2, lambda: world.state.mode)
+    assert seen[-1] == "fault"
+    client.result("motor.enable")
+    client.send("motor.disable")
+    seen += world.track(0.2, lambda: world.state.mode)
+    assert seen[-1] == "disabled"
+    assert set(seen) == set(MODES)
+    section = PAGE.split("\n## The state\n")[1].split("\n## ")[0]
+    assert all(f"| `{name}` | {meaning} |" in section for name, meaning in MODES.items())

@@ -1,5 +1,6 @@
-"""What docs/pressing.md says of torques, measured at simulated jaws on something rigid."""
+"""What docs/pressing.md and docs/safety.md say of forces and ways, measured at simulated jaws."""
 
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -7,7 +8,9 @@ import pytest
 
 from litegrip_client import LiteGrip, StoppedError, Trajectory, TrajectorySample
 from litegripd.model.calibration import NOMINAL
+from tests.docs.test_pages import text_of
 from tests.drop_in import Daemon, Moment, Site, a_site
+from tests.world import World
 
 RIGID_NM_RAD = 1500.0
 OBJECT_MM = 40.0
@@ -101,3 +104,27 @@ def test_a_stop_that_holds_goes_on_gripping_and_one_that_relaxes_does_not(site: 
         assert daemon.closing_torque_nm == pytest.approx(0.0, abs=0.01)
         with pytest.raises(StoppedError):
             gripper.open()
+
+
+@pytest.mark.parametrize("level", ["hold", "relax", "disable"])
+@pytest.mark.parametrize(("begin_mm", "end_mm"), [(80.0, 5.0), (5.0, 80.0)])
+@pytest.mark.parametrize("which", [0, 1])
+def test_jaws_go_no_further_after_a_stop_than_is_said(
+    level: str, begin_mm: float, end_mm: float, which: int
+) -> None:
+    """Nor is what is said much too long."""
+    said = r"in the simulator (.*) mm at most from (.*) mm/s, (.*) mm from (.*) mm/s, at any level"
+    found = re.search(said, " ".join(text_of("docs/safety.md").split()))
+    assert found is not None
+    most_mm, speed_mm_s = float(found[1 + 2 * which]), float(found[2 + 2 * which])
+    world = World()
+    client = world.enabled()
+    gripper = world.gripper
+    client.result("motion.move", opening_mm=begin_mm)
+    client.send("motion.move", opening_mm=end_mm, speed_mm_s=speed_mm_s)
+    world.run_until(lambda: abs(gripper.opening_mm - begin_mm) > 35.0)
+    stopped_mm = gripper.opening_mm
+    client.result("stop", level=level)
+    further_mm = max(abs(mm - stopped_mm) for mm in world.track(1.0, lambda: gripper.opening_mm))
+    assert most_mm / 5 < further_mm < most_mm
+    assert gripper.velocity_rad_s == 0.0

@@ -6,6 +6,8 @@ a test of that name, a scene of the virtual machine (`vm:`), a row of that table
 None.
 """
 
+import ast
+import functools
 import itertools
 import re
 import subprocess
@@ -16,6 +18,7 @@ import pytest
 from litegrip_client.values.text import text_of as decoded
 from litegripd.model.calibration import CalibrationError, parse_calibration
 from litegripd.rpc.reports import MAX_PER_SESSION
+from tests.control.test_remedies import CASES, do
 from tests.docs.test_pages import text_of
 from tests.symptoms.page import ENDS
 from tests.world import World
@@ -41,43 +44,52 @@ TRIED: list[tuple[str, str | None]] = [
      "test_with_too_few_it_does_not_start_and_says_what_it_needs")),
     ("the daemon ends with exit code 2", "symptom:configuration"),
     ("the unit ends with `203/EXEC`", None),
-    ("a process listens, but does not", "vm:managed.groups_of_channels"),
+    ("`the daemon did not answer", "vm:managed.groups_of_channels"),
     ("`STOP not confirmed by can0`", ("tests/client/test_ctl_stop.py::"
      "test_a_stop_that_is_not_answered_says_first_to_cut_the_power")),
     ("`can0.sock: not a socket", "symptom:daemon"),
+    ("`the daemon is about to end`", ("tests/client/core/test_silence.py::"
+     "test_who_waits_when_the_daemon_is_ended_is_told_once_what_it_does_and_how_to_go_on")),
+    ("`the daemon ended the connection`", ("tests/sdk/test_broken_off.py::"
+     "test_it_connects_again")),
+    ("`the motor could not be disabled`", ("tests/client/core/test_gripper.py::"
+     "test_a_motor_that_cannot_be_disabled_is_told_once")),
     # A gripper at rest
     ("the motor has latched", ("tests/app/test_at_rest.py::"
      "test_a_motor_that_latches_it_again_and_again_is_disabled_all_the_while")),
     ("the motor's power stage", REMEDIES),
     ("the motor does not answer, and nobody", REMEDIES),
     # The jaws do not move
-    ("the motor is not enabled", REMEDIES),
-    ("no calibration is loaded", REMEDIES),
-    ("the daemon is still reading", ("tests/process/test_slow_start.py::"
+    ("`the motor is not enabled`", REMEDIES),
+    ("`no calibration is loaded`", REMEDIES),
+    ("`the daemon has just started", ("tests/process/test_slow_start.py::"
      "test_the_first_client_finds_the_calibration_however_slow_the_helper_starts")),
-    ("a stop is latched", REMEDIES),
-    ("a motion, or the clearing", ("tests/rpc/test_received.py::"
+    ("`a stop (...) by ... is latched`", REMEDIES),
+    ("`it came ... s after this was sent", ("tests/rpc/test_received.py::"
      "test_what_came_before_a_stop_neither_moves_nor_clears")),
-    ("a set-point is older", ("tests/rpc/test_received.py::"
+    ("`the set-point is", ("tests/rpc/test_received.py::"
      "test_a_set_point_counts_from_when_it_was_sent_or_else_received")),
-    ("job 3, open by", REMEDIES),
-    ("held by another client", REMEDIES),
-    ("the lease was lost", REMEDIES),
-    ("a stop of another user", ("tests/rpc/test_losers.py::"
+    ("`job ..., ... by", REMEDIES),
+    ("`... (pid ...) has the gripper", REMEDIES),
+    ("`the lease of this connection is lost", REMEDIES),
+    ("`may be cleared by", ("tests/rpc/test_losers.py::"
      "test_the_holder_and_an_admin_clear_what_another_has_stopped")),
-    ("teleoperation is running", REMEDIES),
-    ("a trajectory is recorded", REMEDIES),
-    ("too many unanswered requests", f"{HERE}test_who_reads_its_answers_may_ask_again"),
-    ("too many requests that read", ("tests/io/test_helper_requests.py::"
+    ("`job ..., teleop", REMEDIES),
+    ("`job ..., record", REMEDIES),
+    ("`no replay is running`", ("tests/client/core/test_replay.py::"
+     "test_what_needs_a_replay_names_the_call_that_begins_one")),
+    ("`requests of this connection", f"{HERE}test_who_reads_its_answers_may_ask_again"),
+    ("`requests of uid", ("tests/io/test_helper_requests.py::"
      "test_a_user_who_asks_too_much_is_refused_and_named_for_a_while")),
-    ("a user has as many named", ("tests/control/test_record_ends.py::"
+    ("`named trajectories", ("tests/control/test_record_ends.py::"
      "test_what_has_no_room_under_its_name_is_not_lost")),
-    ("this user's role", REMEDIES),
-    ("a value, and what is allowed", ("tests/control/test_remedies.py::"
+    ("`needs the role", REMEDIES),
+    ("`it must be ... to", ("tests/control/test_remedies.py::"
      "test_the_limit_that_a_refusal_names_is_accepted")),
-    ("the motor says that it is at", REMEDIES),
-    ("the motor does not confirm it", ("tests/motor/test_enabling.py::"
+    ("`the motor says that it is at", REMEDIES),
+    ("`the motor did not confirm that", ("tests/motor/test_enabling.py::"
      "test_the_next_failure_is_not_told_in_the_words_of_the_last")),
+    ("`the motor does not answer`", REMEDIES),
     ("nothing, but the jaws stand", (f"{CARRIED}"
      "test_jaws_that_stand_without_a_word_show_torque_and_go_on_when_they_are_free")),
     # A file that was edited on another system
@@ -182,6 +194,50 @@ def rows() -> list[str]:
         for before, line in itertools.pairwise(lines)
         if line.startswith("| ") and before.startswith("| ") and not line.startswith("| ---")
     ]
+
+
+def part(title: str) -> str:
+    """Return a part of the page."""
+    return PAGE.partition(f"## {title}\n")[2].partition("\n## ")[0]
+
+
+NAMED = re.findall(r"^\| (`.*?) \|", part("The jaws do not move"), re.MULTILINE) + re.findall(
+    r"^\| (`the .*?) \|", part("No daemon can be reached"), re.MULTILINE
+)
+QUOTED = [words for cell in NAMED for words in re.findall("`(.*?)`", cell)]
+"""What the page says that programs say, for a reader who searches for the words of an error."""
+
+
+@functools.cache
+def refusals() -> list[str]:
+    """Return what the daemon refuses in the scenes of the remedies."""
+    found = []
+    for _, cause, (method, params), _, _ in CASES:
+        world = World().start()
+        client = world.client()
+        do(world, client, cause)
+        found.append(client.call(method, **params)["error"]["message"])
+    return found
+
+
+@functools.cache
+def written() -> str:
+    """Return all texts in the code of daemon and client, with "..." for what is filled in."""
+    files = (*ROOT.glob("litegripd/**/*.py"), *ROOT.glob("litegrip_client/**/*.py"))
+    return "\n".join(
+        re.sub(r"\{.*?\}", "...", node.value)
+        for file in files
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+    )
+
+
+@pytest.mark.parametrize("words", QUOTED)
+def test_what_the_page_quotes_is_said(words: str) -> None:
+    parts = words.split("...")
+    pattern = ".+".join(map(re.escape, parts))
+    if not any(re.search(pattern, message) for message in refusals()):
+        assert [part for part in parts if part.strip() not in written()] == []
 
 
 def test_each_row_has_an_entry_in_the_pages_order() -> None:

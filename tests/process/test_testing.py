@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from litegrip_client import ConnectError, LiteGrip, ParameterError
+from litegrip_client import CommandError, ConnectError, LiteGrip, ParameterError
 from litegrip_client.testing import SimulatedDaemon, simulated
 from tests.process.daemon_process import (
     DEADLINE_S,
@@ -155,6 +155,13 @@ def test_why_a_daemon_did_not_begin_is_said() -> None:
         pass
 
 
+@pytest.mark.parametrize("object_mm", [-3.0, 90.0])
+def test_an_object_that_fits_in_no_jaws_is_refused_at_the_call(object_mm: float) -> None:
+    told = rf"object_mm must be 0 to less than 87 mm wide, not {object_mm:g}$"
+    with pytest.raises(ConnectError, match=told), simulated(object_mm=object_mm):
+        pass
+
+
 def test_a_width_that_is_no_number_is_refused_as_that() -> None:
     width: Any = "40"
     with (
@@ -178,4 +185,16 @@ def test_the_fixture_is_there_for_pytest(tmp_path: Path, named: str) -> None:
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(tmp_path)]
     own = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
     done = ran(*command, within_s=100, env=own)
-    assert "1 passed" in done.stdout, done.stdout + done.stderr
+    assert "2 passed" in done.stdout, done.stdout + done.stderr
+
+
+def test_a_program_that_names_another_gripper_is_refused_as_the_page_says(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with simulated() as daemon:
+        monkeypatch.setenv("LITEGRIPD_SOCKET", daemon.socket_path)
+        with pytest.raises(CommandError) as caught, LiteGrip("can0"):
+            pass
+        assert caught.value.reason == "wrong_gripper"
+        with LiteGrip(daemon.channel) as gripper:
+            assert gripper.enable()

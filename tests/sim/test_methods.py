@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from litegripd.app.build import SIMULATED_METHODS, build_service
+from litegripd.model.motor import BusCondition
 from litegripd.rpc.openrpc import document
 from litegripd.sim.interface import SimulatedBus, gripper_on
 from tests.world import PERIOD_S, Client, FixedFacts, World
@@ -204,6 +205,19 @@ def test_without_an_open_bus_there_is_no_world() -> None:
     world = World()
     world.service = build_service(world.controller, FixedFacts(), PERIOD_S, simulated=lambda: None)
     assert world.client().refusal("sim.get") == "bus_down"
+
+
+def test_why_the_bus_is_not_open_is_told_as_to_who_enables_the_motor() -> None:
+    world = World()
+    world.service = build_service(world.controller, FixedFacts(), PERIOD_S, simulated=lambda: None)
+    world.condition = BusCondition("down", "cannot be opened: no such scene")
+    world.tick()
+    told = (
+        "the CAN bus cannot be used (down): cannot be opened: no such scene;"
+        " fix what the error names: the daemon keeps reopening the bus"
+    )
+    data = world.client().refused("sim.get", "bus_down", told)
+    assert data["hint"] == "fix what the error names: the daemon keeps reopening the bus"
 
 
 def test_the_gripper_of_an_open_bus_is_found_by_its_channel() -> None:
