@@ -169,7 +169,7 @@ class GripperActions:
 
         Raises `CommError` if the motor cannot be reached: it may be enabled, so cut its power.
         """
-        with naming_the_danger():
+        with naming_the_danger(self._session.here):
             done = (await self._ask("motor.disable"))["ok"] is True
         if done:
             self._session.enabled_here = False

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
 from weakref import WeakSet, WeakValueDictionary
 
-from litegrip_client.core.discovery import chosen_channel, is_left_out
+from litegrip_client.core.discovery import chosen_channel, in_any_shell, is_left_out
 from litegrip_client.core.sockets import STOP_LEVELS
 from litegrip_client.line.exchange import LEFT_ALONE, SEE_DOCTOR, or_closed
 from litegrip_client.values.checks import (
@@ -43,6 +43,7 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, NoReturn, Protocol, TypeVar
 
     from litegrip_client.line.exchange import Call, Exchange
+    from litegrip_client.values.figures import Here
     from litegrip_client.values.terms import Voice
 
     _Result = TypeVar("_Result")
@@ -100,7 +101,8 @@ class DaemonSession:
     again, and whoever has enabled meanwhile: else the motor would stay enabled at the end, or after
     a crash, of who has said that it is disabled then. `handed_over` is true while a newer object
     answers for both in its place. `voice` puts the daemon's texts into the words of
-    the program, None into those of Python. `cancels` counts the calls of `cancel_own`, `waits` what
+    the program, or of Python. `here` puts into a text of ours how litegripctl is called
+    for this gripper. `cancels` counts the calls of `cancel_own`, `waits` what
     waits for it without a job of the daemon.
     """
 
@@ -129,13 +131,14 @@ class DaemonSession:
                 reason="invalid_params",
                 data={"parameter": "can_id"},
             )
-        self.voice = voice
         self._expected = expected or {}
         self.channel = chosen_channel(channel)
         self.channel_left_out = is_left_out(channel)
         self.origin = Origin(self.channel)
         self.can_id = None if can_id is None else integer("can_id", can_id)
         self.socket_path = None if socket_path is None else path("socket_path", socket_path)
+        self.here = in_any_shell(self.channel, self.socket_path)
+        self.voice: Voice = voice or for_gripper(self.name_call, self.here)
         self.disable_on_disconnect = flag("disable_on_disconnect", disable_on_disconnect)
         self.keeps_lease = False
         self.handed_over = False
@@ -220,6 +223,13 @@ class DaemonSession:
             )
         return self._wire
 
+    @staticmethod
+    def name_call(method: str | None, parameter: str | None, asked: str | None) -> str | None:
+        """Name a call of `LiteGrip` or an argument, as this kind of program makes it."""
+        from litegrip_client.values.voices import in_python  # noqa: PLC0415 - seldom needed
+
+        return in_python(method, parameter, asked)
+
     # Connecting
 
     def connects_first(self, connect: Callable[[], Awaitable[object]]) -> None:
@@ -267,6 +277,7 @@ class DaemonSession:
         wire = await self._connect()
         wire.connection.voice = self.voice
         wire.connection.origin = self.origin
+        wire.connection.here = self.here
         try:
             hello = await wire.call("hello", {"client": _program()})
             wire.connection.accept(hello)
@@ -431,6 +442,16 @@ class DaemonSession:
             await self.acquire(on_lost="disable" if self.disable_on_disconnect else "hold")
 
 
+def for_gripper(voice: Voice, here: Here) -> Voice:
+    """Return a voice of ours that names the gripper in its commands."""
+
+    def speak(method: str | None, parameter: str | None, asked: str | None) -> str | None:
+        name = voice(method, parameter, asked)
+        return None if name is None else here(name)
+
+    return speak
+
+
 class AsyncBlock:
     """What is for `async with`, and says so to who writes `with`."""
 
@@ -593,13 +614,13 @@ def _kept(voice: Voice) -> Voice:
 
 
 @contextlib.contextmanager
-def naming_the_danger() -> Iterator[None]:
+def naming_the_danger(here: Here) -> Iterator[None]:
     """Have an error of disabling say that the motor may be enabled, and what to do about that."""
     try:
         yield
     except CommError as error:
         error.message = f"the motor is not known to be off, cut its power: {error.message}"
-        error.data.setdefault("hint", SEE_DOCTOR)
+        error.data.setdefault("hint", here(SEE_DOCTOR))
         raise
 
 

@@ -147,10 +147,7 @@ class Trajectories:
         """Return the refusal of what needs a replay that runs, with the call that begins one."""
         if error.reason != "unknown_job":
             return error
-        from litegrip_client.values.voices import in_python  # noqa: PLC0415 - an error
-
-        voice = self._session.voice or in_python
-        begin = voice(Called("trajectory.play", "play_start"), None, None)
+        begin = self._session.voice(Called("trajectory.play", "play_start"), None, None)
         message = f"{error.message}: begin one ({begin})" if begin else error.message
         data = {**error.data, "hint": begin} if begin else error.data
         return TrajectoryNotActiveError(message, reason=error.reason, code=error.code, data=data)
