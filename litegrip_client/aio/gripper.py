@@ -577,7 +577,7 @@ class AsyncSession(DaemonSession):
 
     async def _connect(self) -> Connection:
         left_out, here = self.channel_left_out, self.here
-        at = self.channel, self.socket_path
+        at = self.chosen, self.socket_path
         return await reach(*at, Connection.open, left_out=left_out, here=here)
 
     @staticmethod

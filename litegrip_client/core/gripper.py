@@ -95,7 +95,7 @@ class Gripper(GripperActions):
 
     @property
     def channel(self) -> str:
-        """The daemon's channel."""
+        """The daemon's channel; where a socket alone is named, its path before `connect`."""
         return self._session.channel
 
     @property

@@ -927,7 +927,7 @@ class BlockingGripper(GripperActions):
 
     @property
     def channel(self) -> str:
-        """The daemon's channel."""
+        """The daemon's channel; where a socket alone is named, its path before `connect`."""
         return self._core.channel
 
     @property

@@ -92,7 +92,7 @@ class BlockingSession(DaemonSession):
 
     async def _connect(self) -> Wire:
         left_out = self.channel_left_out
-        at = self.channel, self.socket_path
+        at = self.chosen, self.socket_path
         return BlockingWire(connect(*at, left_out=left_out, here=self.here))
 
     async def reach(self, path: str, timeout_s: float) -> Wire:
