@@ -601,7 +601,7 @@ class Exchange:
 
     def _result(self, answer: Message, method: str) -> dict[str, Any]:
         if "error" in answer:
-            raise self._error(answer["error"], method)
+            raise self.error_of(answer["error"], method)
         result = answer.get("result")
         if not isinstance(result, dict):
             raise ProtocolError(f"the daemon answered {method} with no object: {result!r:.80}")
@@ -609,7 +609,8 @@ class Exchange:
             self.note_stops(result)
         return result
 
-    def _error(self, error_object: Any, method: str) -> LiteGripError:
+    def error_of(self, error_object: Any, method: str) -> LiteGripError:
+        """Return the exception for an error of `method`; its caller knows of a stop then."""
         from litegrip_client.values.voices import (  # noqa: PLC0415 - an error
             closing_the_stream,
             enabling_again,
@@ -651,7 +652,7 @@ class Exchange:
         if refusal is None:
             return None
         data = {"reason": refusal.get("reason"), **refusal.get("data", {})}
-        return self._error({**refusal, "data": data}, "stream.set")
+        return self.error_of({**refusal, "data": data}, "stream.set")
 
     # Subscriptions
 
