@@ -917,7 +917,14 @@ class GripperActions:
         if target is not None:
             files.check_writable(target)
         params = self._tuned({"save": True, **self._stroke(stroke_mm)})
-        data = await self._probe("calibration.zero", params, mount, progress)
+        try:
+            data = await self._probe("calibration.zero", params, mount, progress)
+        except LiteGripError as error:
+            if self._session.voice(None, "config", "calibration.zero") == "motion_config":
+                own = "raise gripper.motion_config.calib_"
+                error.message = error.message.replace("raise calib_", own)
+                error.args = (error.message,)
+            raise
         if target is not None:
             await self.save_calibration(target)
         return data
