@@ -364,7 +364,7 @@ class Connection(Exchange):
 
     async def _wait_for_room(self) -> None:
         if not await self._waiting.until(self._has_room, self.timeout_s):
-            raise no_answer("the daemon does not read its requests", self.timeout_s)
+            raise no_answer("the daemon does not read its requests", self.timeout_s, self.here)
         self._router.check()
 
     def _has_room(self) -> bool:
@@ -399,7 +399,7 @@ class Connection(Exchange):
                 break
             if watch is None or wait_s == remaining_s:
                 self.note_silence()
-                raise no_answer(f"the daemon did not answer {what()}", timeout_s)
+                raise no_answer(f"the daemon did not answer {what()}", timeout_s, self.here)
             watch.look()
         if not came():
             self._router.check(is_asked_late=is_late)
@@ -576,8 +576,20 @@ class AsyncSession(DaemonSession):
     """A daemon, by channel, and the connection to it while there is one."""
 
     async def _connect(self) -> Connection:
-        left_out = self.channel_left_out
-        return await reach(self.channel, self.socket_path, Connection.open, left_out=left_out)
+        left_out, here = self.channel_left_out, self.here
+        at = self.chosen, self.socket_path
+        return await reach(*at, Connection.open, left_out=left_out, here=here)
+
+    @staticmethod
+    def name_call(method: str | None, parameter: str | None, asked: str | None) -> str | None:
+        """Name a call of `LiteGrip` as it is made here: who has forgotten an `await` reads it."""
+        said = in_python(method, parameter, asked)
+        before, dot, call = (said or "").partition("gripper.")
+        name, bracket, _ = call.partition("(")
+        is_awaited = inspect.iscoroutinefunction(getattr(LiteGrip, name, None))
+        if not dot or not (is_awaited or call.endswith(".acquire()")):  # that of a lease
+            return said
+        return f"{before}await {dot}{call}{'' if bracket else '()'}"
 
     async def reach(self, path: str, timeout_s: float) -> Connection:
         """Connect to another socket of the same daemon; raises `OSError`."""
@@ -599,17 +611,6 @@ class AsyncSession(DaemonSession):
         if not isinstance(wire, Connection):
             raise TypeError(f"{wire!r} is no connection of an event loop")
         return wire
-
-
-def _in_asyncio(method: str | None, parameter: str | None, asked: str | None) -> str | None:
-    """Name a call of `LiteGrip` as it is made here: who has forgotten an `await` reads it."""
-    said = in_python(method, parameter, asked)
-    before, dot, call = (said or "").partition("gripper.")
-    name, bracket, _ = call.partition("(")
-    is_awaited = inspect.iscoroutinefunction(getattr(LiteGrip, name, None))
-    if not dot or not (is_awaited or call.endswith(".acquire()")):  # that of a lease
-        return said
-    return f"{before}await {dot}{call}{'' if bracket else '()'}"
 
 
 @shortened
@@ -647,7 +648,7 @@ class LiteGrip(Gripper):
             socket_path,
             disable_on_disconnect=disable_on_disconnect,
             expected=expected,
-            voice=_in_asyncio if voice is None else voice,
+            voice=voice,
         )
         super().__init__(session, mount, motion_config, config)
 

@@ -169,7 +169,7 @@ class GripperActions:
 
         Raises `CommError` if the motor cannot be reached: it may be enabled, so cut its power.
         """
-        with naming_the_danger():
+        with naming_the_danger(self._session.here):
             done = (await self._ask("motor.disable"))["ok"] is True
         if done:
             self._session.enabled_here = False
@@ -575,14 +575,16 @@ class GripperActions:
         """Begin to replay in the background, as `play` does; return `trajectory_status()`.
 
         With `loop` it continues until `play_stop`; a trajectory of one sample is a pose, which is
-        held then. `error` of `trajectory_status` reports later errors.
+        held then. It raises what is wrong with the trajectory as `play` does, for it waits until
+        the daemon has loaded it, but for a second at most. `error` of `trajectory_status` reports
+        later errors, and so do the calls that need a replay.
         """
         params = _play_params(speed, kp, kd, align, torque_nm, force)
         # It must end with the connection. A motion for which nobody waits does not.
         params |= {"loop": flag("loop", loop), "wait": False, "detach": False}
         params.update(await self._trajectories.upload(trajectory))
-        await self._command("trajectory.play", self._configured(params))
-        return await self.trajectory_status()
+        begun = await self._command("trajectory.play", self._configured(params))
+        return await self._trajectories.begun(int(begun["job"]))
 
     async def play_stop(self, timeout: float = 2.0) -> dict[str, Any]:
         """End the replay; the jaws hold where they are. Return `trajectory_status()`.
@@ -616,7 +618,7 @@ class GripperActions:
         try:
             await self._command("trajectory.control", params)
         except CommandError as error:
-            raise self._trajectories.not_playing(error) from None
+            raise await self._trajectories.not_playing(error) from None
         return await self.trajectory_status()
 
     async def trajectory_status(self) -> dict[str, Any]:
@@ -915,7 +917,14 @@ class GripperActions:
         if target is not None:
             files.check_writable(target)
         params = self._tuned({"save": True, **self._stroke(stroke_mm)})
-        data = await self._probe("calibration.zero", params, mount, progress)
+        try:
+            data = await self._probe("calibration.zero", params, mount, progress)
+        except LiteGripError as error:
+            if self._session.voice(None, "config", "calibration.zero") == "motion_config":
+                own = "raise gripper.motion_config.calib_"
+                error.message = error.message.replace("raise calib_", own)
+                error.args = (error.message,)
+            raise
         if target is not None:
             await self.save_calibration(target)
         return data

@@ -217,8 +217,8 @@ class ProbePrinter:
         if self._reports % _REPORTS_PER_LINE == 0:
             total = f"/{report.total_steps}" if report.total_steps else ""  # mostly nobody knows
             _print(
-                f"[{report.stage}] {report.i}{total} cmd={report.cmd_rad:+.4f} "
-                f"pos={report.pos_rad:+.4f} tau={report.torque_nm:+.3f}"
+                f"[{report.stage}] {report.i}{total} cmd={report.cmd_rad:+.4f} rad "
+                f"pos={report.pos_rad:+.4f} rad tau={report.torque_nm:+.3f} N·m"
             )
         self._reports += 1
 

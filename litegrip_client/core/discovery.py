@@ -20,6 +20,8 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import TypeVar
 
+    from litegrip_client.values.figures import Here
+
     _Connected = TypeVar("_Connected")
 
 ENABLED_DIRECTORY = "/etc/systemd/system/litegripd.target.wants"
@@ -82,6 +84,28 @@ def socket_paths(
 def is_socket_given(socket_path: str | None = None) -> bool:
     """Return True if this or `LITEGRIPD_SOCKET` names a socket; its channel is unknown then."""
     return bool(socket_path if socket_path is not None else os.environ.get(SOCKET_VARIABLE))
+
+
+def in_any_shell(channel: str, socket_path: str | None = None) -> Here:
+    """Return what puts into a text of ours how litegripctl is called for a program's gripper.
+
+    The gripper is named wherever a command without could act on another: who reads a program's
+    error types into a shell of their own, where its variables are not set.
+    """
+
+    def here(text: str) -> str:
+        chosen = socket_path if socket_path is not None else os.environ.get(SOCKET_VARIABLE)
+        if chosen:
+            import shlex  # noqa: PLC0415 - seldom needed
+
+            options = f"--socket {shlex.quote(chosen)}"
+        elif channel != DEFAULT_CHANNEL or os.environ.get(CHANNEL_VARIABLE):
+            options = f"-c {channel}"
+        else:
+            return text
+        return text.replace("litegripctl ", f"litegripctl {options} ")
+
+    return here
 
 
 def channels_with_socket(environment: Mapping[str, str] | None = None) -> list[str]:
@@ -169,11 +193,12 @@ async def reach(
     attempt: Callable[[str], Awaitable[_Connected]],
     *,
     left_out: bool = False,
+    here: Here = str,
 ) -> _Connected:
     """Connect to the daemon of `channel` by `attempt`, which raises `OSError` where none answers.
 
     Raises `ConnectError` that lists the attempts. With `left_out` a Python program has named no
-    channel: the error says how to.
+    channel: the error says how to. `here` names the gripper in commands of the error.
     """
     failures: list[tuple[str, OSError]] = []
     for candidate in socket_paths(channel, socket_path):
@@ -184,11 +209,16 @@ async def reach(
                 raise
             failures.append((candidate, error))
     by_variable = socket_path is None
-    raise _no_daemon(channel, failures, is_by_variable=by_variable, left_out=left_out)
+    raise _no_daemon(channel, failures, here, is_by_variable=by_variable, left_out=left_out)
 
 
 def _no_daemon(
-    channel: str, failures: list[tuple[str, OSError]], *, is_by_variable: bool, left_out: bool
+    channel: str,
+    failures: list[tuple[str, OSError]],
+    here: Here,
+    *,
+    is_by_variable: bool,
+    left_out: bool,
 ) -> ConnectError:
     """Return the error with all attempts; a single one was by a given path, not by the channel."""
     of_channel = f" for channel {channel}" if len(failures) > 1 else ""
@@ -223,11 +253,11 @@ def _no_daemon(
     denied = [path for path, error in failures if error.errno in (errno.EACCES, errno.EPERM)]
     if denied:
         group = _group_of(denied[0])
-        hint = "'litegripctl doctor' says what opens it to you"
+        hint = here("'litegripctl doctor' says what opens it to you")
         if group is not None:  # a daemon is there: another for this channel could not be started
             hint = (
                 f"join the group {group} ('sudo usermod -aG {group} $USER', then log in again);"
-                " 'litegripctl doctor' says what else is missing"
+                + here(" 'litegripctl doctor' says what else is missing")
             )
     return ConnectError(
         f"no daemon can be reached{of_channel} ({tried})",

@@ -95,7 +95,7 @@ class Gripper(GripperActions):
 
     @property
     def channel(self) -> str:
-        """The daemon's channel."""
+        """The daemon's channel; where a socket alone is named, its path before `connect`."""
         return self._session.channel
 
     @property
@@ -240,12 +240,11 @@ class Gripper(GripperActions):
         """
         from litegrip_client.values.printed import HealthReport  # noqa: PLC0415 - see above
         from litegrip_client.values.terms import told_all  # noqa: PLC0415 - see above
-        from litegrip_client.values.voices import in_python  # noqa: PLC0415 - see above
 
         figures = HealthReport(await self._session.wire.call("health"))
         for name in ("reasons", "notes"):
             if name in figures:
-                figures[name] = told_all(figures, name, self._session.voice or in_python)
+                figures[name] = told_all(figures, name, self._session.voice)
         figures.pop("terms", None)
         return figures
 
@@ -288,8 +287,6 @@ class Gripper(GripperActions):
 
 def _stopped_for_all(error: LiteGripError, session: DaemonSession) -> str:
     """Say what `stop` has done to a gripper that was not its object's to move, and why."""
-    from litegrip_client.values.voices import in_python  # noqa: PLC0415 - an error
-
     owner, connection = error.owner, session.wire.connection
     if isinstance(error, NotPermittedError):
         why = "this user may not move it"
@@ -302,7 +299,7 @@ def _stopped_for_all(error: LiteGripError, session: DaemonSession) -> str:
     else:
         verb = "has taken it" if error.reason == "lease_lost" else "has it"
         why = f"{owner.get('program')} (pid {owner.get('pid')}) {verb}"
-    clear = (session.voice or in_python)("stop.clear", None, None) or "stop.clear"
+    clear = session.voice("stop.clear", None, None) or "stop.clear"
     return f"stop(): the gripper is stopped for every client, until {clear}: {why}"
 
 

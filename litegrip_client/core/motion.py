@@ -308,9 +308,7 @@ class SetpointStream(AsyncBlock, Hinting):
             raise
 
     def _ended(self) -> ConnectError:
-        from litegrip_client.values.voices import in_python  # noqa: PLC0415 - an error
-
-        stream = (self._session.voice or in_python)("stream.set", None, None)
+        stream = self._session.voice("stream.set", None, None)
         return ConnectError(
             "this stream takes no target: its block has ended, or it was closed",
             reason="not_connected",
@@ -372,9 +370,7 @@ class SetpointStream(AsyncBlock, Hinting):
         stop = f"a stop ({error.data['level']}) by {by}{f': {why}' if why else ''}"
         error.message = f"the stream was broken off: {stop}"
         if "stop.clear" in error.named:
-            from litegrip_client.values.voices import in_python  # noqa: PLC0415 - an error
-
-            clear = (self._session.voice or in_python)("stop.clear", None, None)
+            clear = self._session.voice("stop.clear", None, None)
             error.data["hint"] = clear or "stop.clear"
         else:
             error.data["hint"] = "that stop is cleared: when it is safe, send the next target"

@@ -11,7 +11,13 @@ import sys
 from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
 from weakref import WeakSet, WeakValueDictionary
 
-from litegrip_client.core.discovery import chosen_channel, is_left_out
+from litegrip_client.core.discovery import (
+    chosen_channel,
+    in_any_shell,
+    is_left_out,
+    is_socket_given,
+    socket_paths,
+)
 from litegrip_client.core.sockets import STOP_LEVELS
 from litegrip_client.line.exchange import LEFT_ALONE, SEE_DOCTOR, or_closed
 from litegrip_client.values.checks import (
@@ -43,6 +49,7 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, NoReturn, Protocol, TypeVar
 
     from litegrip_client.line.exchange import Call, Exchange
+    from litegrip_client.values.figures import Here
     from litegrip_client.values.terms import Voice
 
     _Result = TypeVar("_Result")
@@ -94,13 +101,17 @@ _CONNECTED: WeakValueDictionary[int, DaemonSession] = WeakValueDictionary()
 class DaemonSession:
     """A daemon, by channel, and the connection to it while there is one.
 
+    `chosen` is the channel that is looked for. Where a socket alone is named, its daemon may have
+    any: `channel` is then known once connected.
+
     `enabled_here` is true from this session's enabling on until its disabling; only then does its
     end do anything to the motor. `keeps_lease` is true if it wants the lease until its end,
     `leased` that it has it, as far as it knows. Both outlive a loss of the lease, however it is got
     again, and whoever has enabled meanwhile: else the motor would stay enabled at the end, or after
     a crash, of who has said that it is disabled then. `handed_over` is true while a newer object
     answers for both in its place. `voice` puts the daemon's texts into the words of
-    the program, None into those of Python. `cancels` counts the calls of `cancel_own`, `waits` what
+    the program, or of Python. `here` puts into a text of ours how litegripctl is called
+    for this gripper. `cancels` counts the calls of `cancel_own`, `waits` what
     waits for it without a job of the daemon.
     """
 
@@ -129,13 +140,15 @@ class DaemonSession:
                 reason="invalid_params",
                 data={"parameter": "can_id"},
             )
-        self.voice = voice
         self._expected = expected or {}
-        self.channel = chosen_channel(channel)
+        self.chosen = chosen_channel(channel)
         self.channel_left_out = is_left_out(channel)
-        self.origin = Origin(self.channel)
         self.can_id = None if can_id is None else integer("can_id", can_id)
         self.socket_path = None if socket_path is None else path("socket_path", socket_path)
+        socket_alone = self._socket_alone
+        self.origin = Origin(self.chosen if socket_alone is None else socket_alone)
+        self.here = in_any_shell(self.chosen, self.socket_path)
+        self.voice: Voice = voice or for_gripper(self.name_call, self.here)
         self.disable_on_disconnect = flag("disable_on_disconnect", disable_on_disconnect)
         self.keeps_lease = False
         self.handed_over = False
@@ -213,12 +226,31 @@ class DaemonSession:
             connect = connecting(self.voice)
             is_awaited = connect is not None and connect.startswith("await ")
             block = f"'{'async ' if is_awaited else ''}with LiteGrip(...) as gripper:'"
+            is_path = self.channel == self._socket_alone
             raise ConnectError(
-                f"not connected to the daemon of channel {self.channel}",
+                f"not connected to the daemon of {'' if is_path else 'channel '}{self.channel}",
                 reason="not_connected",
                 data={"hint": f"call {connect or 'connect()'} first, or use {block}"},
             )
         return self._wire
+
+    @property
+    def channel(self) -> str:
+        """The daemon's channel; where a socket alone is named, its path until connected."""
+        return self.origin.channel
+
+    @property
+    def _socket_alone(self) -> str | None:
+        """The path of the socket that is named without a channel, None where that is not so."""
+        is_alone = self.channel_left_out and is_socket_given(self.socket_path)
+        return socket_paths(self.chosen, self.socket_path)[0] if is_alone else None
+
+    @staticmethod
+    def name_call(method: str | None, parameter: str | None, asked: str | None) -> str | None:
+        """Name a call of `LiteGrip` or an argument, as this kind of program makes it."""
+        from litegrip_client.values.voices import in_python  # noqa: PLC0415 - seldom needed
+
+        return in_python(method, parameter, asked)
 
     # Connecting
 
@@ -240,7 +272,8 @@ class DaemonSession:
         """
         if self.is_open:
             return
-        self._note_others()  # what now fails is one of several, too
+        if self._socket_alone is None:  # else which it is, is not known yet
+            self._note_others()  # what now fails is one of several, too
         wire = await self.connect_apart(begin)
         old = self._wire
         if old is not None and not old.connection.closed:  # another task was faster
@@ -267,6 +300,7 @@ class DaemonSession:
         wire = await self._connect()
         wire.connection.voice = self.voice
         wire.connection.origin = self.origin
+        wire.connection.here = self.here
         try:
             hello = await wire.call("hello", {"client": _program()})
             wire.connection.accept(hello)
@@ -285,8 +319,9 @@ class DaemonSession:
             channel, can_id = hello["channel"], hello["motor"]["can_id"]
         except (KeyError, TypeError) as error:
             raise ProtocolError(f"what answers at {path} is no litegripd: {hello!r:.80}") from error
-        if channel != self.channel:
-            raise different("channel", self.channel, channel, path)
+        if channel != self.chosen and self._socket_alone is None:
+            raise different("channel", self.chosen, channel, path)
+        self.origin.channel = str(channel)
         if self.can_id is not None and can_id != self.can_id:
             raise different("can_id", f"{self.can_id:#04x}", f"{can_id:#04x}", path)
         if self._expected:
@@ -429,6 +464,16 @@ class DaemonSession:
         if not self.enabled_here and (await self.ask("state.get"))["enabled"]:
             self.enabled_here = True
             await self.acquire(on_lost="disable" if self.disable_on_disconnect else "hold")
+
+
+def for_gripper(voice: Voice, here: Here) -> Voice:
+    """Return a voice of ours that names the gripper in its commands."""
+
+    def speak(method: str | None, parameter: str | None, asked: str | None) -> str | None:
+        name = voice(method, parameter, asked)
+        return None if name is None else here(name)
+
+    return speak
 
 
 class AsyncBlock:
@@ -593,13 +638,13 @@ def _kept(voice: Voice) -> Voice:
 
 
 @contextlib.contextmanager
-def naming_the_danger() -> Iterator[None]:
+def naming_the_danger(here: Here) -> Iterator[None]:
     """Have an error of disabling say that the motor may be enabled, and what to do about that."""
     try:
         yield
     except CommError as error:
         error.message = f"the motor is not known to be off, cut its power: {error.message}"
-        error.data.setdefault("hint", SEE_DOCTOR)
+        error.data.setdefault("hint", here(SEE_DOCTOR))
         raise
 
 

@@ -49,6 +49,8 @@ _KEPT_UPLOADS = 2
 """The one before the latest may still be on its way into a replay."""
 
 _LOOK_S = 0.01
+_LOADED_WITHIN_S = 1.0
+"""So long a replay that begins is waited for: the daemon's helper process loads it."""
 
 _Share = Callable[[float], None]
 
@@ -59,6 +61,7 @@ class Trajectories:
     def __init__(self, session: DaemonSession) -> None:
         self._session = session
         self._uploads: list[tuple[Wire, bytes, Mapping[str, Any]]] = []
+        self._begun_job: int | None = None
         self._ended_job: int | None = None
 
     def recording(self, duration_s: float, rate_hz: float, zero_gravity: bool) -> Recording:
@@ -143,15 +146,43 @@ class Trajectories:
             status["error"] = None  # this program ended it: that is no error
         return status
 
-    def not_playing(self, error: CommandError) -> CommandError:
-        """Return the refusal of what needs a replay that runs, with the call that begins one."""
+    async def begun(self, job: int) -> dict[str, Any]:
+        """Wait until a replay that was begun is loaded; return the status.
+
+        Raises why it has ended by then. One that takes long to be loaded is not waited for.
+        """
+        self._begun_job = job
+        ends_s = time.monotonic() + _LOADED_WITHIN_S
+        while status := await self.status():
+            if status["job"] != job or not _is_playing(status):
+                break
+            if status.get("phase") != "load" or time.monotonic() >= ends_s:
+                break
+            await self._session.pause(_LOOK_S)
+        if self._why_over(status) is not None:
+            wire = self._session.wire
+            if (error := (await wire.call("job.get", {"job": job})).get("error")) is not None:
+                raise wire.connection.error_of(error, "trajectory.play")
+        return status
+
+    def _why_over(self, status: Mapping[str, Any]) -> str | None:
+        """Return the error with which the replay that this object has begun last has ended."""
+        if _is_playing(status) or status["kind"] != "play" or status["job"] != self._begun_job:
+            return None
+        return None if status["error"] is None else str(status["error"])
+
+    async def not_playing(self, error: CommandError) -> CommandError:
+        """Return the refusal of what needs a replay that runs, with the call that begins one.
+
+        If that of this object has failed, the refusal says why.
+        """
         if error.reason != "unknown_job":
             return error
-        from litegrip_client.values.voices import in_python  # noqa: PLC0415 - an error
-
-        voice = self._session.voice or in_python
-        begin = voice(Called("trajectory.play", "play_start"), None, None)
+        why = self._why_over(await self.status())
+        begin = self._session.voice(Called("trajectory.play", "play_start"), None, None)
         message = f"{error.message}: begin one ({begin})" if begin else error.message
+        if why is not None:
+            message = f"{error.message}; the last one has ended: {why}"
         data = {**error.data, "hint": begin} if begin else error.data
         return TrajectoryNotActiveError(message, reason=error.reason, code=error.code, data=data)
 

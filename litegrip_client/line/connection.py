@@ -273,7 +273,9 @@ class Multiplexer:
         if is_of_handler(error):
             raise error
         if isinstance(error, TimeoutError):
-            raise no_answer("the daemon does not read its requests", timeout_s) from None
+            raise no_answer(
+                "the daemon does not read its requests", timeout_s, self._router.here
+            ) from None
         if not self._stream.hung_up:
             self._end(f"the connection cannot be used any more: {error}", "connection_lost")
 
@@ -331,7 +333,9 @@ class Multiplexer:
                 self._router.check()
                 if (remaining_s := since_s + timeout_s - time.monotonic()) <= 0.0:
                     self._router.is_silent = True
-                    raise no_answer(f"the daemon did not answer {what()}", timeout_s)
+                    raise no_answer(
+                        f"the daemon did not answer {what()}", timeout_s, self._router.here
+                    )
                 if watch is not None:
                     watch.look()
                 if self._may_lead(me):

@@ -55,6 +55,7 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
             """Take the answer to the subscription; again does nothing."""
 
     from litegrip_client.values.errors import Origin
+    from litegrip_client.values.figures import Here
     from litegrip_client.values.terms import Voice
 
 MAX_LINE_BYTES = 16_384
@@ -181,7 +182,7 @@ class Router:
     that a request without an answer got, until somebody takes it. `ending` says why nothing
     more can come, once that is so; `how_to_go_on` returns the hint to that. `is_silent` is true
     from a time-out on until something comes, `is_danger_told` if somebody was told meanwhile to
-    cut the motor's power.
+    cut the motor's power. `here` names the gripper in commands of litegripctl.
 
     Routing a line twice does no harm, so that a reader may be interrupted in between.
     """
@@ -196,6 +197,7 @@ class Router:
         self.refusal: Message | None = None
         self.ending: ConnectError | None = None
         self.is_silent = self.is_danger_told = False
+        self.here: Here = str
         self._on_orphan = on_orphan
         self._how_to_go_on = how_to_go_on
         self._parting_error: Any = None
@@ -289,12 +291,12 @@ def unsubscribing(notification: str, number: int) -> tuple[str, dict[str, Any]]:
 SEE_DOCTOR = "see what is wrong: litegripctl doctor"
 
 
-def no_answer(message: str, timeout_s: float) -> ConnectError:
+def no_answer(message: str, timeout_s: float, here: Here) -> ConnectError:
     """Make the error for a daemon that does not do something in time."""
     return ConnectError(
         f"{message} within {timeout_s:g} s",
         reason="no_answer",
-        data={"retryable": True, "hint": SEE_DOCTOR},
+        data={"retryable": True, "hint": here(SEE_DOCTOR)},
     )
 
 
@@ -356,7 +358,7 @@ class Watch:
             raise ConnectError(
                 not_answered(self._quiet_s),
                 reason="no_answer",
-                data={"retryable": True, "hint": SEE_DOCTOR},
+                data={"retryable": True, "hint": self._exchange.here(SEE_DOCTOR)},
             )
 
     def end(self) -> None:
@@ -484,6 +486,15 @@ class Exchange:
         self._post(call.line())
 
     @property
+    def here(self) -> Here:
+        """Puts into a text of ours how litegripctl is called for the gripper of this connection."""
+        return self._router.here
+
+    @here.setter
+    def here(self, value: Here) -> None:
+        self._router.here = value
+
+    @property
     def is_silent(self) -> bool:
         """True if the daemon did not answer in time, and nothing has come since then."""
         return self._router.is_silent
@@ -590,7 +601,7 @@ class Exchange:
 
     def _result(self, answer: Message, method: str) -> dict[str, Any]:
         if "error" in answer:
-            raise self._error(answer["error"], method)
+            raise self.error_of(answer["error"], method)
         result = answer.get("result")
         if not isinstance(result, dict):
             raise ProtocolError(f"the daemon answered {method} with no object: {result!r:.80}")
@@ -598,7 +609,8 @@ class Exchange:
             self.note_stops(result)
         return result
 
-    def _error(self, error_object: Any, method: str) -> LiteGripError:
+    def error_of(self, error_object: Any, method: str) -> LiteGripError:
+        """Return the exception for an error of `method`; its caller knows of a stop then."""
         from litegrip_client.values.voices import (  # noqa: PLC0415 - an error
             closing_the_stream,
             enabling_again,
@@ -628,6 +640,8 @@ class Exchange:
                 if error.reason == "lease_held" and enable is not None:
                     rule = "takes it over between motions, unless a block of lease() has it"
                     error.message += f": {enable} {rule}"
+        if error.reason == "older_daemon" and error.hint is not None:
+            error.data["hint"] = self.here(error.hint)
         if error.reason == "shutting_down" and (how := self._how_to_go_on(error)) is not None:
             error.data.setdefault("hint", how)
         return error
@@ -638,7 +652,7 @@ class Exchange:
         if refusal is None:
             return None
         data = {"reason": refusal.get("reason"), **refusal.get("data", {})}
-        return self._error({**refusal, "data": data}, "stream.set")
+        return self.error_of({**refusal, "data": data}, "stream.set")
 
     # Subscriptions
 

@@ -187,7 +187,11 @@ class Latest(BaseLatest):
                 self._check()
                 remaining_s = ends_s - time.monotonic()
                 if remaining_s <= 0.0:
-                    raise no_answer(f"the daemon did not answer with a {feed.what}", limit_s)
+                    raise no_answer(
+                        f"the daemon did not answer with a {feed.what}",
+                        limit_s,
+                        self._connection.here,
+                    )
                 self._changed.wait(remaining_s)
         return self.state
 

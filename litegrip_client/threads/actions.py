@@ -575,7 +575,9 @@ class GripperActions:
         """Begin to replay in the background, as `play` does; return `trajectory_status()`.
 
         With `loop` it continues until `play_stop`; a trajectory of one sample is a pose, which is
-        held then. `error` of `trajectory_status` reports later errors.
+        held then. It raises what is wrong with the trajectory as `play` does, for it waits until
+        the daemon has loaded it, but for a second at most. `error` of `trajectory_status` reports
+        later errors, and so do the calls that need a replay.
         """
         return complete(
             self._core.play_start(
@@ -927,7 +929,7 @@ class BlockingGripper(GripperActions):
 
     @property
     def channel(self) -> str:
-        """The daemon's channel."""
+        """The daemon's channel; where a socket alone is named, its path before `connect`."""
         return self._core.channel
 
     @property

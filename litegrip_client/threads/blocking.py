@@ -17,6 +17,7 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
 
     from litegrip_client.core.session import Wire
     from litegrip_client.line.exchange import Call
+    from litegrip_client.values.figures import Here
 
     _Result = TypeVar("_Result")
 
@@ -76,13 +77,14 @@ def connect(
     timeout_s: float = DEFAULT_TIMEOUT_S,
     *,
     left_out: bool = False,
+    here: Here = str,
 ) -> Connection:
     """Connect to the daemon of `channel`; raises `ConnectError` that lists the attempts."""
 
     async def attempt(candidate: str) -> Connection:
         return Connection(candidate, timeout_s)
 
-    return complete(reach(channel, socket_path, attempt, left_out=left_out))
+    return complete(reach(channel, socket_path, attempt, left_out=left_out, here=here))
 
 
 class BlockingSession(DaemonSession):
@@ -90,7 +92,8 @@ class BlockingSession(DaemonSession):
 
     async def _connect(self) -> Wire:
         left_out = self.channel_left_out
-        return BlockingWire(connect(self.channel, self.socket_path, left_out=left_out))
+        at = self.chosen, self.socket_path
+        return BlockingWire(connect(*at, left_out=left_out, here=self.here))
 
     async def reach(self, path: str, timeout_s: float) -> Wire:
         """Connect to another socket of the same daemon; raises `OSError`."""

@@ -29,11 +29,11 @@ if TYPE_CHECKING:  # importing dataclasses is slow
 class LiteGrip(SdkGripper):
     """The gripper on `channel`, as `with LiteGrip("can0") as gripper:`.
 
-    Without a `channel` it is that of LITEGRIP_CHANNEL in the environment, else can0. The
-    constructor does not connect. `can_id` must be the id of the daemon's motor; None accepts
-    any. The end of the `with` block disables the motor if this object enabled it. If
-    `disable_on_disconnect` is false, the daemon continues to hold instead. Threads may share an
-    object; a child process must make its own after a fork.
+    Without a `channel` it is that of LITEGRIP_CHANNEL in the environment, else that of the daemon
+    at `socket_path` or LITEGRIPD_SOCKET, else can0. The constructor does not connect. `can_id`
+    must be the id of the daemon's motor; None accepts any. The end of the `with` block disables
+    the motor if this object enabled it. If `disable_on_disconnect` is false, the daemon continues
+    to hold instead. Threads may share an object; a child process must make its own after a fork.
 
     With `mount` "normal" or "reverse" the daemon loads the nominal calibration of that mount on
     connecting, as `load_template` does. It replaces the calibration in use. `motion_config`

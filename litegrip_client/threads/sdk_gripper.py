@@ -139,7 +139,7 @@ class SdkGripper(BlockingGripper):
             raise CANTimeoutError(
                 f"the motor has not answered lately (bus: {state.bus}): there is no new figure",
                 reason="motor_silent",
-                data={"hint": "see health(), or litegripctl doctor"},
+                data={"hint": self._session.here("see health(), or litegripctl doctor")},
             )
         return state
 

@@ -89,6 +89,10 @@ class Origin:
         self.is_one_of_several = False
 
 
+_ON_PURPOSE = ("stopped", "taken")
+"""Causes in the data of an error: somebody has stopped the gripper, or taken its lease."""
+
+
 class LiteGripError(Exception):
     """A refusal or a failure of the daemon or of the connection to it.
 
@@ -172,7 +176,11 @@ class LiteGripError(Exception):
         if not hint or hint in self.message or self.names(self.remedy):
             return self.message
         is_call = hint.endswith(")") and " " not in hint.removeprefix("await ")
-        return f"{self.message}\n{'next: ' if is_call else ''}{hint}"
+        if not is_call:
+            return f"{self.message}\n{hint}"
+        # What somebody has ended on purpose may have been dangerous: the call is no mere next step.
+        is_of_somebody = isinstance(self, StoppedError) or self.data.get("cause") in _ON_PURPOSE
+        return f"{self.message}\n{'when it is safe' if is_of_somebody else 'next'}: {hint}"
 
     def names(self, methods: frozenset[str]) -> bool:
         """Return True if the message names all these methods of the daemon, and there are some."""

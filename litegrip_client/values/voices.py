@@ -350,7 +350,9 @@ def _hint(kind: type, name: str, beyond: Mapping[str, type]) -> str:
     import difflib  # noqa: PLC0415 - an error
 
     close = difflib.get_close_matches(name.lower(), _public(kind), 1, _CLOSE)
-    if close:
+    longer = [one for one in _public(kind) if one.startswith(f"{name.lower()}_")]
+    if close or len(longer) == 1:
+        close = close or longer
         return f": did you mean {close[0]!r}?"
     for sought in difflib.get_close_matches(name.lower(), _FIELDS, 1, _CLOSE):
         for path, place in {"": kind, **beyond}.items():

@@ -138,9 +138,10 @@ class StopLatch:
         which = "a stop" if stop is None else said_of(stop)
         again = "so this is not carried out: look at the state and, when it is safe, "
         if self.latched is None:
-            remedy = sentence("{again}send it again: the stop is cleared", again=again)
+            how = f"it is cleared, but {how}"
+            remedy = sentence("{again}send it again", again=again)
         elif clears:
-            remedy = sentence("{again}send it again: then it clears that, too", again=again)
+            remedy = sentence("{again}send it again, which then clears that, too", again=again)
         else:
             remedy = sentence("{again}clear it ({stop.clear}), then send this again", again=again)
         return Refusal(

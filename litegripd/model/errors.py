@@ -26,7 +26,7 @@ def at_least(limit: float, digits: int = 6) -> str:
 
 _UNITS = (
     *(("_rad_s", "rad/s"), ("_mm_s", "mm/s"), ("_n_s", "N/s"), ("_nm_rad", "N·m/rad")),
-    ("_rad", "rad"),
+    *(("_rad", "rad"), ("kp", "N·m/rad"), ("kd", "N·m·s/rad")),
     *(("_mm", "mm"), ("_nm", "N·m"), ("_n", "N"), ("_s", "s"), ("hz", "Hz"), ("_c", "°C")),
 )
 

@@ -93,7 +93,7 @@ class Param:
     def problem(self, value: object) -> str | None:
         """Return what is wrong with `value` and what is allowed, or None."""
         if not self._has_type(value):
-            return f"must be {_NAMED[self.kind]}, {self._unlike(value)}"
+            return self._unlike(value)
         if isinstance(value, int | float) and not isinstance(value, bool):
             return self._problem_of_number(value)
         texts = value if isinstance(value, list) else [value] if isinstance(value, str) else []
@@ -101,15 +101,17 @@ class Param:
 
     def _unlike(self, value: object) -> str:
         """Return what a value of another type is, or which item of an array is none."""
+        named = _NAMED[self.kind]
         if self.kind != "strings" or not isinstance(value, list):
-            return f"not {_shown(value)}"
-        return f"and has {next(_shown(one) for one in value if not isinstance(one, str))} in it"
+            return f"is {_shown(value)}, it must be {named}"
+        item = next(_shown(one) for one in value if not isinstance(one, str))
+        return f"must be {named}, and has {item} in it"
 
     def _problem_of_number(self, value: float) -> str | None:
         if isinstance(value, int) and abs(value) > _MAX_INTEGER:
             return f"is {_shown(value)}, it must lie within ±2^53"
         if not math.isfinite(value):
-            return f"must be a finite number, not {value}"
+            return f"is {value}, it must be a finite number"
         low, high = self.minimum, self.maximum
         if (low is not None and value < low) or (high is not None and value > high):
             return f"is {_shown(value)}, it must be {self._range()}"
@@ -157,10 +159,10 @@ class Param:
     def _range(self) -> str:
         unit = unit_of(self.name)
         if self.minimum is None:
-            return f"at most {self.maximum:g}{unit}"
+            return f"at most {_limit(self.maximum)}{unit}"
         if self.maximum is None:
-            return f"at least {self.minimum:g}{unit}"
-        return f"{self.minimum:g} to {self.maximum:g}{unit}"
+            return f"at least {_limit(self.minimum)}{unit}"
+        return f"{_limit(self.minimum)} to {_limit(self.maximum)}{unit}"
 
 
 def check(method: str, declared: Mapping[str, Param], given: Mapping[str, Any]) -> Refusal | None:
@@ -197,6 +199,11 @@ def check(method: str, declared: Mapping[str, Param], given: Mapping[str, Any]) 
             )
             return Refusal("invalid_params", text, {"parameter": param.name})
     return None
+
+
+def _limit(value: float | None) -> str:
+    """Return a limit as a person writes it: 1000000, not 1e+06."""
+    return str(value) if isinstance(value, int) else f"{value:g}"
 
 
 def _shown(value: object) -> str:

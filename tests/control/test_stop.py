@@ -150,13 +150,25 @@ def test_a_clear_that_was_sent_before_a_stop_does_not_clear_it(mark: str) -> Non
     }
     assert error["message"] == (
         f"a stop (disable) by the daemon: a hand in the jaws; {how[mark]}, so this is not carried"
-        " out: look at the state and, when it is safe, send it again: then it clears that, too"
+        " out: look at the state and, when it is safe, send it again, which then clears that, too"
     )
     stop = world.state.stop
     assert stop is not None
     assert stop.level == "disable"
     client.result("stop.clear", stop_generation=generation, sent_s=world.now_s)
     assert world.state.stop is None
+
+
+def test_of_a_stop_that_is_cleared_by_now_this_is_said_first() -> None:
+    world, client = ready()
+    generation = client.result("hello")["stop_generation"]
+    world.client().result("stop", why="a hand")
+    world.client().result("stop.clear")
+    told = client.call("motion.open", stop_generation=generation)["error"]["message"]
+    assert told.partition("): ")[2] == (
+        "a hand; it is cleared, but this client had not heard of it, so this is not carried out:"
+        " look at the state and, when it is safe, send it again"
+    )
 
 
 def test_a_clear_that_does_not_say_when_it_was_sent_clears() -> None:

@@ -82,6 +82,8 @@ def test_the_members_of_the_gripper_are_found_where_the_daemon_is_taken_for_it()
     )
     with pytest.raises(AttributeError, match="did you mean 'put_object'"):
         daemon.put_objekt(40.0)
+    with pytest.raises(AttributeError, match="did you mean 'remove_object'"):
+        daemon.remove()
 
 
 def test_an_argument_that_is_not_there_is_told_with_those_that_are() -> None:

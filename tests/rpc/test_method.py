@@ -55,6 +55,23 @@ def test_an_array_with_something_else_in_it_is_told_what() -> None:
     client.refused("events.subscribe", "invalid_params", told, kinds=["stop", 3])
 
 
+@pytest.mark.parametrize(
+    ("method", "given", "told"),
+    [
+        ("motion.set_force", {"force_n": "x"}, "force_n is 'x', it must be a number"),
+        ("motion.open", {"wait": [1]}, "wait is an array, it must be true or false"),
+        ("motion.move", {"opening_mm": 9, "kp": 900}, "kp is 900, it must be 5 to 500 N·m/rad"),
+        ("motion.move", {"opening_mm": 9, "kd": 9}, "kd is 9, it must be 0.1 to 5 N·m·s/rad"),
+        ("trajectory.play", {"name": "a", "repeat": 0}, "repeat is 0, it must be 1 to 1000000"),
+    ],
+)
+def test_a_value_that_cannot_be_is_told_with_its_range_and_unit(
+    method: str, given: dict[str, object], told: str
+) -> None:
+    _, client = enabled_world()
+    client.refused(method, "invalid_params", f"{method}: {told}", **given)
+
+
 @pytest.mark.parametrize("if_busy", ["replace", "queue"])
 def test_what_a_function_raises_is_a_refusal_whenever_its_turn_comes(if_busy: str) -> None:
     _, client = enabled_world()

@@ -400,6 +400,19 @@ def test_of_a_recording_that_was_broken_off_a_shell_keeps_the_part(
     assert 40 < kept["samples"] < 60
 
 
+def test_that_command_is_for_the_programs_gripper(site: Site) -> None:
+    daemon = site.add(Daemon("left"))
+    with litegrip.LiteGrip("left") as gripper:
+        gripper.load_calibration()
+        gripper.enable()
+        gripper.record_start()
+        site.run(0.5)
+        daemon.client().result("stop")
+        with pytest.raises(litegrip.TrajectoryRecordingError) as caught:
+            gripper.record_stop()
+    assert "; litegripctl -c left trajectories keep --partial NAME takes" in str(caught.value)
+
+
 def test_what_the_sdk_lacks_is_named_as_a_call_of_the_daemon(gripper: LiteGrip) -> None:
     assert gripper.daemon is not None
     gripper.daemon.software_stop()

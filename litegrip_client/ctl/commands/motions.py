@@ -48,7 +48,7 @@ def enable(run: Run) -> int:
 def disable(run: Run) -> int:
     """Disable the motor."""
     try:
-        with naming_the_danger():
+        with naming_the_danger(run.here):
             data = run.connection.call("motor.disable", {"detach": True}, ACTION_TIMEOUT_S)
     except BusyError as error:
         error.message += run.here("; to disable it all the same: litegripctl stop --level disable")

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from dataclasses import fields
 from typing import Any
 
+from litegrip_client.core.discovery import in_any_shell
 from litegrip_client.values import errors as ours
 from litegrip_client.values.motion_config import DAEMON_FIELDS
 from litegrip_client.values.motion_config import MotionConfig as OurMotionConfig
@@ -79,8 +80,12 @@ def in_their_terms() -> Iterator[None]:
         raise translated(error) from None
 
 
-def voice_of(kind: type) -> Voice:
-    """Return what names what the daemon's messages name: calls of `kind`, else of its `daemon`."""
+def voice_of(kind: type, channel: str) -> Voice:
+    """Return what names what the daemon's messages name: calls of `kind`, else of its `daemon`.
+
+    Commands for a shell are those for the gripper of `channel`.
+    """
+    here = in_any_shell(channel)
 
     def own(call: re.Match[str]) -> str:
         return call[0] if hasattr(kind, call[1]) else f"gripper.daemon.{call[1]}"
@@ -88,7 +93,7 @@ def voice_of(kind: type) -> Voice:
     def voice(method: str | None, parameter: str | None, asked: str | None) -> str | None:
         is_of_shell = (method, parameter) == ("trajectory.record_stop", "allow_partial")
         named = (in_shell if is_of_shell else in_python)(method, parameter, asked)
-        return named and re.sub(r"\bgripper\.(\w+)", own, named)
+        return named and here(re.sub(r"\bgripper\.(\w+)", own, named))
 
     return voice
 

@@ -269,7 +269,7 @@ class LiteGrip:
                 config.can_channel,
                 named_id,
                 disable_on_disconnect=bool(self.disable_on_disconnect),
-                voice=voice_of(LiteGrip),
+                voice=voice_of(LiteGrip, config.can_channel),
             )
             daemon.connect()
             found, version = daemon.config, daemon.info().get("version")

@@ -286,9 +286,9 @@ def test_zero_measures_saves_and_prints_how_far_it_is(
     assert daemon.asked("calibration.zero") == [asked]
     assert json.loads(pinned.read_text()) == content(daemon)
     assert capsys.readouterr().out.splitlines() == [
-        "[probe_open] 0/200 cmd=+0.1000 pos=+0.2000 tau=+0.300",
-        "[probe_open] 10/200 cmd=+0.1000 pos=+0.2000 tau=+0.300",
-        "[probe_closed] 0 cmd=+0.1000 pos=+0.2000 tau=+0.300",
+        "[probe_open] 0/200 cmd=+0.1000 rad pos=+0.2000 rad tau=+0.300 N·m",
+        "[probe_open] 10/200 cmd=+0.1000 rad pos=+0.2000 rad tau=+0.300 N·m",
+        "[probe_closed] 0 cmd=+0.1000 rad pos=+0.2000 rad tau=+0.300 N·m",
         (
             "closed +0.0000 rad, open -1.6400 rad, travel 1.6400 rad, 52.50 mm/rad;"
             " saved by the daemon to /var/can0.json"
@@ -470,5 +470,5 @@ def test_the_advice_of_a_probe_that_fails_names_the_argument_too(
     daemon.instead["calibration.zero"] = Refuse("not_found", -32000, "or raise calib_kp")
     with pytest.raises(LiteGripError, match=r"^or raise kp$"):
         enabled.calibrate()
-    with pytest.raises(LiteGripError, match=r"^or raise calib_kp$"):
+    with pytest.raises(LiteGripError, match=r"^or raise gripper\.motion_config\.calib_kp$"):
         enabled.zero()  # its figures are motion_config's

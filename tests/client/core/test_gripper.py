@@ -82,6 +82,50 @@ def test_the_socket_of_the_environment_is_used(
         assert (gripper.is_connected, gripper.channel) == (True, "can0")
 
 
+@pytest.mark.parametrize("by", ["argument", "variable"])
+def test_a_socket_without_a_channel_is_taken_as_it_is(
+    site: Bench, kind: Kind, monkeypatch: pytest.MonkeyPatch, by: str
+) -> None:
+    left, path = Heard("left"), "/run/litegripd/left.sock"
+    site.add(left)
+    if by == "variable":
+        monkeypatch.setenv("LITEGRIPD_SOCKET", path)
+    gripper = kind.gripper(None, socket_path=path if by == "argument" else None)
+    assert gripper.channel == path
+    with pytest.raises(ConnectError, match=f"not connected to the daemon of {path}") as early:
+        gripper.get_state()
+    assert early.value.channel == path
+    left.client().result("stop")
+    with gripper:
+        assert gripper.channel == "left"
+        with pytest.raises(StoppedError) as caught:
+            gripper.enable()
+    assert caught.value.channel == "left"
+    assert not str(caught.value).startswith("left: ")
+
+
+def test_a_channel_of_the_environment_is_that_of_the_socket(
+    site: Bench, kind: Kind, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    site.add(Heard("left"))
+    monkeypatch.setenv("LITEGRIP_CHANNEL", "can0")
+    with pytest.raises(CommandError, match="has channel left, not can0"):
+        kind.gripper(None, socket_path="/run/litegripd/left.sock").connect()
+
+
+def test_a_second_object_at_a_socket_is_no_second_gripper(site: Bench, kind: Kind) -> None:
+    left, path = Heard("left"), "/run/litegripd/left.sock"
+    site.add(left)
+    left.client().result("stop")
+    with (
+        kind.gripper(None, socket_path=path) as one,
+        kind.gripper(None, socket_path=path),
+        pytest.raises(StoppedError) as caught,
+    ):
+        one.enable()
+    assert not str(caught.value).startswith("left: ")
+
+
 @pytest.mark.parametrize(
     ("given", "told"),
     [

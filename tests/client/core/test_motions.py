@@ -13,11 +13,13 @@ from litegrip_client import (
     GraspResult,
     GripperState,
     HardwareError,
+    LeaseError,
     LiteGrip,
     MotionConfig,
     MoveProgress,
     MoveResult,
     ParameterError,
+    StoppedError,
 )
 from tests.client.rig import GUARDS, Bench, Heard, Kind
 from tests.client.taught import TAUGHT
@@ -403,3 +405,26 @@ def test_a_zero_that_fails_raises_and_one_that_is_not_sure_leaves_it_to_be_disab
     daemon.lose_from_motor = lambda _frame: False
     enabled.disconnect()
     assert daemon.methods()[-2:] == ["motor.disable", "lease.release"]
+
+
+@pytest.mark.parametrize("level", ["hold", "relax", "disable"])
+def test_after_a_stop_the_next_call_is_for_when_it_is_safe(
+    site: Bench, daemon: Heard, enabled: LiteGrip, kind: Kind, level: str
+) -> None:
+    why = "a hand is in there"
+    site.after(0.3, lambda: daemon.client().result("stop", level=level, why=why))
+    with pytest.raises(StoppedError) as caught:
+        enabled.close(speed_mm_s=10.0)
+    assert str(caught.value).endswith(
+        f": {why}\nwhen it is safe: {kind.awaits}gripper.clear_stop()"
+    )
+
+
+def test_so_it_is_after_a_take_over(
+    site: Bench, daemon: Heard, enabled: LiteGrip, kind: Kind
+) -> None:
+    why = "the arm is in the way"
+    site.after(0.3, lambda: daemon.client().result("lease.take", why=why, jaws="disable"))
+    with pytest.raises(LeaseError) as caught:
+        enabled.close(speed_mm_s=10.0)
+    assert str(caught.value).endswith(f": {why}\nwhen it is safe: {kind.awaits}gripper.enable()")

@@ -15,7 +15,7 @@ from litegrip_client import (
     TrajectoryBusyError,
     TrajectoryNotActiveError,
 )
-from tests.client.rig import Heard, Kind, Refuse
+from tests.client.rig import Bench, Heard, Kind, Refuse
 from tests.client.taught import BESIDE, CONTENT, GRIPS, TAUGHT
 from tests.geometry import TRAVEL_MM
 from tests.trajectories import PIECE_BYTES, lgt, sampled, swing
@@ -175,6 +175,46 @@ def test_what_needs_a_replay_names_the_call_that_begins_one(enabled: LiteGrip, k
             control()
         assert caught.value.hint == f"{kind.awaits}gripper.play_start()"
         assert str(caught.value) == f"no replay is running: begin one ({caught.value.hint})"
+
+
+def test_what_cannot_be_replayed_is_refused_where_it_is_begun(
+    enabled: LiteGrip, kind: Kind
+) -> None:
+    fast = Trajectory.from_bytes(lgt([(0.0, START), (0.1, START - 0.4), (0.2, START)]))
+    with pytest.raises(CommandError, match=r"^speed is 1, with which .* goes") as blocking:
+        enabled.play(fast)
+    with pytest.raises(CommandError) as caught:
+        enabled.play_start(fast, loop=True)
+    assert (str(caught.value), type(caught.value)) == (str(blocking.value), type(blocking.value))
+    with pytest.raises(TrajectoryNotActiveError) as over:
+        enabled.play_pause()
+    assert over.value.message == f"no replay is running; the last one has ended: {blocking.value}"
+    assert over.value.hint == f"{kind.awaits}gripper.play_start()"
+
+
+def test_why_a_replay_has_ended_is_told_by_what_needs_one(
+    daemon: Heard, enabled: LiteGrip, kind: Kind
+) -> None:
+    assert enabled.play_start(SWING, loop=True)["phase"] == "play"
+    daemon.client().result("stop", why="hand")
+    kind.pause(0.1)
+    daemon.client().result("stop.clear")
+    enabled.get_state()
+    ended = "no replay is running; the last one has ended: job .*, play, was broken off: a stop .*"
+    for control in (enabled.play_pause, enabled.play_resume, lambda: enabled.play_speed(1)):
+        with pytest.raises(TrajectoryNotActiveError, match=f"^{ended}: hand") as caught:
+            control()
+        assert str(caught.value).endswith(f"hand\nnext: {kind.awaits}gripper.play_start()")
+
+
+def test_one_that_is_not_loaded_soon_is_not_waited_for(
+    site: Bench, daemon: Heard, enabled: LiteGrip
+) -> None:
+    daemon.instead["trajectory.play"] = {"job": 9}
+    daemon.instead["trajectory.status"] = {**playing(), "phase": "load"}
+    began_s = site.now_s
+    assert enabled.play_start(SWING)["phase"] == "load"
+    assert site.now_s - began_s == pytest.approx(1.0, abs=0.1)
 
 
 def test_play_stop_waits_for_the_end(daemon: Heard, gripper: LiteGrip) -> None:

@@ -328,7 +328,7 @@ def test_a_stop_of_another_is_told_as_the_end_of_the_stream(
     kind.pause(pause_s)
     watcher.result("stop", why="hand")
     told = until_refused(kind, stream, 10.0)
-    assert told.text == f"{ended}\nnext: {kind.awaits}gripper.clear_stop()"
+    assert told.text == f"{ended}\nwhen it is safe: {kind.awaits}gripper.clear_stop()"
     enabled.clear_stop()
     enabled.enable()
     stream.set_target(10.0)
