@@ -68,6 +68,14 @@ class Restartable:
             assert time.monotonic() < ends_s, answer
         return answer
 
+    def restart_at_last(self, client: Client) -> dict[str, Any]:
+        """Restart, and again what this busy machine lets fail; return the result."""
+        ends_s = time.monotonic() + DEADLINE_S
+        while "result" not in (answer := self.restart(client)):
+            assert time.monotonic() < ends_s, answer
+        result: dict[str, Any] = answer["result"]
+        return result
+
     def close(self) -> None:
         """End whoever runs; all of them were started by this test."""
         with contextlib.suppress(ProcessLookupError):

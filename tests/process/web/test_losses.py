@@ -635,7 +635,7 @@ def test_a_daemon_that_was_restarted_while_the_jaws_hold_has_let_go_of_nothing(
             take_control(tab)
             other.evaluate(KEEP_WHAT_IS_SAID)
             tab.evaluate(KEEP_WHAT_IS_SAID)
-            daemon.restart_despite_silence(client)
+            daemon.restart_at_last(client)
             told = re.compile("you no longer have control", re.IGNORECASE)
             expect(toasts(tab).filter(has_text=told)).to_have_count(1)  # by whom, who is first says
             expect(part(other, "mode")).not_to_have_text("no daemon")
