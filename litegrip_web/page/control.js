@@ -35,9 +35,10 @@ const BARS = {
   release: ["silent", "off"], // a finger may be in it, behind a stop, too
   hold: ["silent", "stop", "off"],
   motion: ["late", "silent", "stop", "off", "teach"],
+  teach: ["late", "silent", "stop", "off", "moves"],
   force: ["late", "silent", "stop", "off", "teach", "loose"],
 };
-const NEEDS = { enable: "enable", zero: "zero", release: "release", hold: "hold", "clear-fault": "control", "set-force": "force" }; // all else "motion"
+const NEEDS = { enable: "enable", zero: "zero", release: "release", hold: "hold", "clear-fault": "control", "set-force": "force", teach: "teach" }; // all else "motion"
 /* What the bar says already of these reasons, by the kind of the event. */
 const ABOUT = { motor_fault: "motor", motor_silent: "bus" };
 const LEASE = { ttl_s: TTL_S, purpose: "the page in a browser", on_lost: "hold" };
@@ -271,6 +272,7 @@ export class Control {
       stop: state.stop !== null && `stopped: “${clear}” first`,
       off: !state.enabled && (state.mode === "fault" ? "a fault: “Enable” again" : "“Enable” first"),
       teach: this.#recording === "on" && `a recording runs, with a hand at the jaws: ${this.#endings} first`,
+      moves: state.job !== null && "a motion runs: “Hold” ends it",
       loose: isLoose(state) && "nothing is gripped, and the jaws would close: “Grasp”",
     };
     if (this.#recording === "on" && state.job?.kind !== "record") this.#askRecording();
@@ -491,6 +493,7 @@ export class Control {
   async #teach() {
     if (!(await this.#isAllKept())) return;
     if (!(await this.#mayKeep("a new one", "motion"))) return;
+    if (this.#isHolding && !(await ask(this.#panel, "Teaching makes the jaws slack, for a hand to lead them.", "Teach", "motion"))) return;
     const begun = await this.#do("teach", "trajectory.record_start");
     if (begun === null) return this.#showRecording(null);
     this.#job = begun.job;

@@ -180,15 +180,13 @@ export class Jaws {
       const [x, y] = at(event);
       move(x - from[0], y - from[1]);
     });
-    const finish = (event) => {
-      if (from === null) return;
-      const [x, y] = at(event);
+    const finish = (x, y) => {
       const begun = from;
       from = null;
       node.classList.remove("dragged");
       end(x - begun[0], y - begun[1]);
     };
-    node.addEventListener("pointerup", finish);
-    node.addEventListener("pointercancel", finish);
+    node.addEventListener("pointerup", (event) => from !== null && finish(...at(event)));
+    node.addEventListener("pointercancel", () => from !== null && finish(...from)); // it is where it was
   }
 }

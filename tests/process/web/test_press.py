@@ -3,11 +3,11 @@
 from collections.abc import Callable, Iterator
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, expect
+from playwright.sync_api import Browser, BrowserContext, Locator, expect
 from playwright.sync_api import Page as Tab
 
 from tests.process.daemon_process import DEADLINE_S, Client
-from tests.process.web.on_page import button, enable, opened, part, take_control
+from tests.process.web.on_page import OBJECT_MM, button, enable, grasp, opened, part, take_control
 from tests.process.web.page_process import Page
 
 
@@ -119,9 +119,8 @@ def test_stop_acts_when_it_is_pressed(
     assert client.result("state.get")["stop_generation"] - before == PRESSES[press]
 
 
-def swipe(tab: Tab, name: str, dx: float, dy: float) -> None:
+def swipe(tab: Tab, node: Locator, dx: float, dy: float) -> None:
     """Draw a finger over the page, from a part of it, by so many pixels."""
-    node = part(tab, name)
     node.evaluate("(node) => node.scrollIntoView({block: 'center'})")
     box = node.bounding_box()
     assert box is not None
@@ -133,10 +132,11 @@ def swipe(tab: Tab, name: str, dx: float, dy: float) -> None:
     fingers("touchEnd")
 
 
-def swipe_until_it_scrolls(tab: Tab, name: str, dy: float) -> None:
-    part(tab, name).evaluate("(node) => node.scrollIntoView({block: 'center'})")
+def swipe_until_it_scrolls(tab: Tab, node: Locator, dy: float) -> None:
+    tab.evaluate("scrollTo(0, 200)")
+    node.evaluate("(node) => node.scrollIntoView({block: 'center'})")
     before = tab.evaluate("scrollY")
-    swipe(tab, name, 0.0, dy)
+    swipe(tab, node, 0.0, dy)
     while tab.evaluate("scrollY") == before:
         tab.wait_for_timeout(20)
 
@@ -151,18 +151,26 @@ def test_who_scrolls_a_phones_page_moves_no_jaws(
     button(tab, "Open").click()
     expect(part(tab, "outcome")).to_contain_text("open: reached")
     jobs = client.result("job.list")["jobs"]
-    swipe_until_it_scrolls(tab, "slider", dy)
+    swipe_until_it_scrolls(tab, part(tab, "slider"), dy)
     expect(part(tab, "slider-text")).to_have_text("80.0 mm")
     expect(part(tab, "outcome")).to_contain_text("open: reached")
     assert client.result("job.list")["jobs"] == jobs
     # A key or a finger that slides it moves the jaws, also after that.
     part(tab, "slider").press("ArrowLeft")
     client.until(lambda state: bool(state["job"] is None and 78 < state["opening_mm"] < 79.8))
-    swipe(tab, "slider", 60.0, 0.0)
+    swipe(tab, part(tab, "slider"), 60.0, 0.0)
     client.until(lambda state: bool(state["job"] is None and state["opening_mm"] < 70))
 
 
-def test_jaws_that_nobody_can_drag_are_scrolled(
-    window: BrowserContext, looking: Page, client: Client
+@pytest.mark.parametrize("dy", [-120.0, 120.0])
+def test_who_scrolls_over_the_jaws_takes_nothing_out_of_them(
+    window: BrowserContext, operating: Page, client: Client, dy: float
 ) -> None:
-    swipe_until_it_scrolls(opened(window, looking), "jaws", -120.0)
+    grasp(client)
+    tab = opened(window, operating)
+    expect(part(tab, "held")).to_have_text("object detected")
+    swipe_until_it_scrolls(tab, tab.locator(".jaws .item"), dy)
+    told_s = client.result("state.get")["monotonic_s"]
+    client.until(lambda state: bool(state["monotonic_s"] > told_s + 0.5))
+    assert client.result("state.get")["is_grasped"]
+    assert client.result("sim.get")["object"]["width_mm"] == OBJECT_MM

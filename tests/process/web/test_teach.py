@@ -10,6 +10,7 @@ from tests.process.daemon_process import Client
 from tests.process.web.on_page import (
     button,
     enable,
+    grasp,
     opened,
     part,
     take_control,
@@ -281,6 +282,35 @@ def test_the_head_says_that_it_teaches_and_replays(
     expect(mode).to_have_text(re.compile(r"^replaying( \(\w+\))?$"))
     operated.keyboard.press("Escape")
     expect(part(operated, "stopped")).to_be_visible()
+
+
+def test_teaching_asks_before_it_drops_what_is_held(operated: Tab, client: Client) -> None:
+    grasp(client)
+    take_control(operated)
+    expect(part(operated, "held")).to_have_text("object detected")
+    button(operated, "Teach").click()
+    expect(operated.get_by_role("dialog")).to_contain_text("Something is held: it will drop.")
+    button(operated, "No, leave it").click()
+    assert client.result("state.get")["is_grasped"]
+    button(operated, "Teach").click()
+    operated.get_by_role("dialog").get_by_role("button", name="Teach").click()
+    expect(part(operated, "outcome")).to_contain_text("Recording: ")
+
+
+def test_no_teaching_begins_while_a_motion_runs(operated: Tab, client: Client) -> None:
+    enable(operated, client)
+    button(operated, "Open").click()
+    expect(part(operated, "outcome")).to_contain_text("open: reached")
+    part(operated, "pace").fill("10")
+    button(operated, "Close").click()
+    expect(part(operated, "mode")).to_contain_text("moving: close")
+    expect(button(operated, "Teach")).to_be_disabled()
+    box = button(operated, "Teach").bounding_box()
+    assert box is not None
+    operated.mouse.click(box["x"] + 5, box["y"] + 5)
+    expect(part(operated, "outcome")).to_have_text("teach: a motion runs: “Hold” ends it")
+    operated.keyboard.press("h")
+    expect(button(operated, "Teach")).to_be_enabled()
 
 
 def test_no_key_moves_the_jaws_that_a_hand_leads(
