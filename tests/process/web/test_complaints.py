@@ -266,20 +266,6 @@ def test_a_motion_that_ended_wrongly_says_why_until_the_next_one(
     expect(toasts(operated)).to_have_text([re.compile(why)])
 
 
-def test_a_complaint_stays_when_a_motion_ends_that_had_begun_before(
-    operated: Tab, client: Client
-) -> None:
-    enable(operated, client)
-    begin_to_close(operated, client)
-    part(operated, "name").fill("a/b")
-    button(operated, "Teach").click()
-    expect(toasts(operated)).to_contain_text(["“Name”: it may have"])
-    expect(part(operated, "events")).to_contain_text("close: ")
-    client.until(lambda state: state["job"] is None)
-    expect(part(operated, "outcome")).to_have_text("close: pressed home")
-    expect(toasts(operated)).to_contain_text(["“Name”: it may have"])
-
-
 def test_no_force_is_set_that_would_close_empty_jaws(operated: Tab, client: Client) -> None:
     enable(operated, client)
     button(operated, "Open").click()

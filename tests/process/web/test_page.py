@@ -796,8 +796,9 @@ def test_messages_have_the_words_of_the_page(operated: Tab, client: Client) -> N
     part(operated, "pace").fill("10")
     button(operated, "Close").click()
     client.until(lambda state: bool(state["job"]))
-    button(operated, "Teach").click()
-    expect(outcome).to_contain_text(
+    button(operated, "Zero …").click()
+    button(operated, "The jaws are free: move them").click()
+    expect(operated.locator("#zero-progress")).to_contain_text(
         "wait for it (“Events” tell when it ends), cancel it ('litegripctl cancel') or stop"
     )
 
