@@ -37,7 +37,7 @@ from tests.turns import Turns
 from tests.world import CAN_ID, PERIOD_S, Disk, World, is_command
 
 _CLOCKED = (
-    *("core.motion", "core.trajectories", "line.connection", "line.exchange"),
+    *("core.motion", "core.session", "core.trajectories", "line.connection", "line.exchange"),
     *("line.latest", "threads.blocking", "threads.sdk_gripper", "values.results"),
 )
 """The client's modules that read a clock, or wait by it."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
+import time
 from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
 from weakref import WeakSet, WeakValueDictionary
 
@@ -90,6 +91,9 @@ ACTION_TIMEOUT_S = 30.0
 
 _GONE_WITHIN_S = 2.0
 """So soon the daemon has noticed a connection's end, and disabled the motor if it has to."""
+
+_FAREWELL_WITHIN_S, _FAREWELL_LOOK_S = 1.0, 0.02
+"""So long a daemon that ends is listened to: its last line says whether the motor is off."""
 
 _SESSIONS: WeakSet[DaemonSession] = WeakSet()
 """All of this process."""
@@ -345,11 +349,60 @@ class DaemonSession:
         self._leases = 0
         try:
             if enabled_here and wire.connection.is_own and self.disable_on_disconnect:
-                await _disable(wire, self.channel)
+                await self._disable(wire)
             if leased and wire.connection.is_own:
                 await _release(wire)
         finally:
             await wire.close()
+
+    async def _disable(self, wire: Wire) -> None:
+        channel = self.channel
+        is_told = wire.connection.is_danger_told
+        cannot = f"{channel}: the motor could not be disabled, cut its power"
+        try:
+            done = (await wire.call("motor.disable", None, ACTION_TIMEOUT_S)).get("ok")
+        except LeaseError as error:  # the motor is another's to disable
+            warn(f"{channel}: the end of this block leaves the motor as it is: {error.message}")
+            return
+        except HardwareError as error:
+            error.message = f"{cannot}: {error.message}"
+            raise
+        except ConnectError as error:
+            why = error.message
+            if error.reason == "shutting_down":
+                last = await self._farewell(wire, error)
+                why = last.message
+                error.data.update(last.data)
+                is_off = error.data.get("motor_off")
+                doubt = "" if is_off else "nothing has confirmed that the motor is off: "
+                error.message = f"{channel}: {doubt}{why}"
+                raise
+            if error.reason == "no_answer":
+                why = "the daemon does not answer"
+                error.is_told = is_told
+            elif error.reason == "connection_lost":
+                cannot, why = f"{channel}: the motor could not be disabled", f"{why}: {LEFT_ALONE}"
+            error.message = f"{cannot}: {why}"
+            raise
+        if not done:
+            raise HardwareError(
+                f"{channel}: the motor did not confirm that it is disabled, cut its power",
+                reason="not_confirmed",
+                data={"retryable": True},
+            )
+
+    async def _farewell(self, wire: Wire, error: ConnectError) -> ConnectError:
+        """Return the last that a daemon which ends says, after `error`."""
+        ends_s = time.monotonic() + _FAREWELL_WITHIN_S
+        while "motor_off" not in error.data and time.monotonic() < ends_s:
+            await self.pause(_FAREWELL_LOOK_S)
+            try:
+                await wire.call("state.get")
+            except ConnectError as later:
+                if later.reason != "shutting_down":
+                    break
+                error = later
+        return error
 
     # The lease
 
@@ -577,39 +630,6 @@ def _is_own(connection: Exchange, owner: Mapping[str, Any]) -> bool:
     if connection.client is not None and "client" in owner:
         return bool(owner["client"] == connection.client)
     return bool(owner["pid"] == os.getpid())
-
-
-async def _disable(wire: Wire, channel: str) -> None:
-    is_told = wire.connection.is_danger_told
-    cannot = f"{channel}: the motor could not be disabled, cut its power"
-    try:
-        done = (await wire.call("motor.disable", None, ACTION_TIMEOUT_S)).get("ok")
-    except LeaseError as error:  # the motor is another's to disable
-        warn(f"{channel}: the end of this block leaves the motor as it is: {error.message}")
-        return
-    except HardwareError as error:
-        error.message = f"{cannot}: {error.message}"
-        raise
-    except ConnectError as error:
-        why = error.message
-        if error.reason == "shutting_down":
-            is_off = error.data.get("motor_off")
-            doubt = "" if is_off else "nothing has confirmed that the motor is off: "
-            error.message = f"{channel}: {doubt}{why}"
-            raise
-        if error.reason == "no_answer":
-            why = "the daemon does not answer"
-            error.is_told = is_told
-        elif error.reason == "connection_lost":
-            cannot, why = f"{channel}: the motor could not be disabled", f"{why}: {LEFT_ALONE}"
-        error.message = f"{cannot}: {why}"
-        raise
-    if not done:
-        raise HardwareError(
-            f"{channel}: the motor did not confirm that it is disabled, cut its power",
-            reason="not_confirmed",
-            data={"retryable": True},
-        )
 
 
 def _kept(voice: Voice) -> Voice:

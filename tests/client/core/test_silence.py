@@ -315,6 +315,27 @@ def test_who_waits_when_the_daemon_is_ended_is_told_once_what_it_does_and_how_to
     assert caplog.messages == [NOT_OFF_ENDING]
 
 
+@pytest.mark.parametrize("is_moving", [True, False])
+def test_an_orderly_end_is_no_alarm_at_the_end_of_a_block(
+    site: Bench, daemon: Heard, kind: Kind, caplog: pytest.LogCaptureFixture, is_moving: bool
+) -> None:
+    """The motor is off a moment after the daemon has begun to end, and its last line says so."""
+
+    def end() -> None:
+        daemon.controller.shut_down()
+        site.after(0.2, daemon.end)
+
+    with pytest.raises(ConnectError) as caught, kind.gripper() as gripper:  # noqa: PT012 - as above
+        gripper.enable()
+        if is_moving:
+            site.after(0.3, end)
+            gripper.goto(5.0, duration=5.0)
+        end()
+    assert caplog.messages == []
+    told = ENDING if is_moving else f"can0: {ENDED}"
+    assert caught.value.message == told
+
+
 def test_what_is_told_once_is_told_again_of_another_silence(
     daemon: Heard, kind: Kind, caplog: pytest.LogCaptureFixture
 ) -> None:
