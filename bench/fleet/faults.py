@@ -30,8 +30,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from litegrip_client.core.stop import stop_at
-from litegrip_client.ctl.commands.state import FAR_STOP_WITHIN_S
+from litegrip_client.core.stop import FAR_STOP_WITHIN_S, stop_at
 from litegrip_client.values.errors import LiteGripError
 from tests.process.daemon_process import DaemonProcess
 from tests.process.fleet.cable import Fault as BadCable

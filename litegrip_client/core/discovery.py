@@ -135,7 +135,7 @@ def _sockets(environment: Mapping[str, str] | None) -> Iterator[tuple[str, str]]
     environment = os.environ if environment is None else environment
     for directory in (*sockets.directories(environment), sockets.PORTAL_DIRECTORY):
         for name in _names(directory):
-            if name.endswith(".sock") and not name.endswith(".stop.sock"):
+            if name.endswith(".sock") and not sockets.is_for_stops(name):
                 yield name.removesuffix(".sock"), f"{directory}/{name}"
 
 
@@ -197,19 +197,31 @@ async def reach(
 ) -> _Connected:
     """Connect to the daemon of `channel` by `attempt`, which raises `OSError` where none answers.
 
-    Raises `ConnectError` that lists the attempts. With `left_out` a Python program has named no
+    Raises `ConnectError` that lists the attempts, `CommandError` for a socket that takes all for a
+    stop. With `left_out` a Python program has named no
     channel: the error says how to. `here` names the gripper in commands of the error.
     """
     failures: list[tuple[str, OSError]] = []
     for candidate in socket_paths(channel, socket_path):
+        if sockets.is_for_stops(candidate):
+            raise _only_for_stops(candidate)
         try:
             return await attempt(candidate)
-        except OSError as error:  # noqa: PERF203 - two turns at most
+        except OSError as error:
             if is_of_handler(error):
                 raise
             failures.append((candidate, error))
     by_variable = socket_path is None
     raise _no_daemon(channel, failures, here, is_by_variable=by_variable, left_out=left_out)
+
+
+def _only_for_stops(path: str) -> ParameterError:
+    meant = f"{path.removesuffix(sockets.STOP_END)}.sock"
+    return ParameterError(
+        f"{path} is for stops alone, and what connects there stops the gripper: nothing was sent",
+        reason="invalid_params",
+        data={"hint": f"name the daemon's other socket: {meant}"},
+    )
 
 
 def _no_daemon(

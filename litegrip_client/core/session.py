@@ -19,7 +19,7 @@ from litegrip_client.core.discovery import (
     is_socket_given,
     socket_paths,
 )
-from litegrip_client.core.sockets import STOP_LEVELS
+from litegrip_client.core.sockets import CHANNEL_VARIABLE, STOP_LEVELS
 from litegrip_client.line.exchange import LEFT_ALONE, SEE_DOCTOR, or_closed
 from litegrip_client.values.checks import (
     check_callback,
@@ -171,9 +171,11 @@ class DaemonSession:
         """Connect to another socket of the same daemon; raises `OSError`."""
         raise NotImplementedError
 
-    async def ask(self, method: str, params: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    async def ask(
+        self, method: str, params: Mapping[str, Any] | None = None, timeout_s: float | None = None
+    ) -> dict[str, Any]:
         """Make a call, even from a signal handler whose thread waits for an answer."""
-        return await self.wire.call(method, params)
+        return await self.wire.call(method, params, timeout_s)
 
     async def command(
         self, method: str, params: Mapping[str, Any], timeout_s: float | None = None
@@ -324,7 +326,10 @@ class DaemonSession:
         except (KeyError, TypeError) as error:
             raise ProtocolError(f"what answers at {path} is no litegripd: {hello!r:.80}") from error
         if channel != self.chosen and self._socket_alone is None:
-            raise different("channel", self.chosen, channel, path)
+            other = different("channel", self.chosen, channel, path)
+            if self.chosen == os.environ.get(CHANNEL_VARIABLE):
+                other.data["hint"] += f", or unset {CHANNEL_VARIABLE}, which names {self.chosen}"
+            raise other
         self.origin.channel = str(channel)
         if self.can_id is not None and can_id != self.can_id:
             raise different("can_id", f"{self.can_id:#04x}", f"{can_id:#04x}", path)

@@ -20,6 +20,7 @@ PORTAL_DIRECTORY = "/run/litegripd-portal"
 """The sockets of grippers of other machines, which are called SITE.GRIPPER. The directory is the
 portal's own: it must not be able to pose as a daemon of this machine."""
 
+STOP_END = ".stop.sock"
 STOP_LEVELS = ("hold", "relax", "disable")
 NOT_REACHED = "the motor does not answer, so nothing reaches it: to be sure, cut its power"
 """What to say of a stop that is latched, but `is_reached` is False."""
@@ -55,5 +56,10 @@ def paths(channel: str, socket_path: str | None, environment: Mapping[str, str])
 
 
 def stop_path(path: str) -> str:
-    """Return the socket for stops that belongs to the socket at `path`."""
-    return f"{path.removesuffix('.sock')}.stop.sock"
+    """Return the socket for stops that belongs to the socket at `path`, or is it."""
+    return path if is_for_stops(path) else f"{path.removesuffix('.sock')}{STOP_END}"
+
+
+def is_for_stops(path: str) -> bool:
+    """Return True for a daemon's socket for stops: it takes whatever is sent there for a stop."""
+    return path.endswith(STOP_END)

@@ -10,6 +10,7 @@ import json
 import socket
 from collections.abc import Mapping
 
+from litegrip_client.core.discovery import is_socket_given
 from litegrip_client.core.sockets import NOT_REACHED, STOP_LEVELS, is_reached, stop_path
 from litegrip_client.line.exchange import request_line
 from litegrip_client.values.errors import (
@@ -32,7 +33,19 @@ _MAX_ANSWER_BYTES = 65_536
 _MAX_REQUEST_BYTES = 1024
 
 STOP_WITHIN_S = 1.0
-"""Stops are served in every tick. Who has no answer by then is stopped by a request as well."""
+"""Stops are served in every tick. Who has no answer by then is stopped by a request as well, which
+waits as long: who stops must hear in time that the stop is not confirmed."""
+FAR_STOP_WITHIN_S = 2.5
+"""A portal reports after 2 s that a stop is not confirmed, and says what to do then."""
+
+
+def stop_within_s(channel: str, socket_path: str | None) -> float:
+    """Return how long a stop may go without an answer: a hung daemon is told soon.
+
+    What is behind a socket that was named may be as far away as what has a dot in its name.
+    """
+    is_far = "." in channel or is_socket_given(socket_path)
+    return FAR_STOP_WITHIN_S if is_far else STOP_WITHIN_S
 
 
 def stop_params(level: str, why: str | None) -> dict[str, str]:
@@ -100,9 +113,10 @@ async def stop(session: DaemonSession, params: dict[str, str]) -> dict[str, Any]
 
         async def give() -> None:
             try:
+                limit_s = stop_within_s(session.chosen, session.socket_path)
                 result.update(
-                    await _by_stop_socket(session, wire, params)
-                    or await session.ask("stop", params)
+                    await _by_stop_socket(session, wire, params, limit_s)
+                    or await session.ask("stop", params, limit_s)
                 )
             except ConnectError as error:
                 if not wire.connection.closed:
@@ -166,7 +180,7 @@ async def _anew(session: DaemonSession, params: dict[str, str]) -> dict[str, Any
 
 
 async def _by_stop_socket(
-    session: DaemonSession, wire: Wire, params: dict[str, str]
+    session: DaemonSession, wire: Wire, params: dict[str, str], limit_s: float
 ) -> dict[str, Any] | None:
     """Stop by the socket that the daemon named; None where that did not work for sure.
 
@@ -176,7 +190,7 @@ async def _by_stop_socket(
     if wire.connection.stop_socket is None or not is_taken_as_meant(params):
         return None
     try:
-        stops = await session.reach(wire.connection.stop_socket, STOP_WITHIN_S)
+        stops = await session.reach(wire.connection.stop_socket, limit_s)
     except OSError:
         return None
     try:

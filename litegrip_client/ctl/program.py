@@ -7,8 +7,9 @@ from argparse import Namespace
 from threading import Thread
 
 from litegrip_client.core.discovery import served_channels
+from litegrip_client.core.stop import stop_within_s
 from litegrip_client.ctl.commands import COMMANDS, find, needs_daemon
-from litegrip_client.ctl.commands.state import not_stopped, stop_first, stop_within_s
+from litegrip_client.ctl.commands.state import not_stopped, stop_first
 from litegrip_client.ctl.parser import UsageError, meant_stop, parse, sounds_like_stop
 from litegrip_client.ctl.render import hint_for, names_remedy
 from litegrip_client.ctl.run import (
@@ -51,7 +52,9 @@ def _run(options: Namespace, output: Output) -> int:
         if not needs_daemon(options):
             _raise_interrupts()
             return command(Run(None, options, output))
-        limit_s = stop_within_s(options) if options.command == "stop" else DEFAULT_TIMEOUT_S
+        limit_s = DEFAULT_TIMEOUT_S
+        if options.command == "stop":
+            limit_s = stop_within_s(options.channel, options.socket)
         with connected(options, limit_s) as connection:
             _raise_interrupts()
             return command(Run(connection, options, output))

@@ -15,6 +15,7 @@ from litegrip_client.core.sockets import (
     CHANNEL_VARIABLE,
     DEFAULT_CHANNEL,
     STOP_LEVELS,
+    is_for_stops,
     is_reached,
     paths,
     stop_path,
@@ -119,6 +120,8 @@ def _state(places: list[str], chosen: str | None, here: Here) -> str | None:
         '{"jsonrpc":"2.0","id":1,"method":"hello","params":{"client":"litegripctl"}}\n'
         '{"jsonrpc":"2.0","id":2,"method":"state.get"}\n'
     )
+    if any(map(is_for_stops, places)):
+        return None
     for path in places:
         try:
             hello, state = _ask(path, requests, 2, _STATE_WITHIN_S)

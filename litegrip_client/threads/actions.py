@@ -1021,8 +1021,10 @@ class BlockingGripper(GripperActions):
         stop: it does not replace the switch that cuts the power.
 
         Raises `CANTimeoutError` if the stop is latched, but the motor does not answer, enabled or
-        not: then nothing reaches it, so cut its power. Wrong arguments raise their error after the
-        gripper was stopped ("hold").
+        not: then nothing reaches it, so cut its power. Raises `ConnectError` if none confirms the
+        stop, after about 2 s on this machine, 5 s where this object must connect first: the stop
+        may still act, so cut the power, too. Wrong arguments raise their error after the gripper
+        was stopped ("hold").
         """
         return complete(self._core.software_stop(level, why))
 

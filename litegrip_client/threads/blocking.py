@@ -99,14 +99,16 @@ class BlockingSession(DaemonSession):
         """Connect to another socket of the same daemon; raises `OSError`."""
         return BlockingWire(Connection(path, timeout_s))
 
-    async def ask(self, method: str, params: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    async def ask(
+        self, method: str, params: Mapping[str, Any] | None = None, timeout_s: float | None = None
+    ) -> dict[str, Any]:
         """Make a call, even from a signal handler whose thread waits for an answer."""
         connection = self.connection
         if not connection.is_waiting_here:
-            return connection.call(method, params)
+            return connection.call(method, params, timeout_s)
         with Connection(connection.socket_path) as another:
             another.voice = self.voice
-            return another.call(method, params)
+            return another.call(method, params, timeout_s)
 
     async def cancel_own(self) -> bool:
         """Cancel what moves for this session's connection, also from a signal handler.

@@ -159,6 +159,21 @@ def test_the_environment_says_where_in_both_ways(
     assert daemon.methods() == []
 
 
+def test_the_socket_for_stops_takes_a_stop_alone(
+    daemon: FakeDaemon,
+    stops: FakeDaemon,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("LITEGRIPD_SOCKET", str(stops.path))
+    assert quick.answer(["state"]) is None
+    assert main(["state"]) != 0
+    assert "is for stops alone" in capsys.readouterr().err
+    assert stops.methods() == []
+    both(["stop"], stops, capsys)
+    assert daemon.methods() == []
+
+
 @pytest.mark.parametrize("line", OTHERS)
 def test_every_other_spelling_is_left_to_the_whole_program(
     daemon: FakeDaemon, stops: FakeDaemon, line: str

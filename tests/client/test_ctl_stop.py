@@ -201,7 +201,7 @@ def hung(path: Path, queue: int = 8) -> Iterator[socket.socket]:
 def wait_only(monkeypatch: pytest.MonkeyPatch, within_s: float) -> None:
     monkeypatch.setattr("litegrip_client.ctl.quick._STOP_WITHIN_S", within_s)
     for name in ("STOP_WITHIN_S", "FAR_STOP_WITHIN_S"):
-        monkeypatch.setattr(f"litegrip_client.ctl.commands.state.{name}", within_s)
+        monkeypatch.setattr(f"litegrip_client.core.stop.{name}", within_s)
 
 
 @pytest.fixture

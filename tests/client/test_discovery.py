@@ -12,6 +12,7 @@ from litegrip_client import GripperConfig, LiteGrip
 from litegrip_client.aio import LiteGrip as AioLiteGrip
 from litegrip_client.core import discovery, sockets
 from litegrip_client.core.discovery import check_channel, socket_paths
+from litegrip_client.core.sockets import stop_path
 from litegrip_client.threads import blocking
 from litegrip_client.threads.blocking import connect
 from litegrip_client.values.errors import CommandError, ConnectError
@@ -124,6 +125,27 @@ def test_what_no_daemon_can_listen_at_is_no_place_to_start_one(tmp_path: Path) -
             with pytest.raises(ConnectError, match=why) as caught:
                 connect("can0", str(path))
             assert caught.value.data["hint"].startswith(remedy)
+
+
+def test_the_socket_for_stops_is_no_place_to_connect(tmp_path: Path) -> None:
+    """It takes all that comes for a stop, a greeting, too."""
+    path = tmp_path / "can0.sock"
+    with FakeDaemon(Path(stop_path(str(path)))) as stops:
+        with pytest.raises(CommandError, match="is for stops alone"):
+            LiteGrip("can0", socket_path=stops.path).connect()
+        with pytest.raises(CommandError, match="is for stops alone") as caught:
+            asyncio.run(AioLiteGrip("can0", socket_path=stops.path).connect())
+        assert caught.value.data["hint"].endswith(f": {path}")
+    assert stops.methods() == []
+
+
+def test_a_channel_is_no_way_to_the_socket_for_stops(machine: Path) -> None:
+    with (
+        FakeDaemon(machine / "can0.stop.sock") as stops,
+        pytest.raises(CommandError, match="is for stops alone"),
+    ):
+        connect("can0.stop")
+    assert stops.methods() == []
 
 
 def test_a_socket_that_is_named_is_of_no_known_unit(monkeypatch: pytest.MonkeyPatch) -> None:

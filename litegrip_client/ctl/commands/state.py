@@ -10,7 +10,7 @@ from itertools import chain, islice
 
 from litegrip_client.core.discovery import is_socket_given, socket_paths
 from litegrip_client.core.sockets import SOCKET_VARIABLE, STOP_LEVELS, is_reached
-from litegrip_client.core.stop import STOP_WITHIN_S, is_taken_as_meant, stop_at, stop_params
+from litegrip_client.core.stop import is_taken_as_meant, stop_at, stop_params, stop_within_s
 from litegrip_client.ctl import render
 from litegrip_client.ctl.parser import LateParser, count, in_unit, positive
 from litegrip_client.ctl.run import (
@@ -29,9 +29,6 @@ from litegrip_client.ctl.state_view import state_line, state_text, stopped
 from litegrip_client.values.errors import CommandError, ConnectError, LiteGripError
 from litegrip_client.values.figures import Data, figure, owner, plain
 from litegrip_client.values.printed import aligned
-
-FAR_STOP_WITHIN_S = 2.5
-"""A portal reports after 2 s that a stop is not confirmed, and says what to do then."""
 
 
 def clients(run: Run) -> int:
@@ -123,15 +120,6 @@ def _jaws(state: Data) -> str:
     return f"the jaws hold on{by}"
 
 
-def stop_within_s(options: Namespace) -> float:
-    """Return how long a stop may go without an answer: a hung daemon is told soon.
-
-    What is behind a socket that was named may be as far away as what has a dot in its name.
-    """
-    is_far = "." in options.channel or is_socket_given(options.socket)
-    return FAR_STOP_WITHIN_S if is_far else STOP_WITHIN_S
-
-
 def not_stopped(error: LiteGripError, options: Namespace) -> None:
     """Have a stop's error say first that nobody knows of the stop, and what to do; as the page."""
     whom = options.channel
@@ -150,9 +138,10 @@ def stop_first(options: Namespace, output: Output) -> int | None:
     """
     if not is_taken_as_meant(stop_params(options.level, options.why)):
         return None
+    limit_s = stop_within_s(options.channel, options.socket)
     for path in socket_paths(options.channel, options.socket):
         try:
-            data = stop_at(path, options.level, options.why, stop_within_s(options))
+            data = stop_at(path, options.level, options.why, limit_s)
         except ConnectError:
             raise
         except OSError:  # nobody listens for stops there, or not to this user

@@ -28,7 +28,7 @@ from litegrip_client.core.discovery import (
     program_of,
     socket_paths,
 )
-from litegrip_client.core.sockets import SYSTEM_DIRECTORY
+from litegrip_client.core.sockets import SYSTEM_DIRECTORY, stop_path
 from litegrip_client.ctl.doctor.facts import (
     SIMULATED,
     Configuration,
@@ -268,7 +268,7 @@ def sockets(paths: list[str]) -> tuple[Socket, ...]:
     """Return the daemon's sockets that exist, without connecting."""
     found = []
     for path in paths:
-        for one in (path, f"{path.removesuffix('.sock')}.stop.sock"):
+        for one in (path, stop_path(path)):
             try:
                 status = Path(one).stat()
             except PermissionError:  # a directory above is closed to this user

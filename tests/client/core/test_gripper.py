@@ -109,8 +109,12 @@ def test_a_channel_of_the_environment_is_that_of_the_socket(
 ) -> None:
     site.add(Heard("left"))
     monkeypatch.setenv("LITEGRIP_CHANNEL", "can0")
-    with pytest.raises(CommandError, match="has channel left, not can0"):
+    with pytest.raises(CommandError, match="has channel left, not can0") as caught:
         kind.gripper(None, socket_path="/run/litegripd/left.sock").connect()
+    assert caught.value.data["hint"].endswith(", or unset LITEGRIP_CHANNEL, which names can0")
+    with pytest.raises(CommandError, match="has channel left, not can1") as caught:
+        kind.gripper("can1", socket_path="/run/litegripd/left.sock").connect()
+    assert "LITEGRIP_CHANNEL" not in caught.value.data["hint"]
 
 
 def test_a_second_object_at_a_socket_is_no_second_gripper(site: Bench, kind: Kind) -> None:
