@@ -7,7 +7,6 @@ generated from this file: its docstrings are written for both.
 from __future__ import annotations
 
 from litegrip_client.core.motion import (
-    STREAM_RANGES,
     Motion,
     SetpointStream,
     check_no_feedforward,
@@ -16,6 +15,7 @@ from litegrip_client.core.motion import (
 )
 from litegrip_client.core.session import ACTION_TIMEOUT_S, DaemonSession, naming_the_danger
 from litegrip_client.values.checks import (
+    RANGES,
     check_callback,
     flag,
     given_numbers,
@@ -418,7 +418,7 @@ class GripperActions:
         """
         given = {"speed_mm_s": speed_mm_s, "torque_nm": torque_nm}
         limits = self._limits() | {
-            name: in_range(name, value, *STREAM_RANGES[name])
+            name: in_range(name, value, *RANGES[name])
             for name, value in given.items()
             if value is not None
         }

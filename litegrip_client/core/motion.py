@@ -14,7 +14,7 @@ from collections.abc import Awaitable, Callable, Mapping
 
 from litegrip_client.core.session import AsyncBlock, DaemonSession, own_jobs
 from litegrip_client.line.exchange import FOREVER_S, LEFT_ALONE, Call, Progress, not_answered
-from litegrip_client.values.checks import given_numbers, in_range, number
+from litegrip_client.values.checks import RANGES, given_numbers, in_range, number
 from litegrip_client.values.errors import (
     BusyError,
     CancelledError,
@@ -192,13 +192,6 @@ async def _check_course(wire: Wire, generation: int) -> None:
         await wire.call("motion.hold", {"stop_generation": generation})
 
 
-STREAM_RANGES = {
-    "valid_s": (0.02, 2.0, "s"),
-    "speed_mm_s": (0.1, 150.0, "mm/s"),
-    "torque_nm": (0.1, 3.0, "N·m"),
-}
-"""What the protocol allows, for each gripper."""
-
 _OF_THE_TARGET = ("invalid_params", "out_of_limits")
 """What is wrong with a target itself; all else ends the stream, whatever it was sent."""
 
@@ -238,7 +231,7 @@ class SetpointStream(AsyncBlock, Hinting):
         `tuned` is the limit that comes from `motion_config`, if one does.
         """
         self._session = session
-        self._valid_s = in_range("valid_s", valid_s, *STREAM_RANGES["valid_s"])
+        self._valid_s = in_range("valid_s", valid_s, *RANGES["valid_s"])
         self._limits = limits
         self._before = before
         self._is_told_at_end = is_told_at_end

@@ -18,6 +18,22 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
 
+RANGES = {
+    "speed_mm_s": (0.1, 150.0, "mm/s"),
+    "grasp_speed_mm_s": (0.1, 150.0, "mm/s"),
+    "force_n": (0.5, 40.0, "N"),
+    "torque_nm": (0.1, 3.0, "N·m"),
+    "valid_s": (0.02, 2.0, "s"),
+}
+"""What the daemon allows at most, whichever the gripper: least, most and the unit."""
+
+
+def range_of(name: str) -> str:
+    """Return the range of a value as it is told, without the unit."""
+    least, most, _unit = RANGES[name]
+    return f"{least:g} to {most:g}"
+
+
 class UnsetFloat(float):
     """A default that nobody set: a number like any other, but not one to be sent."""
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
-from litegrip_client.values.checks import UnsetFloat, integer, number
+from litegrip_client.values.checks import RANGES, UnsetFloat, integer, number, range_of, wrong
 from litegrip_client.values.errors import CommandError, ParameterError
 from litegrip_client.values.fields import Hinting
 from litegrip_client.values.tracebacks import shortened
@@ -131,12 +131,6 @@ DAEMON_FIELDS = tuple(
 _MAY_BE_ZERO = frozenset(
     ("margin", "settle_s", "press_overshoot", "press_zone_mm", "hold_kp", "stop_release_s")
 )
-RANGES = {
-    "speed_mm_s": "0.1 to 150 mm/s",
-    "grasp_speed_mm_s": "0.1 to 150 mm/s",
-    "force_n": "0.5 to 40 N",
-}
-"""What the daemon allows, of some fields, for each gripper; to be told and not to be checked."""
 _READ_ONLY = {
     "frame_interval": (
         "it is the daemon's control period and read-only",
@@ -172,12 +166,9 @@ def _checked(name: str, value: Any) -> Any:
             error.data["hint"] = f"to unset it: del gripper.motion_config.{name}"
         raise
     if result < 0.0 or (result == 0.0 and name not in _MAY_BE_ZERO):
-        least = "0 or more" if name in _MAY_BE_ZERO else RANGES.get(name, "more than 0")
-        raise ParameterError(
-            f"{name} is {result:g}, it must be {least}",
-            reason="invalid_params",
-            data={"parameter": name},
-        )
+        least = "0 or more" if name in _MAY_BE_ZERO else "more than 0"
+        allowed = f"{range_of(name)} {RANGES[name][-1]}" if name in RANGES else least
+        raise wrong(name, f"is {result:g}, it must be {allowed}")
     if name in _READ_ONLY and result != default:
         why, hint = _READ_ONLY[name]
         raise _unsupported(name, f"{name} cannot be {result:g}: {why}", hint)

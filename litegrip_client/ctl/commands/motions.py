@@ -20,14 +20,13 @@ from litegrip_client.ctl.render import (
     words,
 )
 from litegrip_client.ctl.run import ENDING, Commands, Run
-from litegrip_client.values.checks import given_numbers
+from litegrip_client.values.checks import given_numbers, range_of
 from litegrip_client.values.errors import BusyError, CommandError, HardwareError, from_error_object
 from litegrip_client.values.figures import Data, figure, owner, plain
 from litegrip_client.values.printed import aligned, leaves
 from litegrip_client.values.trajectory_format import MOST_FORCE_N
 
-SPEEDS, FORCES = "0.1 to 150", "0.5 to 40"
-"""What the daemon allows, in mm/s and N, for each gripper."""
+SPEEDS, FORCES = range_of("speed_mm_s"), range_of("force_n")
 
 
 def enable_options(parser: LateParser) -> None:
