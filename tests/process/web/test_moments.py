@@ -171,6 +171,7 @@ def test_jaws_stop_and_the_buttons_that_move_are_in_sight_together(
     operated.set_viewport_size({"width": width, "height": height})
     wait_until_it_fits(operated)
     expect(operated.locator(".jaws .tray")).to_be_visible()
+    expect(operated.get_by_text("drag it in")).to_be_visible()
     for node in (operated.locator(".jaws"), operated.locator("#stop")):
         expect(node).to_be_in_viewport(ratio=1)
     for name in names:

@@ -174,3 +174,5 @@ def test_who_scrolls_over_the_jaws_takes_nothing_out_of_them(
     client.until(lambda state: bool(state["monotonic_s"] > told_s + 0.5))
     assert client.result("state.get")["is_grasped"]
     assert client.result("sim.get")["object"]["width_mm"] == OBJECT_MM
+    for words in tab.locator(".jaws .tray text").all():
+        expect(words).to_be_hidden()  # they ask for it to be dragged
