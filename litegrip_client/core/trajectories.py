@@ -36,6 +36,10 @@ if TYPE_CHECKING:  # see the package: trajectories are seldom worked with
 MOST_MISSED_SHARE = 0.1
 """More than this share of the samples missing is no recording of the motion."""
 
+_NOT_FULL = (
+    "measurements were lost on the bus, or the daemon was late: see its health, then record again"
+)
+
 _LONGEST_PAUSE_S = 0.1
 _SHORTEST_PAUSE_S = 0.005
 _STAYS = ("recording_failed", "not_saved", "trajectories_full")
@@ -325,7 +329,7 @@ class Recording:
             raise TrajectoryRecordingError(
                 f"the recording did not fill: {got} of {self._samples} samples",
                 reason="recording_failed",
-                data={"samples": got, "expected": self._samples},
+                data={"samples": got, "expected": self._samples, "hint": _NOT_FULL},
             )
 
     async def _cancel(self) -> None:
