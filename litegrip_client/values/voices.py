@@ -434,7 +434,7 @@ def _like(wrong: str, names: Sequence[str]) -> str | None:
     for name in names:
         if name.partition("_")[0] == stem:
             return name
-    return next(iter(difflib.get_close_matches(wrong.lower(), names, 1)), None)
+    return next(iter(difflib.get_close_matches(wrong.lower(), names, 1, _CLOSE)), None)
 
 
 def did_you_mean(wrong: str, names: Iterable[str]) -> str:

@@ -304,6 +304,8 @@ def test_an_object_with_wrong_arguments_is_not_made(kind: Kind) -> None:
     text = r"^LiteGrip\(\) has no argument 'chanel': did you mean 'channel'\? it takes: channel, "
     with pytest.raises(TypeError, match=text):
         kind.gripper(chanel="can1")
+    with pytest.raises(TypeError, match=r"has no argument 'force': it takes: "):  # not 'voice'
+        kind.gripper(force=3)
 
 
 def test_a_wrong_call_of_a_class_names_it() -> None:
