@@ -1,6 +1,7 @@
 /* What acts on a gripper: only with control, which is a lease that lives while the page is seen. */
 
 import { ask } from "./ask.js";
+import { deafen } from "./dialog.js";
 import { numberIn, typed } from "./fields.js";
 import { figure, holder, inPageWords, isNumber, outcome, owner } from "./format.js";
 import { REPLAY_SPEEDS } from "./motions.js";
@@ -12,6 +13,7 @@ const CONTINUOUS_N = 20; // the vendor's recommendation
 const NEAR_MM = 1; // what the keys chose stays: steps of them add up
 const GREY = "button:disabled, [type=range]:disabled";
 const MOVES = ["enable", "open", "close", "hold", "release", "grasp", "set-force", "zero", "teach", "play"];
+const SCROLLS = new Set(["Home", "End", "PageUp", "PageDown"]); // all the way, on a slider that a click has focused
 const TRAJECTORY_NAME = /^(?![.\s])[^/\\\p{C}]{1,64}(?<!\s)$/u;
 
 /* By the reason of a refusal, whether a state shows that it is over. */
@@ -89,6 +91,7 @@ export class Control {
   #job = null;
   #unkept = null; // what the daemon tells of one that has ended
   #isAsking = false;
+  #isBeginning = false; // to teach
 
   constructor(panel) {
     this.#panel = panel;
@@ -147,8 +150,9 @@ export class Control {
     slider.onpointerup = slider.onblur = () => {
       this.#isDragging = false; // back at its place it has not changed
     };
-    slider.onpointerdown = slider.onkeydown = () => {
+    slider.onpointerdown = slider.onkeydown = ({ key }) => {
       this.#isScrolling = false;
+      return !SCROLLS.has(key);
     };
     slider.onpointercancel = () => {
       this.#isScrolling = true;
@@ -258,7 +262,7 @@ export class Control {
 
   show(state) {
     const slider = this.#panel.node("slider");
-    slider.max = this.#panel.travel.toFixed(1);
+    slider.max = (Math.floor(this.#panel.travel * 10) / 10).toFixed(1); // beyond the travel is refused
     const { opening_mm: opening } = state;
     const isBusy = (this.#isDragging && !slider.disabled) || this.#slides > 0;
     this.#isChosen &&= isBusy || (document.activeElement === slider && Math.abs(opening - slider.value) < NEAR_MM);
@@ -309,9 +313,17 @@ export class Control {
       this.#panel.forgive("lack"); // it named another button
       this.#allow();
     }
-    this.#panel.node("take").hidden = this.#has || isTaken;
-    this.#panel.node("take-over").hidden = !isTaken;
-    this.#panel.node("give").hidden = !this.#has;
+    this.#reveal("take", !this.#has && !isTaken);
+    this.#reveal("take-over", isTaken);
+    this.#reveal("give", this.#has);
+  }
+
+  /* Show a button in the place of another, or hide it. */
+  #reveal(name, isShown) {
+    const node = this.#panel.node(name);
+    if (node.hidden !== isShown) return;
+    node.hidden = !isShown;
+    if (isShown) deafen(node);
   }
 
   #showForce() {
@@ -391,6 +403,7 @@ export class Control {
   }
 
   async #give() {
+    if (!this.#has) return; // it is on its way back
     if (this.#recording === "on") {
       return this.#panel.complain(`give control back: a recording runs, and the jaws are slack: ${this.#endings} first`, "give");
     }
@@ -490,10 +503,24 @@ export class Control {
     return true;
   }
 
+  /* Begin to teach, once: who presses twice teaches no less. */
   async #teach() {
-    if (!(await this.#isAllKept())) return;
-    if (!(await this.#mayKeep("a new one", "motion"))) return;
-    if (this.#isHolding && !(await ask(this.#panel, "Teaching makes the jaws slack, for a hand to lead them.", "Teach", "motion"))) return;
+    if (this.#isBeginning) return;
+    this.#isBeginning = true;
+    try {
+      if (await this.#mayTeach()) await this.#record();
+    } finally {
+      this.#isBeginning = false;
+    }
+  }
+
+  async #mayTeach() {
+    if (!(await this.#isAllKept())) return false;
+    if (!(await this.#mayKeep("a new one", "motion"))) return false;
+    return !this.#isHolding || ask(this.#panel, "Teaching makes the jaws slack, for a hand to lead them.", "Teach", "motion");
+  }
+
+  async #record() {
     const begun = await this.#do("teach", "trajectory.record_start");
     if (begun === null) return this.#showRecording(null);
     this.#job = begun.job;
@@ -568,7 +595,11 @@ export class Control {
   }
 
   async #discard() {
-    const isOn = this.#recording === "on";
+    const [before, unkept] = [this.#recording, this.#unkept];
+    const isOn = before === "on";
+    const what = unkept ? `the recording of ${figure(unkept.duration_s, 1, "s")}` : "the recording, which goes on until you answer";
+    if (!(await ask(this.#panel, `Discard ${what}? Nothing brings it back.`, "Discard it", "control"))) return;
+    if (this.#recording !== before || this.#unkept !== unkept) return; // it was broken off meanwhile
     this.#showRecording(null);
     this.#panel.forgive("teach");
     if (isOn) await this.#do("end the recording", "job.cancel", { job: this.#job });
@@ -601,6 +632,7 @@ export class Control {
 
   async #play() {
     const name = this.#panel.node("name").value;
+    if (this.#isHolding && !(await ask(this.#panel, "The jaws go to where that motion begins.", "Replay", "motion"))) return;
     await this.#with({ speed: "speed" }, (params) => this.#move("replay", "trajectory.play", { name, ...params }));
   }
 
@@ -616,6 +648,8 @@ export class Control {
 
   /* Offer what can be done about a recording. What was asked about one before, or granted to it, counts no more. */
   #showRecording(recording, unkept = null) {
+    const [teach, keep, discard, play] = ["teach", "keep", "discard", "play"].map((name) => this.#panel.node(name));
+    if (recording !== this.#recording) deafen(teach, keep, discard, play);
     this.#recording = recording;
     this.#unkept = unkept;
     if (recording !== "on") {
@@ -623,9 +657,9 @@ export class Control {
       this.#panel.forgive("give");
     }
     this.#panel.dispatchEvent(new Event("withdrawn"));
-    this.#panel.node("teach").hidden = recording !== null;
-    this.#panel.node("keep").hidden = this.#panel.node("discard").hidden = recording === null;
-    this.#panel.node("keep").textContent = unkept?.error != null ? "Keep the part" : "End and keep";
+    teach.hidden = recording !== null;
+    keep.hidden = discard.hidden = recording === null;
+    keep.textContent = unkept?.error != null ? "Keep the part" : "End and keep";
   }
 
   /* What takes a name into the field, which keeps the focus: so the names stay until another thing is aimed at. */

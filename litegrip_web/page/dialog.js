@@ -2,6 +2,7 @@
 
 const DEAF_MS = 1000; // longer than between the two clicks of somebody who clicks twice
 let settling = 0;
+const deafened = new WeakMap(); // by a button, the timer that ends it
 
 /* Show a dialog of `panel`'s, which names it where there are several, and in which what needs something obeys the rule
    of the page's other buttons, and waits while `isBusy`; what moves says that it drops what is held. What moves or
@@ -43,6 +44,15 @@ export function open(dialog, panel, isBusy = () => false) {
   dialog.querySelector(".told").scrollTop = 0; // what is focused may be further down
   guard();
   return settle;
+}
+
+/* Have buttons that stand where others stood be deaf to clicks for a moment: the second of two was meant for those. */
+export function deafen(...buttons) {
+  for (const button of buttons) {
+    clearTimeout(deafened.get(button));
+    button.classList.add("deaf");
+    deafened.set(button, setTimeout(() => button.classList.remove("deaf"), DEAF_MS));
+  }
 }
 
 function say(node, text) {

@@ -107,6 +107,12 @@ def teach(tab: Tab, client: Client, name: str) -> None:
     expect(part(tab, "outcome")).to_contain_text(f"kept as {name}")
 
 
+def discard(tab: Tab) -> None:
+    """Discard a recording, which is asked about first."""
+    button(tab, "Discard").click()
+    button(tab, "Discard it").click()
+
+
 PLACES = """
 () => [...document.querySelectorAll(
   ".jaws, [data-is=slider], [data-do], #stop, .head, [data-is=facts], .plots"

@@ -15,6 +15,7 @@ from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess, writ
 from tests.process.web.on_page import (
     SEEN,
     button,
+    discard,
     enable,
     fact,
     grasp,
@@ -605,7 +606,7 @@ def test_what_goes_on_is_read_as_a_whole(
     outcome = part(tab, "outcome")
     expect(outcome).to_have_text("Recording: move the jaws by hand, then end and keep it.")
     assert outcome.evaluate("(node) => node.scrollHeight <= node.clientHeight")
-    button(tab, "Discard").click()
+    discard(tab)
 
 
 MEET = """

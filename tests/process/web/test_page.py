@@ -203,6 +203,53 @@ def test_a_letter_in_a_field_is_a_letter(operated: Tab, client: Client) -> None:
     assert client.result("job.list")["jobs"] == before
 
 
+def test_control_that_is_taken_by_two_clicks_is_not_given_back(
+    operated: Tab, client: Client
+) -> None:
+    take = button(operated, "Take control")
+    box = take.bounding_box()
+    assert box is not None
+    at = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    operated.mouse.click(*at)
+    give = button(operated, "Give control back")
+    expect(give).to_be_visible()
+    operated.mouse.click(*at)
+    button(operated, "Enable").click()
+    client.until(lambda state: bool(state["enabled"]))
+    give.dblclick()
+    expect(take).to_be_visible()
+    expect(operated.locator("#toasts li")).to_have_count(0)
+
+
+def test_the_keys_that_scroll_move_no_jaws(operated: Tab, client: Client) -> None:
+    enable(operated, client)
+    slider = part(operated, "slider")
+    slider.click()
+    client.until(lambda state: state["job"] is None)
+    before = client.result("job.list")["jobs"]
+    expect(slider).to_be_focused()
+    for key in ("Home", "End", "PageUp", "PageDown"):
+        operated.keyboard.press(key)
+    operated.keyboard.press("ArrowLeft")
+    client.until(lambda state: client.result("job.list")["jobs"] != before)
+    expect(part(operated, "outcome")).to_have_text("move: reached")
+    at_mm = float(slider.input_value())
+    assert [job["kind"] for job in client.result("job.list")["jobs"][len(before) :]] == ["move"]
+    assert abs(client.result("state.get")["opening_mm"] - at_mm) < 1.0
+
+
+def test_the_slider_ends_within_the_travel(operated: Tab, client: Client) -> None:
+    enable(operated, client)
+    slider = part(operated, "slider")
+    most_mm = float(slider.get_attribute("max") or "nan")
+    travel_mm = client.result("hello")["gripper"]["travel_mm"]
+    assert travel_mm - 0.11 < most_mm <= travel_mm
+    box = slider.bounding_box()
+    assert box is not None
+    operated.mouse.click(box["x"] + box["width"] - 2, box["y"] + box["height"] / 2)
+    expect(part(operated, "outcome")).to_have_text("move: reached")
+
+
 def test_the_wheel_over_a_field_changes_no_figure(operated: Tab, client: Client) -> None:
     enable(operated, client)
     field = part(operated, "force")

@@ -3,12 +3,13 @@
 import re
 
 import pytest
-from playwright.sync_api import BrowserContext, Dialog, expect
+from playwright.sync_api import BrowserContext, Dialog, Locator, expect
 from playwright.sync_api import Page as Tab
 
 from tests.process.daemon_process import Client
 from tests.process.web.on_page import (
     button,
+    discard,
     enable,
     grasp,
     opened,
@@ -67,7 +68,7 @@ def test_a_part_that_nobody_wants_is_discarded(
 ) -> None:
     break_off(client, recording, "cancel")
     expect(button(operated, "Keep the part")).to_be_visible()
-    button(operated, "Discard").click()
+    discard(operated)
     expect(button(operated, "Teach")).to_be_visible()
     expect(operated.locator("#toasts li")).to_have_count(0)
     assert kept(client) == []
@@ -79,7 +80,7 @@ def test_a_part_that_nobody_wants_is_discarded(
 
 
 def test_a_recording_under_way_is_discarded(operated: Tab, client: Client, recording: int) -> None:
-    button(operated, "Discard").click()
+    discard(operated)
     client.until(lambda state: state["job"] is None)
     expect(button(operated, "Teach")).to_be_visible()
     expect(operated.locator("#toasts li")).to_have_count(0)
@@ -115,7 +116,7 @@ def test_teach_throws_nothing_away_that_was_recorded_elsewhere(
     told = f"The recording has ended after {SAMPLES} samples (0.3 s), “End and keep” or “Discard”"
     expect(part(operated, "outcome")).to_have_text(told)
     assert client.result("state.get")["job"] is None
-    button(operated, "Discard").click()
+    discard(operated)
     expect(part(operated, "outcome")).to_have_text("The recording is discarded.")
     button(operated, "Give control back").click()
     take_control(operated)
@@ -151,7 +152,7 @@ def test_what_another_page_has_discarded_is_offered_no_more(
     else:
         other = opened(window, operating)
         button(other, "Take it over").click()
-        button(other, "Discard").click()
+        discard(other)
     expect(button(operated, "Keep the part")).to_be_hidden()
     expect(button(operated, "Teach")).to_be_visible()
     expect(operated.locator("#toasts li", has_text="The recording was")).to_have_count(0)
@@ -295,6 +296,61 @@ def test_teaching_asks_before_it_drops_what_is_held(operated: Tab, client: Clien
     button(operated, "Teach").click()
     operated.get_by_role("dialog").get_by_role("button", name="Teach").click()
     expect(part(operated, "outcome")).to_contain_text("Recording: ")
+
+
+def test_a_replay_asks_before_it_drops_what_is_held(operated: Tab, client: Client) -> None:
+    teach(operated, client, "wave")
+    button(operated, "Give control back").click()
+    expect(button(operated, "Take control")).to_be_visible()
+    grasp(client)
+    take_control(operated)
+    expect(part(operated, "held")).to_have_text("object detected")
+    before = client.result("job.list")["jobs"]
+    part(operated, "speed").fill("0.2")  # the simulated push was faster than a hand
+    button(operated, "Replay").click()
+    expect(operated.get_by_role("dialog")).to_contain_text("Something is held: it will drop.")
+    button(operated, "No, leave it").click()
+    assert client.result("state.get")["is_grasped"]
+    assert client.result("job.list")["jobs"] == before
+    button(operated, "Replay").click()
+    operated.get_by_role("dialog").get_by_role("button", name="Replay").click()
+    client.until(lambda state: state["is_grasped"] is False)
+
+
+def middle(node: Locator) -> tuple[float, float]:
+    box = node.bounding_box()
+    assert box is not None
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
+def test_who_presses_teach_twice_teaches_once(operated: Tab, client: Client) -> None:
+    """The second press comes before the answer to the first, or falls on what stands there then."""
+    enable(operated, client)
+    part(operated, "name").fill("twice")
+    at = middle(button(operated, "Teach"))
+    for _ in range(2):
+        operated.mouse.click(*at)
+    expect(button(operated, "End and keep")).to_be_visible()
+    operated.mouse.click(*at)
+    client.until(lambda _state: client.result("trajectory.status")["samples"] > SAMPLES)
+    assert client.result("trajectory.status")["active"]
+    assert kept(client) == []
+    expect(button(operated, "Open")).to_be_disabled()
+    expect(operated.locator("#toasts li")).to_have_count(0)
+    button(operated, "End and keep").click()
+    expect(part(operated, "outcome")).to_contain_text("kept as twice")
+
+
+def test_a_recording_is_discarded_only_after_a_question(
+    operated: Tab, client: Client, recording: int
+) -> None:
+    button(operated, "Discard").click()
+    expect(operated.get_by_role("dialog")).to_contain_text("Discard the recording")
+    button(operated, "No, leave it").click()
+    status = client.result("trajectory.status")
+    assert (status["active"], status["job"]) == (True, recording)
+    button(operated, "End and keep").click()
+    expect(part(operated, "outcome")).to_contain_text("kept as part")
 
 
 def test_no_teaching_begins_while_a_motion_runs(operated: Tab, client: Client) -> None:
