@@ -60,3 +60,20 @@ ACT = frozenset(
     }
 )
 """They need `--operate`, and then whatever the daemon asks of any client."""
+
+MOVE = frozenset(
+    {
+        "motor.enable",
+        "motion.open",
+        "motion.close",
+        "motion.grasp",
+        "motion.move",
+        "motion.set_force",
+        "calibration.zero",
+        "trajectory.record_start",
+        "trajectory.play",
+        "trajectory.control",
+    }
+)
+"""Of these, what begins something at the jaws, which nobody expects any more if it comes late. What
+holds, lets go or ends is never late."""

@@ -2,7 +2,8 @@
 
 A message is a line of the daemon's protocol; there is no second one. Of its own the bridge says
 two things, as notifications: `web.welcome`, when a connection to the daemon begins, and
-`web.no_daemon`, when there is none. Of a browser's, it keeps `web.seen`: a state has been shown.
+`web.no_daemon`, when there is none. Of a browser's, it keeps `web.seen`: a state has been shown;
+and `web.clock`, which asks for its clock. By that a page says with each request when it was sent.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from websockets.exceptions import ConnectionClosed
 
 from litegrip_client.core.stop import is_taken_as_meant
 from litegrip_client.values.errors import ConnectError, LiteGripError
-from litegrip_web.allowed import ACT, READ
+from litegrip_web.allowed import ACT, MOVE, READ
 from litegrip_web.gripper import Gripper
 from litegrip_web.history import History
 from litegrip_web.outbox import Outbox
@@ -42,9 +43,13 @@ MESSAGES_AT_ONCE, AT_ONCE_S = 100, 0.25
 MOST_BROWSERS = 8
 """For each gripper."""
 
+LATE_S = 1.0
+"""What moves the jaws is too late then: the page says so of what it shows, and nobody would see the
+motion that was asked for."""
+
 _LONGEST_ANSWER_BYTES = 16 * 1024 * 1024
 _NOT_PERMITTED, _INVALID_REQUEST, _PARSE_ERROR, _INVALID_PARAMS = -32028, -32600, -32700, -32602
-_NO_DAEMON = -32099
+_NO_DAEMON, _LATE = -32099, -32098
 _STATE = b'{"jsonrpc":"2.0","method":"state.sample",'
 """How the daemon begins a notification; a state that began otherwise would only not be passed
 over."""
@@ -208,6 +213,9 @@ class Bridge:
                     request = self._check(text)
                     if request["method"] == "web.seen":
                         outbox.see()
+                    elif request["method"] == "web.clock":
+                        clock = {"monotonic_s": time.monotonic()}
+                        outbox.put_now(_answer(request.get("id"), clock))
                     elif request["method"] == "stop":
                         # Beside what waits before it.
                         task = asyncio.create_task(self._stop(outbox, request, link))
@@ -227,7 +235,10 @@ class Bridge:
         identity, method = request.get("id"), request.get("method")
         if not isinstance(method, str):
             raise RefusedError(_INVALID_REQUEST, "invalid_request", "it names no method", identity)
-        if method in ("stop", "web.seen") or method in self._allowed:
+        sent_s = request.pop("sent_s", None)
+        if method in ("stop", "web.seen", "web.clock") or method in self._allowed:
+            if method in MOVE and sent_s is not None:
+                _check_in_time(sent_s, identity)
             return request
         if method in ACT:
             text = f"{method}: this page only shows; litegripd-web --operate lets it act"
@@ -242,13 +253,22 @@ class Bridge:
         with contextlib.suppress(LiteGripError):
             if is_taken_as_meant(params):
                 result = await self._stops.stop(params["level"], params.get("why"))
-                answer = {"jsonrpc": "2.0", "id": request.get("id"), "result": result}
-                outbox.put_now(json.dumps(answer))
+                outbox.put_now(_answer(request.get("id"), result))
                 return
         try:
             link.send({**request, "params": params})
         except RefusedError as refused:
             outbox.put_now(json.dumps(refused.error))
+
+
+def _check_in_time(sent_s: object, identity: object) -> None:
+    if isinstance(sent_s, bool) or not isinstance(sent_s, int | float):
+        text = "sent_s is no number: seconds of the clock that web.clock tells"
+        raise RefusedError(_INVALID_REQUEST, "invalid_request", text, identity)
+    late_s = time.monotonic() - sent_s
+    if late_s > LATE_S:
+        text = f"it came {late_s:.1f} s after it was pressed, so it was not done: press it again"
+        raise RefusedError(_LATE, "late", text, identity)
 
 
 def _own_user() -> str:
@@ -296,6 +316,10 @@ def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(found) != len(pairs):
         raise ValueError("a name comes twice")
     return found
+
+
+def _answer(identity: object, result: Mapping[str, Any]) -> str:
+    return json.dumps({"jsonrpc": "2.0", "id": identity, "result": result})
 
 
 def _notification(method: str, params: Mapping[str, Any]) -> str:

@@ -57,6 +57,7 @@ export class Wire extends EventTarget {
   call(method, params = {}, onProgress = null) {
     const id = this.#next++;
     const request = { jsonrpc: "2.0", id, method, params };
+    if (this.#clock !== null) request.sent_s = this.#clock.webS + this.#sinceClockS; // what moves is refused if it comes late
     return new Promise((resolve, reject) => {
       if (!this.#isKnown || this.#socket.readyState !== WebSocket.OPEN) {
         reject(new RpcError({ message: "not connected", data: { reason: "no_daemon" } }));
@@ -70,17 +71,23 @@ export class Wire extends EventTarget {
   /* Return how old, in seconds, what the daemon measured at `monotonicS` may be at most; null if unknown. */
   age(monotonicS) {
     if (this.#clock === null) return null;
-    return this.#clock.monotonicS + (performance.now() - this.#clock.sentMs) / 1000 - monotonicS;
+    return this.#clock.monotonicS + this.#sinceClockS - monotonicS;
   }
 
-  /* Return `hello`, and compare the daemon's clock with this page's: by the quickest answer so far. */
+  get #sinceClockS() {
+    return (performance.now() - this.#clock.sentMs) / 1000;
+  }
+
+  /* Return `hello`, and compare the clocks of the daemon and of litegripd-web with this page's: by the quickest answer so
+     far. Neither is further than what is taken for it, so nothing counts as older than it is. */
   async hello() {
     const sentMs = performance.now();
     this.#clockAt = sentMs;
-    const hello = await this.call("hello", { client: OWN_NAME });
+    const asked = [this.call("hello", { client: OWN_NAME }), this.call("web.clock")];
+    const [hello, { monotonic_s: webS }] = await Promise.all(asked);
     const tookMs = performance.now() - sentMs;
     if (this.#clock === null || tookMs <= this.#clock.tookMs) {
-      this.#clock = { sentMs, tookMs, monotonicS: hello.monotonic_s };
+      this.#clock = { sentMs, tookMs, monotonicS: hello.monotonic_s, webS };
     }
     return hello;
   }

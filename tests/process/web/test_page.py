@@ -758,6 +758,27 @@ def test_a_frozen_page_server_is_late_too(
         expect(tab.locator("#notice")).to_contain_text("Stopped.")
 
 
+def test_what_was_pressed_before_a_standstill_moves_nothing_after_it(
+    window: BrowserContext, simulated: DaemonProcess, client: Client
+) -> None:
+    with page("--operate", "--socket", str(simulated.socket_path)) as running:
+        grasp(client)
+        tab = opened(window, running)
+        take_control(tab)
+        expect(part(tab, "held")).to_have_text("object detected")
+        before = client.result("job.list")["jobs"]
+        running.process.send_signal(signal.SIGSTOP)
+        try:
+            button(tab, "Open").click()
+            expect(part(tab, "mode")).to_have_text("late")
+        finally:
+            running.process.send_signal(signal.SIGCONT)
+        told = re.compile(r"^open: it came \d\.\d s after it was pressed, so it was not done")
+        expect(part(tab, "outcome")).to_have_text(told)
+        assert client.result("state.get")["is_grasped"]
+        assert client.result("job.list")["jobs"] == before
+
+
 def test_a_lost_object_is_said_loudly_until_the_next_motion(
     window: BrowserContext, looking: Page, client: Client
 ) -> None:

@@ -8,6 +8,7 @@ import contextlib
 import json
 import logging
 import os
+import re
 import shutil
 import socket
 import ssl
@@ -23,8 +24,8 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
-from litegrip_web.allowed import ACT, READ
-from litegrip_web.bridge import MOST_BROWSERS, TOO_LATE, TOO_MANY, WRONG_TOKEN
+from litegrip_web.allowed import ACT, MOVE, READ
+from litegrip_web.bridge import LATE_S, MOST_BROWSERS, TOO_LATE, TOO_MANY, WRONG_TOKEN
 from litegrip_web.main import main
 from litegrip_web.options import EXIT_USAGE
 from litegrip_web.proof import proof
@@ -407,6 +408,25 @@ def test_a_stop_without_parameters_is_a_stop(
         assert ask(browser, text)["result"] == "stop"
     (line,) = daemon_there.lines
     assert (line["method"], line["params"]) == ("stop", {})
+
+
+@pytest.mark.parametrize("method", sorted(ACT))
+def test_what_comes_late_moves_nothing(operated: Page, daemon_there: StandIn, method: str) -> None:
+    """What holds, lets go, or ends something is welcome at any time."""
+    with operated.connect() as browser:
+        welcome(browser)
+        now_s = ask(browser, request("web.clock"))["result"]["monotonic_s"]
+        for sent_s in (now_s, now_s - LATE_S - 0.5):
+            answer = ask(browser, json.dumps({**json.loads(request(method)), "sent_s": sent_s}))
+            if sent_s == now_s or method not in MOVE:
+                assert answer["result"] == method
+            else:
+                assert reason(answer) == "late"
+                assert re.search(r"it came [12]\.\d s after", answer["error"]["message"])
+        wrong = ask(browser, json.dumps({**json.loads(request(method)), "sent_s": "now"}))
+        assert ("result" in wrong) == (method not in MOVE)
+    assert all("sent_s" not in line for line in daemon_there.lines)
+    assert MOVE <= ACT
 
 
 def test_many_stops_are_few_at_the_daemon_and_each_is_answered(
