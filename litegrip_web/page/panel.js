@@ -331,7 +331,7 @@ export class Panel extends EventTarget {
       this.world.begin(hello.simulated, this.#operates);
       await this.#look();
     } catch (error) {
-      this.tell(error.message);
+      if (error.reason !== "connection_lost") this.tell(error.message); // its end is said already
     }
   }
 
