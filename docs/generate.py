@@ -41,6 +41,7 @@ from litegripd.app.build import METHODS, SIMULATED_METHODS  # noqa: E402
 from litegripd.io.stop_socket import MAX_STOP_LINE_BYTES  # noqa: E402
 from litegripd.model.calibration import NOMINAL, SUPERSEDED  # noqa: E402
 from litegripd.model.errors import ERROR_TABLE  # noqa: E402
+from litegripd.model.gripper import STROKE_RANGE_MM  # noqa: E402
 from litegripd.model.motion_config import MotionConfig  # noqa: E402
 from litegripd.rpc.jsonrpc import MAX_LINE_BYTES  # noqa: E402
 from litegripd.rpc.method import CONFIG, Method, Param  # noqa: E402
@@ -161,6 +162,7 @@ def page_motions() -> str:
             "",
             f"export const REPLAY_SPEEDS = {json.dumps(SPEEDS)};",
             f"export const SPAN_INSET_MM = {json.dumps(SPAN_INSET_MM)};",
+            f"export const STROKE_RANGE_MM = {json.dumps(STROKE_RANGE_MM)};",
             f"export const TEMPLATES_RAD_TO_MM = {json.dumps(templates)};",
             "",
             "export const WHY_NOT = {",

@@ -75,6 +75,7 @@ export class Control {
   #operates = false;
   #has = false;
   #isDragging = false;
+  #isPressed = false; // the slider, which is not let go yet
   #isScrolling = false; // by a finger that has begun on the slider
   #isChosen = false; // the slider's value, by a person
   #slides = 0; // motions of the slider that run
@@ -150,7 +151,12 @@ export class Control {
     slider.onpointerup = slider.onblur = () => {
       this.#isDragging = false; // back at its place it has not changed
     };
-    slider.onpointerdown = slider.onkeydown = ({ key }) => {
+    slider.onpointerdown = () => {
+      this.#isPressed = true;
+      this.#isScrolling = false;
+    };
+    for (const kind of ["pointerup", "pointercancel"]) addEventListener(kind, () => (this.#isPressed = false), true);
+    slider.onkeydown = ({ key }) => {
       this.#isScrolling = false;
       return !SCROLLS.has(key);
     };
@@ -161,6 +167,11 @@ export class Control {
     slider.onchange = async () => {
       this.#isDragging = false;
       if (this.#isScrolling) return void (slider.value = panel.state?.opening_mm ?? slider.value);
+      // It turned grey, or lost the focus: what was dragged is left where nobody has let it go.
+      if (this.#isPressed) {
+        this.#isChosen = false;
+        return this.#panel.tell("move: not done, the slider was not let go: drag it again");
+      }
       this.#slides += 1;
       await this.#with(pace, (params) =>
         this.#move("move", "motion.move", { opening_mm: Number(slider.value), ...params }));

@@ -1,8 +1,8 @@
 /* A dialog hangs from the bar: the page below is out of reach meanwhile, STOP in the bar never is. */
 
 const DEAF_MS = 1000; // longer than between the two clicks of somebody who clicks twice
-let settling = 0;
 const deafened = new WeakMap(); // by a button, the timer that ends it
+let clicked = null; // where, and when
 
 /* Show a dialog of `panel`'s, which names it where there are several, and in which what needs something obeys the rule
    of the page's other buttons, and waits while `isBusy`; what moves says that it drops what is held. What moves or
@@ -46,7 +46,8 @@ export function open(dialog, panel, isBusy = () => false) {
   return settle;
 }
 
-/* Have buttons that stand where others stood be deaf to clicks for a moment: the second of two was meant for those. */
+/* Have buttons that have come to stand where another was clicked be deaf to clicks for a moment: who clicks twice means
+   that one. They look so. */
 export function deafen(...buttons) {
   for (const button of buttons) {
     clearTimeout(deafened.get(button));
@@ -55,17 +56,19 @@ export function deafen(...buttons) {
   }
 }
 
+addEventListener("click", ({ clientX: x, clientY: y, detail }) => detail && (clicked = { x, y, ms: performance.now() }), true);
+
 function say(node, text) {
   if (node.textContent !== text) node.textContent = text;
 }
 
-/* Within reach is the upper dialog, if there is one; otherwise the page, whose buttons are deaf to clicks for a
-   moment. */
+/* Within reach is the upper dialog, if there is one; otherwise the page, but for what stood behind the click that has
+   closed the dialog. */
 function guard() {
   const opened = [...document.querySelectorAll("dialog[open]")];
   for (const node of document.querySelectorAll("main, #dump, footer")) node.inert = opened.length > 0;
   for (const dialog of opened) dialog.inert = dialog !== opened.at(-1);
-  clearTimeout(settling);
-  document.body.classList.toggle("settling", !opened.length);
-  settling = setTimeout(() => document.body.classList.remove("settling"), DEAF_MS);
+  if (opened.length || clicked === null || performance.now() - clicked.ms > DEAF_MS) return;
+  const behind = document.elementFromPoint(clicked.x, clicked.y)?.closest("main button:not(.stop-one)");
+  if (behind) deafen(behind);
 }

@@ -135,11 +135,14 @@ async function copy(address) {
 /* A key acts on the gripper that was used last, and on no other, even if that one can do nothing now. */
 function press(event, panels) {
   const isTyping = /^(INPUT|TEXTAREA)$/.test(event.target.tagName) && event.target.type !== "range";
-  if (isTyping || event.ctrlKey || event.metaKey || event.altKey || event.repeat) return;
+  if (isTyping || event.ctrlKey || event.metaKey || event.altKey || event.shiftKey || event.repeat) return;
   if (document.querySelector("dialog[open]")) return;
   const panel = panels.find(({ article }) => article.classList.contains("focused"));
   if (panel.control.press(event.key.toLowerCase())) event.preventDefault();
 }
+
+/* A button that was clicked does not keep the focus: a key that is pressed later, to scroll say, would press it again. */
+addEventListener("click", ({ target, detail }) => detail && target.closest("main button")?.blur(), true);
 
 addEventListener("dragover", (event) => event.preventDefault());
 addEventListener("drop", (event) => {

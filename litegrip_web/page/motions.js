@@ -2,6 +2,7 @@
 
 export const REPLAY_SPEEDS = [0.1, 4.0];
 export const SPAN_INSET_MM = 1.0;
+export const STROKE_RANGE_MM = [1.0, 1000.0];
 export const TEMPLATES_RAD_TO_MM = [52.69, 74.8];
 
 export const WHY_NOT = {

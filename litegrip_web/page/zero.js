@@ -6,7 +6,7 @@ import { ask } from "./ask.js";
 import { open } from "./dialog.js";
 import { numberIn, typed } from "./fields.js";
 import { figure, isNumber } from "./format.js";
-import { SPAN_INSET_MM, TEMPLATES_RAD_TO_MM } from "./motions.js";
+import { SPAN_INSET_MM, STROKE_RANGE_MM, TEMPLATES_RAD_TO_MM } from "./motions.js";
 
 const PHASES = {
   probe_open: "step 1 of 5, the jaws open until they meet a stop",
@@ -101,6 +101,7 @@ export function askZero(panel) {
   };
 
   const figureOf = () => (isDoubtful ? configured : inUse ?? configured); // a template's was measured on no gripper
+  [stroke.min, stroke.max] = STROKE_RANGE_MM;
   const typedBefore = typedOpenings.get(panel.channel);
   stroke.value = typedBefore?.of === figureOf() ? typedBefore.text : figureOf();
   stroke.oninput = () => {

@@ -175,6 +175,68 @@ def test_the_slider_follows_other_motions_while_it_has_the_focus(
     expect(part(operated, "slider-text")).to_have_text(re.compile(r"^(79\.5|80\.0|80\.5) mm$"))
 
 
+UNDONE = "move: not done, the slider was not let go: drag it again"
+
+
+def drag_the_slider(tab: Tab, share: float) -> None:
+    """Drag it to a share of its length, and do not let it go."""
+    box = part(tab, "slider").bounding_box()
+    assert box is not None
+    y = box["y"] + box["height"] / 2
+    tab.mouse.move(box["x"] + box["width"] / 2, y)
+    tab.mouse.down()
+    tab.mouse.move(box["x"] + box["width"] * share, y, steps=5)
+
+
+def test_a_slider_that_is_dragged_while_something_is_gripped_drops_nothing(
+    operated: Tab, client: Client
+) -> None:
+    client.result("sim.object", width_mm=OBJECT_MM)
+    enable(operated, client)
+    operated.keyboard.press("o")
+    expect(part(operated, "outcome")).to_contain_text("open: reached")
+    drag_the_slider(operated, 0.8)
+    operated.keyboard.press("g")
+    expect(part(operated, "slider")).to_be_disabled()
+    expect(part(operated, "outcome")).to_have_text(UNDONE)
+    operated.mouse.up()
+    expect(part(operated, "held")).to_have_text("object detected")
+    state = client.result("state.get")
+    assert (state["is_grasped"], state["job"]) == (True, None)
+    assert client.result("job.list")["jobs"][-1]["kind"] == "grasp"
+
+
+def test_a_slider_that_loses_the_focus_while_it_is_dragged_moves_nothing(
+    operated: Tab, client: Client
+) -> None:
+    enable(operated, client)
+    before = client.result("job.list")["jobs"]
+    drag_the_slider(operated, 0.8)
+    operated.keyboard.press("Tab")
+    expect(part(operated, "outcome")).to_have_text(UNDONE)
+    operated.mouse.up()
+    drag_the_slider(operated, 0.7)
+    operated.mouse.up()
+    expect(part(operated, "outcome")).to_have_text("move: reached")
+    assert len(client.result("job.list")["jobs"]) == len(before) + 1
+
+
+def test_a_key_presses_no_button_that_was_clicked_before(operated: Tab, client: Client) -> None:
+    client.result("sim.object", width_mm=OBJECT_MM)
+    enable(operated, client)
+    button(operated, "Open").click()
+    expect(part(operated, "outcome")).to_contain_text("open: reached")
+    operated.keyboard.press("g")
+    expect(part(operated, "outcome")).to_contain_text("grasp: object held")
+    jobs = client.result("job.list")["jobs"]
+    for key in ("Space", "Enter", "Shift+O"):
+        operated.keyboard.press(key)
+    operated.keyboard.press("h")
+    expect(part(operated, "outcome")).to_have_text("hold: done")
+    assert client.result("state.get")["is_grasped"]
+    assert len(client.result("job.list")["jobs"]) - len(jobs) <= 1  # hold may be one
+
+
 def test_keys_move_and_escape_stops_a_motion(operated: Tab, client: Client) -> None:
     enable(operated, client)
     operated.keyboard.press("o")
@@ -776,6 +838,25 @@ def test_what_was_pressed_before_a_standstill_moves_nothing_after_it(
         told = re.compile(r"^open: it came \d\.\d s after it was pressed, so it was not done")
         expect(part(tab, "outcome")).to_have_text(told)
         assert client.result("state.get")["is_grasped"]
+        assert client.result("job.list")["jobs"] == before
+
+
+def test_a_slider_that_is_dragged_while_the_page_turns_late_moves_nothing(
+    window: BrowserContext, simulated: DaemonProcess, client: Client
+) -> None:
+    with page("--operate", "--socket", str(simulated.socket_path)) as running:
+        tab = opened(window, running)
+        enable(tab, client)
+        before = client.result("job.list")["jobs"]
+        drag_the_slider(tab, 0.8)
+        running.process.send_signal(signal.SIGSTOP)
+        try:
+            expect(part(tab, "mode")).to_have_text("late")
+        finally:
+            running.process.send_signal(signal.SIGCONT)
+        expect(part(tab, "mode")).not_to_have_text("late")
+        expect(part(tab, "outcome")).to_contain_text(UNDONE)
+        tab.mouse.up()
         assert client.result("job.list")["jobs"] == before
 
 
