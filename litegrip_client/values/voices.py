@@ -64,7 +64,7 @@ CALLS: Mapping[str, tuple[str, str]] = {
     "calibration.manual": ("gripper.manual_calibration()", "litegripctl calibration manual"),
     "config.get": ("gripper.motion_config", "litegripctl config"),
     "config.set": ("in a shell: litegripctl config set", "litegripctl config set"),
-    "daemon.restart": ("in a shell: litegripctl restart", "litegripctl restart"),
+    "daemon.restart": ("in a shell: litegripctl restart --hold", "litegripctl restart --hold"),
     "recorder.dump": ("gripper.dump()", "litegripctl dump"),
     "trajectory.record_start": ("gripper.record_start()", "litegripctl record NAME"),
     "trajectory.record_stop": ("gripper.record_stop()", "by the program that records"),

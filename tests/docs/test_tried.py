@@ -83,7 +83,7 @@ TRIED: list[tuple[str, str | None]] = [
      "test_a_user_who_asks_too_much_is_refused_and_named_for_a_while")),
     ("`named trajectories", ("tests/control/test_record_ends.py::"
      "test_what_has_no_room_under_its_name_is_not_lost")),
-    ("`needs the role", REMEDIES),
+    ("`... is an observer", REMEDIES),
     ("`it must be ... to", ("tests/control/test_remedies.py::"
      "test_the_limit_that_a_refusal_names_is_accepted")),
     ("`the motor says that it is at", REMEDIES),
