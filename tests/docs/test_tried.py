@@ -36,6 +36,8 @@ TRIED: list[tuple[str, str | None]] = [
     # No daemon can be reached
     ("`can0.sock: missing`", "vm:adapters.doctors_remedies"),
     ("`permission denied: only", "vm:systemd.installation"),
+    ("`permission denied: its directory", ("tests/client/test_discovery.py::"
+     "test_a_directory_that_refuses_is_what_the_error_names")),
     ("the daemon has another channel", ("tests/client/doctor/test_doctor.py::"
      "test_the_daemon_of_another_channel")),
     ("the daemon says `channel can0 is owned", ("tests/io/test_listener.py::"
