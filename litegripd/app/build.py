@@ -17,6 +17,8 @@ from functools import lru_cache
 from pathlib import Path
 from secrets import token_urlsafe
 
+from can.interfaces import VALID_INTERFACES
+
 from litegrip_client.socketcan.link import BITRATE, rate_text
 from litegrip_client.values.repeats import RepeatsHandler
 from litegripd.app.config import Config, ConfigError
@@ -153,6 +155,21 @@ def simulated_gripper(config: Config) -> GripperOf | None:
     from litegripd.sim.interface import gripper_on  # noqa: PLC0415 - the plant takes time to import
 
     return lambda: gripper_on(config.bus.channel)
+
+
+def check_interface(interface: str, where: str) -> None:
+    """Raise `ConfigError` for an interface that python-can has not, nor a package beside it."""
+    known = sorted({SIMULATOR, *VALID_INTERFACES})
+    if interface in known:
+        return
+    from difflib import get_close_matches  # noqa: PLC0415 - seldom needed
+
+    alike = get_close_matches(interface.lower().replace("-", "_"), known, 1)
+    meant = f"did you mean {alike[0]}? " if alike else ""
+    raise ConfigError(
+        f"{where} is {interface!r}, which python-can does not have; {meant}it has:"
+        f" {', '.join(known)}"
+    )
 
 
 def check_simulated(config: Config) -> None:

@@ -85,7 +85,8 @@ KEYS = (
         str,
         '"socketcan"',
         'The interface of python-can: "socketcan", "slcan", "gs_usb", ..., or "litegrip_sim", a'
-        " simulated gripper.",
+        " simulated gripper. One that python-can does not have here is refused, with those that it"
+        " has.",
     ),
     Key(
         "bus",

@@ -89,7 +89,7 @@ def _log_to_standard_error() -> None:
 
 def _config(arguments: argparse.Namespace) -> Config:
     """Return the configuration; raises `ConfigError`."""
-    from litegripd.app.build import check_simulated  # noqa: PLC0415
+    from litegripd.app.build import check_interface, check_simulated  # noqa: PLC0415
 
     path = arguments.config or find(arguments.channel)
     config = override(
@@ -98,6 +98,9 @@ def _config(arguments: argparse.Namespace) -> Config:
         interface=arguments.interface,
         simulate=arguments.simulate,
     )
+    is_given = arguments.interface is not None and arguments.simulate is None
+    file = "defaults" if config.source is None else config.source
+    check_interface(config.bus.interface, "--interface" if is_given else f"{file}: [bus] interface")
     check_simulated(config)
     return config
 

@@ -117,6 +117,42 @@ def test_a_simulated_gripper_that_cannot_be_is_refused_at_the_start(
     assert f"{path}: [bus] {told}" in caplog.text
 
 
+@pytest.mark.parametrize(
+    ("interface", "meant"),
+    [
+        ("litegrip-sim", "did you mean litegrip_sim? "),
+        ("pcan_usb", "did you mean pcan? "),
+        ("SocketCAN", "did you mean socketcan? "),
+        ("xyz", ""),
+    ],
+)
+@pytest.mark.parametrize("check", [("--check",), ()])
+def test_an_interface_that_there_is_not_is_refused_at_the_start(
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
+    interface: str,
+    meant: str,
+    check: tuple[str, ...],
+) -> None:
+    path = tmp_path / "wrong.toml"
+    path.write_text(f'[bus]\ninterface = "{interface}"\n', encoding="utf-8")
+    why = f"is '{interface}', which python-can does not have; {meant}it has: "
+    assert main(["can0", "--config", str(path), *check]) == EXIT_USAGE
+    assert f"{path}: [bus] interface {why}" in caplog.text
+    assert "pcan, " in caplog.text
+    caplog.clear()
+    assert main(["can0", "--interface", interface, *check]) == EXIT_USAGE
+    assert f"--interface {why}" in caplog.text
+
+
+def test_each_interface_of_python_can_and_its_packages_passes_the_check(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for interface in ("socketcan", "slcan", "gs_usb", "virtual", "litegrip_sim"):
+        assert main(["can0", "--interface", interface, "--check"]) == 0
+        assert f'"interface": "{interface}"' in capsys.readouterr().out
+
+
 def test_a_simulated_gripper_that_can_be_passes_the_check(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
