@@ -52,7 +52,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     from litegripd.app.build import named_calibration  # noqa: PLC0415
     from litegripd.app.daemon import Daemon, succeed  # noqa: PLC0415
-    from litegripd.app.status import warn_of_superseded  # noqa: PLC0415
+    from litegripd.app.status import (  # noqa: PLC0415
+        warn_of_missing_group,
+        warn_of_superseded,
+    )
 
     _log_to_standard_error()
     faulthandler.enable()  # after a watchdog's SIGABRT the log shows where the thread was
@@ -64,6 +67,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         config = _config(arguments)
         warn_of_superseded(config)
+        warn_of_missing_group(config)
         if arguments.check:
             calibration = named_calibration(config)
             print(json.dumps({**config.as_info(), "calibration": calibration}, indent=2))

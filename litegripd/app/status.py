@@ -1,5 +1,6 @@
 """The daemon's reports about itself: in the log, and to clients."""
 
+import grp
 import logging
 import math
 import os
@@ -14,7 +15,7 @@ from litegrip_client.values.repeats import REPEATS, RepeatsHandler
 from litegrip_client.values.severity import is_warning
 from litegrip_client.values.version import installed_version
 from litegripd.app.build import Parts, in_shell_words
-from litegripd.app.config import Config
+from litegripd.app.config import Config, RpcConfig
 from litegripd.app.machine import Machine
 from litegripd.control.admission import position_refusal
 from litegripd.control.calibration import CalibrationInUse
@@ -107,6 +108,27 @@ def warn_of_untried(motor_type: MotorType) -> None:
             "[motor] type %s has NEVER BEEN TRIED ON HARDWARE: its figures are the maker's data and"
             " estimates; keep hands and valuables away until you have tried it",
             motor_type.name,
+        )
+
+
+def warn_of_missing_group(config: Config) -> None:
+    """Warn once, at the start, if the group that the file names for the sockets is not there.
+
+    Without the default group a user's own daemon is as it should be; of a system's daemon its
+    sockets say so.
+    """
+    group = config.rpc.group
+    if group == RpcConfig().group:
+        return
+    try:
+        grp.getgrnam(group)
+    except (KeyError, ValueError):  # ValueError: a NUL inside
+        _log.warning(
+            "[rpc] group = %r in %s: there is no such group, and the sockets stay with the group"
+            " that the daemon runs with; correct the name, or make the group (sudo groupadd"
+            " --system NAME), then restart the daemon",
+            group,
+            config.source,
         )
 
 
