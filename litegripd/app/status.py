@@ -5,6 +5,7 @@ import logging
 import math
 import os
 import secrets
+import shlex
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -123,12 +124,14 @@ def warn_of_missing_group(config: Config) -> None:
     try:
         grp.getgrnam(group)
     except (KeyError, ValueError):  # ValueError: a NUL inside
+        make = f"sudo groupadd --system {shlex.quote(group)}"
         _log.warning(
             "[rpc] group = %r in %s: there is no such group, and the sockets stay with the group"
-            " that the daemon runs with; correct the name, or make the group (sudo groupadd"
-            " --system NAME), then restart the daemon",
+            " that the daemon runs with; correct the name, or make the group (%s), then"
+            " restart the daemon",
             group,
             config.source,
+            make,
         )
 
 
