@@ -50,7 +50,7 @@ async def load(
     name = files.template_at(asked)
     if name is not None:
         return await _load(session, command, {"template": name})
-    return await _load(session, command, {"content": await session.run_blocking(files.read, asked)})
+    return await _load_file(session, command, asked, await session.run_blocking(files.read, asked))
 
 
 async def use(session: DaemonSession, command: Command, data: CalibrationData) -> bool:
@@ -58,6 +58,19 @@ async def use(session: DaemonSession, command: Command, data: CalibrationData) -
     content = {name: getattr(data, name) for name in CALIBRATION_KEYS}
     known = {name: value for name, value in content.items() if value is not None}
     return await _load(session, command, {"content": {**known, "calibrated": True}})
+
+
+async def _load_file(
+    session: DaemonSession,
+    command: Command,
+    path: str | os.PathLike[str],
+    content: dict[str, Any],
+) -> bool:
+    try:
+        return await _load(session, command, {"content": content})
+    except CommandError as error:
+        error.message = f"{os.fspath(path)}: {error.message}"
+        raise
 
 
 async def _load(session: DaemonSession, command: Command, params: dict[str, Any]) -> bool:
@@ -98,11 +111,7 @@ async def _load_found(session: DaemonSession, command: Command) -> bool:
     found = await session.run_blocking(next, files.own_files(session.channel), None)
     if found is None:
         return answer["loaded"] is True
-    try:
-        return await _load(session, command, {"content": found[1]})
-    except CommandError as error:
-        error.message = f"{found[0]}: {error.message}"
-        raise
+    return await _load_file(session, command, *found)
 
 
 async def save_calibration(session: DaemonSession, path: str | os.PathLike[str] | None) -> str:

@@ -264,8 +264,11 @@ def _no_daemon(
         hint = f"{blocked}; then {hint}"
     denied = [path for path, error in failures if error.errno in (errno.EACCES, errno.EPERM)]
     if denied:
-        group = _group_of(denied[0])
+        closed = closed_directory(denied[0])
+        group = group_of(denied[0]) if closed is None else closed[2]
         hint = here("'litegripctl doctor' says what opens it to you")
+        if closed is not None and group is None:
+            hint = f"{asking(closed[1])}; {hint}"
         if group is not None:  # a daemon is there: another for this channel could not be started
             hint = (
                 f"join the group {group} ('sudo usermod -aG {group} $USER', then log in again);"
@@ -305,7 +308,46 @@ def _others(channel: str, *, left_out: bool) -> str:
     return meant
 
 
-def _group_of(path: str) -> str | None:
+def closed_directory(path: str) -> tuple[str, str, str | None] | None:
+    """Return what keeps this user from a path: a directory, whose it is, the group that may enter.
+
+    None where all directories of the path are open to this user, or are not there.
+    """
+    parts, directory = os.path.abspath(path).split("/")[1:], "/"  # noqa: PTH100 - see _names
+    for part in parts:
+        try:
+            status = os.stat(directory)  # noqa: PTH116 - see _names
+        except (OSError, ValueError):
+            return None
+        if stat.S_ISDIR(status.st_mode) and not os.access(directory, os.X_OK):
+            group = _group_name(status.st_gid) if status.st_mode & stat.S_IXGRP else None
+            return directory, _user_name(status.st_uid), None if group == "root" else group
+        directory = f"{directory.rstrip('/')}/{part}"
+    return None
+
+
+def asking(owner: str) -> str:
+    """Return what to do about a directory that is open to its owner alone."""
+    return f"ask {owner} for a socket in a directory that you may enter ([rpc] socket)"
+
+
+def _user_name(uid: int) -> str:
+    import pwd  # noqa: PLC0415 - seldom needed
+
+    try:
+        return pwd.getpwuid(uid).pw_name
+    except KeyError:
+        return f"uid {uid}"
+
+
+def _group_name(gid: int) -> str | None:
+    try:
+        return grp.getgrgid(gid).gr_name
+    except KeyError:
+        return None
+
+
+def group_of(path: str) -> str | None:
     """Return the group that opens a socket, as far as this user can see it; None for no group."""
     try:
         name = grp.getgrgid(os.stat(path).st_gid).gr_name  # noqa: PTH116 - see _names
@@ -321,7 +363,12 @@ def _group_of(path: str) -> str | None:
 
 def _why(path: str, error: OSError) -> str:
     if error.errno in (errno.EACCES, errno.EPERM):
-        group = _group_of(path)
+        closed = closed_directory(path)
+        if closed is not None:
+            directory, owner, group = closed
+            also = f" and the group {group}" if group else ""
+            return f"permission denied: its directory {directory} is only for {owner}{also}"
+        group = group_of(path)
         return f"permission denied: only for {f'the group {group}' if group else 'who started it'}"
     if error.errno == errno.ECONNREFUSED and not _is_socket(path):
         return "not a socket, but a file or folder: nobody can listen there"

@@ -640,6 +640,7 @@ class Exchange:
                 if error.reason == "lease_held" and enable is not None:
                     rule = "takes it over between motions, unless a block of lease() has it"
                     error.message += f": {enable} {rule}"
+        _name_the_user(error)
         if error.reason == "older_daemon" and error.hint is not None:
             error.data["hint"] = self.here(error.hint)
         if error.reason == "shutting_down" and (how := self._how_to_go_on(error)) is not None:
@@ -676,3 +677,28 @@ class Exchange:
 
     def _end_orphan(self, key: Key) -> None:
         self.post(*unsubscribing(*key))
+
+
+def _name_the_user(error: LiteGripError) -> None:
+    """Put the name of this user, whom the daemon knows by number, where the role is refused.
+
+    Behind the last such number in the message nothing is of other users' words.
+    """
+    uid = error.data.get("uid") if error.reason == "not_permitted" else None
+    name = None if uid is None else _user_name(uid)
+    if name is None:
+        return
+    before, number, after = error.message.rpartition(f"uid {uid} is")
+    if number:
+        error.message = f"{before}{name} (uid {uid}) is{after}"
+    if error.hint is not None:
+        error.data["hint"] = error.hint.replace(f"uid {uid} ", f"{name} ", 1)
+
+
+def _user_name(uid: object) -> str | None:
+    import pwd  # noqa: PLC0415 - only this error needs it
+
+    try:
+        return pwd.getpwuid(uid).pw_name if isinstance(uid, int) else None
+    except (KeyError, OverflowError):
+        return None

@@ -7,6 +7,9 @@ if TYPE_CHECKING:  # see core/sockets
     from collections.abc import Callable, Mapping
     from typing import Any, TypeAlias
 
+LIST_SERIAL = "ls -l /dev/serial/by-id/"
+"""Lists the serial adapters, by names that last."""
+
 PROGRAM = "litegripctl"
 
 Data: TypeAlias = "Mapping[str, Any]"

@@ -64,7 +64,7 @@ CALLS: Mapping[str, tuple[str, str]] = {
     "calibration.manual": ("gripper.manual_calibration()", "litegripctl calibration manual"),
     "config.get": ("gripper.motion_config", "litegripctl config"),
     "config.set": ("in a shell: litegripctl config set", "litegripctl config set"),
-    "daemon.restart": ("in a shell: litegripctl restart", "litegripctl restart"),
+    "daemon.restart": ("in a shell: litegripctl restart --hold", "litegripctl restart --hold"),
     "recorder.dump": ("gripper.dump()", "litegripctl dump"),
     "trajectory.record_start": ("gripper.record_start()", "litegripctl record NAME"),
     "trajectory.record_stop": ("gripper.record_stop()", "by the program that records"),
@@ -232,6 +232,8 @@ def in_shell(method: str | None, parameter: str | None, asked: str | None) -> st
     if method is None:
         return _argument(asked, parameter)[1]
     call, option = CALLS.get(method, _NONE)[1], _argument(method, parameter)[1] or ""
+    if parameter is None:
+        option = _ALONE.get(method, "")
     if option.startswith("litegripctl "):  # another command does that than the method alone
         return option
     return f"{call} {option}".rstrip() if call else None
@@ -246,6 +248,9 @@ def in_shell_of(here: Callable[[str], str]) -> Voice:
 
     return voice
 
+
+_ALONE: Mapping[str, str] = {"calibration.load": "--chain"}
+"""By method: what its command needs to do what the method does without parameters."""
 
 _NONE = (None, None)
 

@@ -17,10 +17,15 @@ from functools import lru_cache
 from pathlib import Path
 from secrets import token_urlsafe
 
+from can.interfaces import VALID_INTERFACES
+
 from litegrip_client.socketcan.link import BITRATE, rate_text
 from litegrip_client.values.repeats import RepeatsHandler
+from litegrip_client.values.terms import told
+from litegrip_client.values.voices import in_shell_of
 from litegripd.app.config import Config, ConfigError
 from litegripd.app.machine import Machine
+from litegripd.control.calibration import REPAIR
 from litegripd.control.controller import Controller
 from litegripd.control.heat import HeatGuard
 from litegripd.handover.state import OnRestart, RestartMethods, no_restart
@@ -39,6 +44,7 @@ from litegripd.model.errors import Refusal
 from litegripd.model.gripper import MotorType
 from litegripd.model.motion_config import MotionConfig, MotionConfigError
 from litegripd.model.motor import DIRECT_INTERFACES, SIMULATOR, BusCondition, BusSettings
+from litegripd.model.sentence import with_terms
 from litegripd.model.state import HelperTask, TaskResult
 from litegripd.recorder.recorder import Dumps, Recorder, RecorderMethods, memory_bytes, tick_slots
 from litegripd.rpc.jsonrpc import encode
@@ -153,6 +159,21 @@ def simulated_gripper(config: Config) -> GripperOf | None:
     from litegripd.sim.interface import gripper_on  # noqa: PLC0415 - the plant takes time to import
 
     return lambda: gripper_on(config.bus.channel)
+
+
+def check_interface(interface: str, where: str) -> None:
+    """Raise `ConfigError` for an interface that python-can has not, nor a package beside it."""
+    known = sorted({SIMULATOR, *VALID_INTERFACES})
+    if interface in known:
+        return
+    from difflib import get_close_matches  # noqa: PLC0415 - seldom needed
+
+    alike = get_close_matches(interface.lower().replace("-", "_"), known, 1)
+    meant = f"did you mean {alike[0]}? " if alike else ""
+    raise ConfigError(
+        f"{where} is {interface!r}, which python-can does not have; {meant}it has:"
+        f" {', '.join(known)}"
+    )
 
 
 def check_simulated(config: Config) -> None:
@@ -444,7 +465,10 @@ def load_at_start(controller: Controller, on_calibration: Callable[[], None]) ->
     def use_calibration(result: TaskResult) -> None:
         on_calibration()
         if controller.calibrated.is_coming:
-            _use_calibration(controller, result)
+            unusable = _use_calibration(controller, result)
+            if unusable is not None:
+                _log.error("%s", unusable.message)
+                _log.error("what to do: %s", in_shell_words(REPAIR, controller.gripper_id.channel))
         else:
             _log.info(
                 "a client has loaded a calibration meanwhile; the one at the start is not used"
@@ -476,7 +500,9 @@ def named_calibration(config: Config) -> Mapping[str, object] | None:
         result = TaskResult(load_operation(wanted))
     except (ValueError, OSError, RuntimeError) as error:
         result = TaskResult(error=str(error))
-    _use_calibration(controller, result)
+    unusable = _use_calibration(controller, result)
+    if unusable is not None:
+        _log.error("%s", unusable.message)
     in_use = controller.calibrated
     problem = None if in_use.geometry is not None else in_use.problem.message
     if problem is not None and in_use.calibration is not None:
@@ -493,12 +519,19 @@ def named_calibration(config: Config) -> Mapping[str, object] | None:
     }
 
 
-def _use_calibration(controller: Controller, result: TaskResult) -> None:
+def in_shell_words(text: str, channel: str) -> str:
+    """Return a text with the commands of `litegripctl` for what it names: a person reads it."""
+    voice = in_shell_of(lambda name: name.replace("litegripctl", f"litegripctl -c {channel}"))
+    return told(with_terms({"message": text}), "message", voice)
+
+
+def _use_calibration(controller: Controller, result: TaskResult) -> Refusal | None:
+    """Use what was found, if anything; return why a file that was found cannot be used, or None."""
     if result.error is not None or not isinstance(result.value, dict):
-        refusal = Refusal("calibration_unreadable", f"no calibration: {result.error}")
-        _log.error("%s", refusal.message)
+        text = f"no calibration: {result.error}"
+        refusal = Refusal("calibration_unreadable", text, {"hint": REPAIR})
         controller.use_calibration(None, refusal)
-        return
+        return refusal
     for skipped in result.value["skipped"]:
         _log.warning("calibration passed over: %s", skipped)
     found = result.value["calibration"]
@@ -506,17 +539,17 @@ def _use_calibration(controller: Controller, result: TaskResult) -> None:
         channel = controller.gripper_id.channel
         _log.warning("no calibration for channel %s: motions are refused", channel)
         controller.use_calibration(None)
-        return
+        return None
     calibration = of_stroke(from_plain(found), controller.gripper_id.stroke_mm)
     path = result.value["path"]
     unfitting = controller.calibrated.why_unfitting(
         calibration, path, controller.gripper_id, controller.motor.identity
     )
     if unfitting is not None:
-        _log.error("%s", unfitting.message)
         controller.use_calibration(None, unfitting)
-        return
+        return unfitting
     controller.use_calibration(calibration, file=path)
+    return None
 
 
 def _use_config(controller: Controller, result: TaskResult) -> None:

@@ -85,7 +85,8 @@ KEYS = (
         str,
         '"socketcan"',
         'The interface of python-can: "socketcan", "slcan", "gs_usb", ..., or "litegrip_sim", a'
-        " simulated gripper.",
+        " simulated gripper. One that python-can does not have here is refused, with those that it"
+        " has.",
     ),
     Key(
         "bus",
@@ -509,7 +510,7 @@ def _build(channel: str, content: Mapping[str, Any], source: Path | None) -> Con
     where = "defaults" if source is None else str(source)
     for table, values in content.items():
         if table not in TABLES:
-            raise ConfigError(f"{where}: unknown table [{table}]; allowed: {_listed(TABLES)}")
+            raise ConfigError(f"{where}: {_unknown_table(table, values)}")
         if not isinstance(values, dict):
             raise ConfigError(f"{where}: {table} must be a table, written [{table}]")
         for key, value in values.items():
@@ -544,6 +545,17 @@ def _build(channel: str, content: Mapping[str, Any], source: Path | None) -> Con
         teleop=teleop,
         source=source,
     )
+
+
+def _unknown_table(name: str, value: Any) -> str:
+    """Return why there is no such table; a key that stands before any table looks like one."""
+    if isinstance(value, dict):
+        return f"unknown table [{name}]; allowed: {_listed(TABLES)}"
+    owners = [f"[{key.table}]" for key in KEYS if key.name == name]
+    if not owners:
+        return f"unknown key {name}, in no table; allowed tables: {_listed(TABLES)}"
+    tables = " and of ".join(owners)
+    return f"{name} is a key of {tables}: put it under {' or '.join(owners)}"
 
 
 def _access(where: str, table: Mapping[str, Any]) -> Access:

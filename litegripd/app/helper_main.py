@@ -261,7 +261,14 @@ def _answers(
             raise ValueError(f"the answer has {len(packed)} bytes, too many for one packet")
         yield b"r" + packed
     except Exception as error:  # noqa: BLE001 - the requester gets any error
-        yield b"e" + json.dumps(f"{type(error).__name__}: {error}"[:_LONGEST_ERROR]).encode()
+        yield b"e" + json.dumps(_said(error)[:_LONGEST_ERROR]).encode()
+
+
+def _said(error: Exception) -> str:
+    """Return an error as it is told: those of our own classes are sentences for users."""
+    package = type(error).__module__.partition(".")[0]
+    is_ours = package in ("litegripd", "litegrip_client")
+    return str(error) if is_ours else f"{type(error).__name__}: {error}"
 
 
 def main() -> None:

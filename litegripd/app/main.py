@@ -52,7 +52,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     from litegripd.app.build import named_calibration  # noqa: PLC0415
     from litegripd.app.daemon import Daemon, succeed  # noqa: PLC0415
-    from litegripd.app.status import warn_of_superseded  # noqa: PLC0415
+    from litegripd.app.status import (  # noqa: PLC0415
+        warn_of_missing_group,
+        warn_of_superseded,
+    )
 
     _log_to_standard_error()
     faulthandler.enable()  # after a watchdog's SIGABRT the log shows where the thread was
@@ -64,6 +67,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         config = _config(arguments)
         warn_of_superseded(config)
+        warn_of_missing_group(config)
         if arguments.check:
             calibration = named_calibration(config)
             print(json.dumps({**config.as_info(), "calibration": calibration}, indent=2))
@@ -89,7 +93,7 @@ def _log_to_standard_error() -> None:
 
 def _config(arguments: argparse.Namespace) -> Config:
     """Return the configuration; raises `ConfigError`."""
-    from litegripd.app.build import check_simulated  # noqa: PLC0415
+    from litegripd.app.build import check_interface, check_simulated  # noqa: PLC0415
 
     path = arguments.config or find(arguments.channel)
     config = override(
@@ -98,6 +102,9 @@ def _config(arguments: argparse.Namespace) -> Config:
         interface=arguments.interface,
         simulate=arguments.simulate,
     )
+    is_given = arguments.interface is not None and arguments.simulate is None
+    file = "defaults" if config.source is None else config.source
+    check_interface(config.bus.interface, "--interface" if is_given else f"{file}: [bus] interface")
     check_simulated(config)
     return config
 

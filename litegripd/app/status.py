@@ -1,9 +1,11 @@
 """The daemon's reports about itself: in the log, and to clients."""
 
+import grp
 import logging
 import math
 import os
 import secrets
+import shlex
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -12,11 +14,9 @@ from typing import cast
 
 from litegrip_client.values.repeats import REPEATS, RepeatsHandler
 from litegrip_client.values.severity import is_warning
-from litegrip_client.values.terms import told
 from litegrip_client.values.version import installed_version
-from litegrip_client.values.voices import in_shell_of
-from litegripd.app.build import Parts
-from litegripd.app.config import Config
+from litegripd.app.build import Parts, in_shell_words
+from litegripd.app.config import Config, RpcConfig
 from litegripd.app.machine import Machine
 from litegripd.control.admission import position_refusal
 from litegripd.control.calibration import CalibrationInUse
@@ -99,9 +99,7 @@ def log_event(event: Event, channel: str) -> None:
     extra: dict[str, object] = {FIELDS: {"LITEGRIP_EVENT": event.kind, **fields}}
     if event.kind in _REPEATED or event.kind in _ALWAYS:
         extra[REPEATS] = event.kind in _REPEATED
-    voice = in_shell_of(lambda name: name.replace("litegripctl", f"litegripctl -c {channel}"))
-    text = told(with_terms({"message": event.message}), "message", voice)
-    _log.log(level, "%s", text, extra=extra)
+    _log.log(level, "%s", in_shell_words(event.message, channel), extra=extra)
 
 
 def warn_of_untried(motor_type: MotorType) -> None:
@@ -111,6 +109,29 @@ def warn_of_untried(motor_type: MotorType) -> None:
             "[motor] type %s has NEVER BEEN TRIED ON HARDWARE: its figures are the maker's data and"
             " estimates; keep hands and valuables away until you have tried it",
             motor_type.name,
+        )
+
+
+def warn_of_missing_group(config: Config) -> None:
+    """Warn once, at the start, if the group that the file names for the sockets is not there.
+
+    Without the default group a user's own daemon is as it should be; of a system's daemon its
+    sockets say so.
+    """
+    group = config.rpc.group
+    if group == RpcConfig().group:
+        return
+    try:
+        grp.getgrnam(group)
+    except (KeyError, ValueError):  # ValueError: a NUL inside
+        make = f"sudo groupadd --system {shlex.quote(group)}"
+        _log.warning(
+            "[rpc] group = %r in %s: there is no such group, and the sockets stay with the group"
+            " that the daemon runs with; correct the name, or make the group (%s), then"
+            " restart the daemon",
+            group,
+            config.source,
+            make,
         )
 
 

@@ -29,6 +29,12 @@ from litegripd.model.plain import Carried
 from litegripd.model.sentence import sentence
 from litegripd.model.state import HelperTask, TaskResult, ZeroOutcome, ZeroResult
 
+REPAIR = sentence(
+    "repair that file and have it read again ({calibration.load}), or measure again:"
+    " {motor.enable}, then {calibration.zero with a mount}"
+)
+"""What to do about a file of which nothing can be used."""
+
 
 @dataclass(frozen=True, slots=True)
 class Terms:
@@ -199,7 +205,8 @@ class CalibrationInUse:
             why=why,
             kept=kept,
         )
-        return Refusal("calibration_unreadable", text, {"file": file})
+        hint = {} if file is None else {"hint": REPAIR}
+        return Refusal("calibration_unreadable", text, {"file": file, **hint})
 
     def _gains_of(self, calibration: Calibration, by: int | None) -> Gains:
         """Return the gains of a calibration that the client `by` brings."""

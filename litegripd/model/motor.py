@@ -7,6 +7,7 @@ from enum import Enum
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 from litegrip_client.values.errors import ErrorCode
+from litegrip_client.values.figures import LIST_SERIAL
 from litegripd.model.errors import Refusal
 
 
@@ -59,6 +60,16 @@ _REMEDIES: dict[BusState, str] = {
     "down": "fix what the error names: the daemon keeps reopening the bus",
 }
 
+_SERIAL_REMEDIES: dict[BusState, str] = {
+    **_REMEDIES,
+    "link_down": "unplug the adapter and plug it in again: it is opened as soon as it is there",
+    "adapter_gone": f"plug the adapter in, or correct [bus] channel ('{LIST_SERIAL}' lists serial"
+    " adapters): it is opened as soon as it is there",
+    "bus_off": "check wiring, termination and bit rate, then unplug the adapter and plug it in"
+    " again",
+}
+"""Those of an adapter that is a device file and no network interface."""
+
 
 def remedy(state: BusState, bus_channel: str) -> str | None:
     """Return what to do about a state of the bus that [bus] channel names; None for "up".
@@ -67,7 +78,7 @@ def remedy(state: BusState, bus_channel: str) -> str | None:
     """
     name = shlex.quote(bus_channel)
     settings = "" if bus_channel.startswith(("vcan", "vxcan")) else " type can bitrate 1000000"
-    text = _REMEDIES.get(state)
+    text = (_SERIAL_REMEDIES if bus_channel.startswith("/") else _REMEDIES).get(state)
     up = f"sudo ip link set {name} up{settings}"
     return None if text is None else text.format(name=name, up=up)
 

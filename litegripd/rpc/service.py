@@ -8,7 +8,7 @@ from litegripd.control.controller import Controller
 from litegripd.control.events import Turn
 from litegripd.model.errors import Refusal
 from litegripd.model.plain import Carried
-from litegripd.model.sentence import sentence, with_terms
+from litegripd.model.sentence import method_name, sentence, with_terms
 from litegripd.model.state import Event, Job, JobKind, Owner
 from litegripd.rpc.jsonrpc import (
     BadRequest,
@@ -44,7 +44,7 @@ from litegripd.rpc.methods.motion import MotionMethods
 from litegripd.rpc.methods.reading import ReadingMethods
 from litegripd.rpc.methods.settings import SettingsMethods
 from litegripd.rpc.reports import MAX_PER_SESSION, Facts, Reporter, Waiter, Waiters, defect
-from litegripd.rpc.sessions import ROLES, Clients, Peer, Role, Session
+from litegripd.rpc.sessions import ROLES, Clients, Peer, Role, Session, not_permitted
 from litegripd.rpc.subscriptions import EventLog, Subscriptions
 
 _RANKS: Mapping[Role, int] = {role: rank for rank, role in enumerate(ROLES)}
@@ -177,8 +177,7 @@ class Requests:
         ):
             return None
         if _RANKS[session.role] < _RANKS[method.role]:
-            text = f"{method.name} needs the role {method.role}; {owner.user} is {session.role}"
-            return Refusal("not_permitted", text, {"needs": method.role, "role": session.role})
+            return not_permitted(session, method.role, method_name(method.name))
         refusal = self._controller.lease.refusal(owner) if method.needs_lease else None
         if refusal is not None and method.lifts_stop:
             is_admin = session.role == "admin"

@@ -1,10 +1,12 @@
 """The clients' side without their sockets: who each is, what it gets, and what it costs."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal, Protocol, TypeAlias
 
 from litegripd.model.calibration import Calibration, ScaleDoubt
+from litegripd.model.errors import Refusal
+from litegripd.model.sentence import Sentence, joined, sentence
 from litegripd.model.state import Owner
 from litegripd.rpc.jsonrpc import encode
 
@@ -34,6 +36,12 @@ class Counters:
 
 Role: TypeAlias = Literal["observer", "operator", "admin"]
 ROLES: tuple[Role, ...] = ("observer", "operator", "admin")
+
+_MAY: Mapping[Role, str] = {
+    "observer": "read and stop",
+    "operator": "read, stop and move",
+    "admin": "do all",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,6 +129,37 @@ class Session:
         if not self.outgoing and self.on_write is not None:
             self.on_write()
         self.outgoing.append(line)
+
+
+def not_permitted(session: Session, needs: Role, what: Sentence | str) -> Refusal:
+    """Return why a client may not do `what` with its role, and who opens it.
+
+    Clients on this machine put the user's name in place of `uid`: looking for it may take long.
+    """
+    user, role, remote = session.owner.user, session.role, session.remote
+    text = sentence(
+        ": {user} is an {role}, who may {may}; this needs an {needs}",
+        user=remote or str(user),
+        role=role,
+        may=_MAY[role],
+        needs=needs,
+    )
+    data: dict[str, object] = {"needs": needs, "role": role}
+    if remote is None:
+        data["uid"] = user.uid
+        data["hint"] = sentence(
+            "an admin adds {user} to {needs}s in [access] of the daemon's configuration, then"
+            " restarts the daemon ({daemon.restart})",
+            user=str(user),
+            needs=needs,
+        )
+    else:
+        data["hint"] = (
+            f"the role of {remote} is said by [portal] where {remote} works and by [router.users]"
+            " at the router; that of the gateway's user, in [access] of the daemon's"
+            " configuration, bounds it"
+        )
+    return Refusal("not_permitted", joined("", [what, text]), data)
 
 
 class Service(Protocol):

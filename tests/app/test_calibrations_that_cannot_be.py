@@ -14,7 +14,10 @@ from typing import Any
 
 import pytest
 
+from litegrip_client.values.errors import from_error_object
+from litegrip_client.values.voices import in_shell
 from litegripd.app.build import load_at_start
+from litegripd.app.helper_main import OPERATIONS, _answers
 from litegripd.app.main import EXIT_USAGE, main
 from litegripd.app.status import log_event
 from litegripd.io.helper import files
@@ -56,6 +59,17 @@ class FileDisk(Disk):
         if task.operation == "motion.load":
             return TaskResult({"config": None, "path": ""})
         return super().do(task)
+
+
+class HelperDisk(FileDisk):
+    """A helper whose errors are told as its process tells them."""
+
+    def do(self, task: HelperTask) -> TaskResult:
+        if task.operation != "calibration.load":
+            return super().do(task)
+        [answer] = _answers(OPERATIONS, task.operation, {**task.parameters})
+        told = json.loads(answer[1:])
+        return TaskResult(error=told) if answer[:1] == b"e" else TaskResult(told)
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,6 +160,35 @@ def figures(content: Mapping[str, Any]) -> list[str]:
     ]
 
 
+REPAIR = (
+    "repair that file and have it read again (litegripctl -c can0 calibration load --chain), or"
+    " measure again: litegripctl -c can0 enable, then litegripctl -c can0 zero --mount"
+)
+
+
+def test_a_file_that_cannot_be_read_is_told_with_its_remedy_and_in_words_alone(
+    root: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = root / "bad.json"
+    path.write_text("{}", encoding="utf-8")
+    world = journalled(World(calibrated=False))
+    world.disk = HelperDisk()
+    world.controller.gripper_id = GripperId(mount=str(path))
+    load_at_start(world.controller, lambda: None)
+    error = world.start().enabled().call("motion.open")["error"]
+    assert error["message"] == f"no calibration: {path}: zero_position_rad is missing"
+    told = from_error_object(error, "motion.open", in_shell)
+    assert told.hint == REPAIR.replace(" -c can0", "")
+    told = from_error_object(error, "motion.open")
+    assert told.hint == (
+        "repair that file and have it read again (gripper.load_calibration()), or measure again:"
+        " gripper.enable(), then gripper.zero(mount=...)"
+    )
+    assert error["message"] in caplog.text
+    assert REPAIR in caplog.text
+    assert "CalibrationError" not in caplog.text
+
+
 @pytest.mark.parametrize("way", AT_START, ids=lambda way: way.name)
 @pytest.mark.parametrize("content", ONE_OF_EACH)
 def test_at_the_start_a_wrong_one_leaves_the_gripper_uncalibrated_with_the_reason(
@@ -165,6 +208,7 @@ def test_at_the_start_a_wrong_one_leaves_the_gripper_uncalibrated_with_the_reaso
     assert error["message"] in [
         one.getMessage() for one in caplog.records if one.levelno == logging.ERROR
     ]
+    assert REPAIR in caplog.text
     view = client.result("calibration.get")
     assert (view["calibrated"], view["mount"], view["file"]) == (False, None, None)
     assert world.state.calibrated is False

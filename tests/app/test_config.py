@@ -119,7 +119,7 @@ def test_every_key_can_be_set(tmp_path: Path) -> None:
 
 MISTAKES = {
     "[grippr]\n": ("grippr", "bus, motor, gripper, control, rpc, access, trajectories, teleop"),
-    "rate_hz = 200\n": ("rate_hz", "bus, motor"),
+    "rate_hz = 200\n": ("rate_hz is a key of [control]", "put it under [control]"),
     "motor = 3\n": ("motor", "[motor]"),
     "[motor]\nid = 8\n": ("[motor] id", "type, can_id, master_id"),
     "[gripper]\nstroke = 120\n": ("[gripper] stroke", "mount, stroke_mm"),

@@ -4,9 +4,11 @@ How such a process ends, with its line in the journal, is tried in tests/process
 """
 
 import faulthandler
+import grp
 import logging
 import sys
 from pathlib import Path
+from typing import NoReturn
 
 import pytest
 
@@ -117,6 +119,42 @@ def test_a_simulated_gripper_that_cannot_be_is_refused_at_the_start(
     assert f"{path}: [bus] {told}" in caplog.text
 
 
+@pytest.mark.parametrize(
+    ("interface", "meant"),
+    [
+        ("litegrip-sim", "did you mean litegrip_sim? "),
+        ("pcan_usb", "did you mean pcan? "),
+        ("SocketCAN", "did you mean socketcan? "),
+        ("xyz", ""),
+    ],
+)
+@pytest.mark.parametrize("check", [("--check",), ()])
+def test_an_interface_that_there_is_not_is_refused_at_the_start(
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
+    interface: str,
+    meant: str,
+    check: tuple[str, ...],
+) -> None:
+    path = tmp_path / "wrong.toml"
+    path.write_text(f'[bus]\ninterface = "{interface}"\n', encoding="utf-8")
+    why = f"is '{interface}', which python-can does not have; {meant}it has: "
+    assert main(["can0", "--config", str(path), *check]) == EXIT_USAGE
+    assert f"{path}: [bus] interface {why}" in caplog.text
+    assert "pcan, " in caplog.text
+    caplog.clear()
+    assert main(["can0", "--interface", interface, *check]) == EXIT_USAGE
+    assert f"--interface {why}" in caplog.text
+
+
+def test_each_interface_of_python_can_and_its_packages_passes_the_check(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for interface in ("socketcan", "slcan", "gs_usb", "virtual", "litegrip_sim"):
+        assert main(["can0", "--interface", interface, "--check"]) == 0
+        assert f'"interface": "{interface}"' in capsys.readouterr().out
+
+
 def test_a_simulated_gripper_that_can_be_passes_the_check(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -158,3 +196,53 @@ def test_the_word_behind_simulate_is_the_channel_unless_it_names_mechanics(
     assert mechanics("can7", "--simulate", "mujoco") == "mujoco"
     assert mechanics("--simulate=mujoco", "can7") == "mujoco"
     assert mechanics("--simulate", "mujoco:a/b.xml", "can7") == f"mujoco:{tmp_path}/a/b.xml"
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        ('interface = "litegrip_sim"\n', "interface is a key of [bus]: put it under [bus]"),
+        ("stroke_mm = 85\n", "stroke_mm is a key of [gripper]: put it under [gripper]"),
+        ("group = 1\n", "group is a key of [rpc]: put it under [rpc]"),
+        ("colour = 1\n", "unknown key colour, in no table; allowed tables: bus, motor"),
+        ("[interface]\nx = 1\n", "unknown table [interface]; allowed: bus, motor"),
+    ],
+)
+def test_a_key_before_any_table_is_told_where_it_belongs(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, content: str, told: str
+) -> None:
+    path = tmp_path / "wrong.toml"
+    path.write_text(content, encoding="utf-8")
+    assert main(["can0", "--config", str(path), "--check"]) == EXIT_USAGE
+    assert f"{path}: {told}" in caplog.text
+
+
+def test_a_group_that_is_not_there_is_said_and_the_default_one_is_no_matter(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(grp, "getgrnam", {"robots": None}.__getitem__)
+    path = tmp_path / "a.toml"
+    for group, said in (("nogroupx", True), ("robots", False), ("litegrip", False)):
+        caplog.clear()
+        path.write_text(f'[rpc]\ngroup = "{group}"\n', encoding="utf-8")
+        assert main(["can0", "--config", str(path), "--check"]) == 0
+        found = f"[rpc] group = '{group}' in {path}: there is no such group, and the sockets stay"
+        assert (found in caplog.text) is said
+        assert ("WARNING" in caplog.text) is said
+
+
+def test_a_missing_group_is_said_at_the_start_too(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Started(Exception):  # noqa: N818 - no error
+        """The daemon was to be made."""
+
+    def start(*_arguments: object) -> NoReturn:
+        raise Started
+
+    monkeypatch.setattr("litegripd.app.daemon.Daemon", start)
+    path = tmp_path / "a.toml"
+    path.write_text('[rpc]\ngroup = "no-such-group"\n', encoding="utf-8")
+    with pytest.raises(Started):
+        main(["can0", "--config", str(path)])
+    assert "[rpc] group = 'no-such-group'" in caplog.text

@@ -1,6 +1,7 @@
 import asyncio
 import grp
 import os
+import pwd
 import socket
 from pathlib import Path
 
@@ -200,6 +201,33 @@ def test_without_the_right_the_error_names_the_group_of_the_socket(
             connect("can0", str(closed))
         named = "robots" if group == "robots" else "litegrip"
         assert f"sudo usermod -aG {named} $USER" in str(caught.value)
+
+
+def test_a_directory_that_refuses_is_what_the_error_names(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def refuse(path: str, timeout_s: float) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    def enter(path: str, mode: int) -> bool:
+        return path != str(closed)
+
+    closed = tmp_path / "closed"
+    closed.mkdir(mode=0o700)
+    owner = pwd.getpwuid(os.getuid()).pw_name
+    monkeypatch.setattr(blocking, "Connection", refuse)
+    monkeypatch.setattr(os, "access", enter)
+    with pytest.raises(ConnectError, match=f"its directory {closed} is only for {owner}") as caught:
+        connect("can0", f"{closed}/x.sock")
+    assert str(caught.value.hint).startswith(f"ask {owner} for a socket in a directory that you")
+    assert "group" not in str(caught.value)
+    closed.chmod(0o750)
+    robots = grp.struct_group(("robots", "x", 1, []))
+    monkeypatch.setattr(grp, "getgrgid", lambda _gid: robots)
+    told = f"its directory {closed} is only for {owner} and the group robots"
+    with pytest.raises(ConnectError, match=told) as caught:
+        connect("can0", f"{closed}/x.sock")
+    assert str(caught.value.hint).startswith("join the group robots ('sudo usermod -aG robots")
 
 
 def test_nobody_is_sent_into_a_group_that_is_not_there(

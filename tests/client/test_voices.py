@@ -82,6 +82,12 @@ def test_every_argument_can_be_typed(method: str) -> None:
             assert typed in options or f"{typed}|FILE" in options
 
 
+def test_a_method_without_parameters_is_a_whole_command() -> None:
+    assert in_shell("calibration.load", None, None) == "litegripctl calibration load --chain"
+    with_template = "litegripctl calibration load normal|reverse"
+    assert in_shell("calibration.load", "template", None) == with_template
+
+
 @pytest.mark.parametrize(
     "method", ["motion.open", "motion.grasp", "motion.set_force", "teleop.start"]
 )

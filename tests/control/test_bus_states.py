@@ -220,3 +220,12 @@ def test_a_virtual_bus_has_no_bit_rate_to_be_set() -> None:
     assert remedy("link_down", "vcan0") == "bring the link up: sudo ip link set vcan0 up"
     assert remedy("up", "can0") is None
     assert "set 'a b' down" in str(remedy("bus_off", "a b"))
+
+
+def test_a_serial_adapter_is_looked_for_where_serial_adapters_are() -> None:
+    gone = str(remedy("adapter_gone", "/dev/ttyACM0@115200"))
+    assert "correct [bus] channel ('ls -l /dev/serial/by-id/' lists serial adapters)" in gone
+    for state in DOWN:
+        told = str(remedy(state, "/dev/ttyACM0"))
+        assert "ip link" not in told
+        assert "type can" not in told

@@ -146,7 +146,7 @@ CASES: list[tuple[str, Acts, Call, str, Acts]] = [
     ("trajectory_busy", (ENABLE, RECORD), FOLLOW, "trajectory.record_stop", (END_RECORDING,)),
     ("busy", (ENABLE, RECORD), OPEN, "trajectory.record_stop", (END_RECORDING,)),
     ("teleop_not_ready", (), FOLLOW, "motor.enable", (ENABLE,)),
-    ("not_permitted", (ENABLE, "observer"), OPEN, "role", ("operator",)),
+    ("not_permitted", (ENABLE, "observer"), OPEN, "operators in .access.", ("operator",)),
     ("out_of_limits", TURNED, OPEN, "power-cycle", TURNED_BACK),
     ("out_of_limits", TURNED, OPEN, "calibration.zero with a mount", (ZERO_WITH_A_MOUNT,)),
     (

@@ -36,6 +36,8 @@ TRIED: list[tuple[str, str | None]] = [
     # No daemon can be reached
     ("`can0.sock: missing`", "vm:adapters.doctors_remedies"),
     ("`permission denied: only", "vm:systemd.installation"),
+    ("`permission denied: its directory", ("tests/client/test_discovery.py::"
+     "test_a_directory_that_refuses_is_what_the_error_names")),
     ("the daemon has another channel", ("tests/client/doctor/test_doctor.py::"
      "test_the_daemon_of_another_channel")),
     ("the daemon says `channel can0 is owned", ("tests/io/test_listener.py::"
@@ -83,7 +85,7 @@ TRIED: list[tuple[str, str | None]] = [
      "test_a_user_who_asks_too_much_is_refused_and_named_for_a_while")),
     ("`named trajectories", ("tests/control/test_record_ends.py::"
      "test_what_has_no_room_under_its_name_is_not_lost")),
-    ("`needs the role", REMEDIES),
+    ("`... is an observer", REMEDIES),
     ("`it must be ... to", ("tests/control/test_remedies.py::"
      "test_the_limit_that_a_refusal_names_is_accepted")),
     ("`the motor says that it is at", REMEDIES),

@@ -262,9 +262,9 @@ def test_an_error_of_the_helper_is_a_sentence_that_names_the_file(
 ) -> None:
     state.mkdir()
     (state / "can0_motion.json").write_bytes(b"{")
-    with pytest.raises(RuntimeError, match=r"FileError: .*can0_motion.json: .*repair or remove it"):
+    with pytest.raises(RuntimeError, match=r"^/.*can0_motion.json: .*repair or remove it"):
         ask(helper, "motion.load", channel="can0")
-    with pytest.raises(RuntimeError, match=r"CalibrationError: .* is not written: rad_to_mm"):
+    with pytest.raises(RuntimeError, match=r"^/.* is not written: rad_to_mm"):
         ask(helper, "calibration.save", channel="can0", content={**REVERSE, "rad_to_mm": -1})
 
 

@@ -87,7 +87,7 @@ def test_users_of_one_gateway_are_not_one_user(world: World) -> None:
         "lease.take",
         "not_permitted",
         "op1@lab, uid 990",
-        "op2@lab, uid 990 is no admin",
+        ": op2@lab is an operator, who may read, stop and move; this needs an admin",
         why="mine now",
     )
     assert of(world, OP1).result("lease.take", why="my other program")["taken_from"] is not None

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from litegrip_client.core.discovery import asking
 from litegrip_client.ctl.doctor.facts import SIMULATED, Facts
 from litegrip_client.ctl.findings import Finding, error, ok, warning
 from litegrip_client.values.terms import told_all
@@ -124,15 +125,24 @@ def sockets(facts: Facts) -> Finding | None:
     if not closed:
         return ok(f"{facts.user.name} may open {' and '.join(s.path for s in facts.sockets)}")
     text = f"{facts.user.name} may not open {' and '.join(closed)}"
+    directory = _closed_directory(facts)
+    if directory is not None:
+        path, owner, _group = directory
+        return error(f"{text}: {path} is only for {owner}", advice=asking(owner))
     return error(text, _admit(facts), _then(facts))
 
 
 def group(facts: Facts) -> Finding | None:
     """Check that this user is in the group that may connect."""
     user = facts.user
+    if _closed_directory(facts) is not None:
+        return None  # what refuses is no group
     if user.has_group:
         return ok(f"{user.name} is in group {user.group}")
-    if user.group_exists and (user.uid == 0 or any(s.owner_uid == user.uid for s in facts.sockets)):
+    is_own = any(s.owner_uid == user.uid for s in facts.sockets)
+    if is_own and facts.interface in SIMULATED and not facts.is_remote:
+        return ok(f"{user.name} needs no group for a simulated gripper of their own")
+    if user.group_exists and (user.uid == 0 or is_own):
         return ok(f"{user.name} needs no group {user.group}")
     if not user.group_exists:
         text = f"there is no group {user.group}, whose members are to connect"
@@ -337,6 +347,12 @@ def _systemctl(verb: str, facts: Facts) -> str | None:
 
 def _closed(facts: Facts) -> list[str]:
     return [socket.path for socket in facts.sockets if not socket.is_accessible]
+
+
+def _closed_directory(facts: Facts) -> tuple[str, str, str | None] | None:
+    """Return the directory that is closed to all but its owner, where one is in the way."""
+    found = (socket.closed_by for socket in facts.sockets if socket.closed_by is not None)
+    return next((closed for closed in found if closed[2] is None), None)
 
 
 def _admit(facts: Facts) -> str | None:

@@ -69,6 +69,8 @@ class Socket:
     is_accessible: bool
     """True if this user may connect."""
     owner_uid: int
+    closed_by: tuple[str, str, str | None] | None = None
+    """The directory that keeps this user from it, whose it is, and the group that may enter it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,7 +21,9 @@ from litegrip_client.core.discovery import (
     FLEET_PROGRAM,
     GROUP,
     channels_with_socket,
+    closed_directory,
     enabled_channels,
+    group_of,
     is_enabled,
     is_socket_given,
     is_unit_installed,
@@ -272,7 +274,7 @@ def sockets(paths: list[str]) -> tuple[Socket, ...]:
             try:
                 status = Path(one).stat()
             except PermissionError:  # a directory above is closed to this user
-                found.append(Socket(one, is_accessible=False, owner_uid=-1))
+                found.append(Socket(one, False, -1, closed_directory(one)))
                 continue
             except (OSError, ValueError):  # nothing is there, nor can anything be
                 continue
@@ -280,6 +282,17 @@ def sockets(paths: list[str]) -> tuple[Socket, ...]:
                 continue
             found.append(Socket(one, os.access(one, os.W_OK), status.st_uid))
     return tuple(found)
+
+
+def _group(
+    served: Sequence[Socket], configuration: Mapping[str, Any], *, is_answering: bool
+) -> str:
+    """Return the group whose members may connect: that of the sockets that do not answer."""
+    configured = str(configuration.get("rpc", {}).get("group", GROUP))
+    if is_answering or not served:
+        return configured
+    closed = served[0].closed_by
+    return (group_of(served[0].path) if closed is None else closed[2]) or configured
 
 
 def _link(name: str, net: Path) -> tuple[Link | None, str | None]:
@@ -420,7 +433,7 @@ def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
     return Facts(
         channel=channel,
         version=litegrip_client.__version__,
-        user=user(configuration.get("rpc", {}).get("group", GROUP)),
+        user=user(_group(served, configuration, is_answering=daemon is not None)),
         system=asked_system,
         sockets=served,
         daemon=daemon,

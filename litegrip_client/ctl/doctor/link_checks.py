@@ -11,6 +11,7 @@ from typing import Any
 from litegrip_client.ctl.doctor.facts import SIMULATED, Device, Facts
 from litegrip_client.ctl.findings import Finding, error, ok, warning
 from litegrip_client.socketcan.link import BITRATE, HINDERING, Link, rate_text, switch_off
+from litegrip_client.values.figures import LIST_SERIAL
 from litegrip_client.values.results import USABLE_BUS
 
 SAMPLE_POINTS = (0.7, 0.9)
@@ -27,7 +28,7 @@ UNOPENED = ("down", "adapter_gone")
 """States of a bus whose adapter the daemon could not open, or has lost."""
 
 _OTHER_PORT = (
-    "correct [bus] channel (ls -l /dev/serial/by-id/), or write the adapter's baud rate behind it:"
+    f"correct [bus] channel ({LIST_SERIAL}), or write the adapter's baud rate behind it:"
     ' channel = "/dev/ttyUSB0@1000000"'
 )
 _OPENING = (
@@ -36,7 +37,7 @@ _OPENING = (
     ("No module named", "install that module for the daemon's Python, then restart"),
     ("not configure port", "that is no serial adapter: correct [bus] channel, then restart"),
     ("ermission denied", "a daemon of systemd needs: litegripctl install-units --serial"),
-    ("No such file", "plug the adapter in, or correct [bus] channel: ls -l /dev/serial/by-id/"),
+    ("No such file", f"plug the adapter in, or correct [bus] channel: {LIST_SERIAL}"),
     ("another program", "end that program; the line serial says if one opens it at every plug"),
     ("frames waited", "give the daemon real-time rights, or this machine fewer programs"),
     ("busy", "another program has it: end that one; the daemon then opens it by itself"),
@@ -264,10 +265,10 @@ def device(facts: Facts) -> Finding | None:
         return _unopened(facts, text) or ok(f"{text}: the daemon opens it by python-can")
     if not found.is_there:
         advice = "plug the adapter in, and name it in the configuration: [bus] channel"
-        return error(f"{found.path} is not there", "ls -l /dev/serial/by-id/", advice)
+        return error(f"{found.path} is not there", LIST_SERIAL, advice)
     if not found.is_character_device:
         advice = "name the adapter's device in the configuration: [bus] channel"
-        return error(f"{found.path} is no device", "ls -l /dev/serial/by-id/", advice)
+        return error(f"{found.path} is no device", LIST_SERIAL, advice)
     if found.is_accessible or bus.get("state") in USABLE_BUS:
         unopened = _unopened(facts, found.path)
         return unopened or _unstable(found) or ok(f"{found.path} is there and accessible")

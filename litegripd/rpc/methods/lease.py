@@ -13,7 +13,7 @@ from litegripd.model.state import OnLost
 from litegripd.rpc.jsonrpc import encode, notification_line
 from litegripd.rpc.method import LEASE, Answer, Call, Deferred, Method, Param
 from litegripd.rpc.reports import OwnerView, Reporter, StateView
-from litegripd.rpc.sessions import Clients
+from litegripd.rpc.sessions import Clients, not_permitted
 
 NO_GRANT = 0
 """Grants are numbered from one: this number is none's, and so never the present one's."""
@@ -272,9 +272,9 @@ class LeaseMethods:
         if another is not None and call.session.role != "admin":
             text = (
                 f"only an admin takes the gripper from another user: {another.program} (pid"
-                f" {another.pid}, {another.user}) has it, and {call.owner.user} is no admin"
+                f" {another.pid}, {another.user}) has it"
             )
-            return Refusal("not_permitted", text, {"needs": "admin", "role": call.session.role})
+            return not_permitted(call.session, "admin", text)
         left = params.get("jaws", "hold")
         grant, losses = controller.take_over(
             call.owner, _lease_options(params, LeaseOptions()), params["why"], left

@@ -147,6 +147,19 @@ def test_a_file_that_cannot_be_read_raises(
     assert loads(daemon) == []
 
 
+def test_a_file_that_cannot_be_used_is_named(
+    daemon: Heard, gripper: LiteGrip, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "bad.json"
+    path.write_text("{}", encoding="utf-8")
+    told = f"{path}: the content cannot be used: zero_position_rad is missing"
+    monkeypatch.setenv("LITEGRIP_CALIB", str(path))
+    for given in (path, str(path), None):
+        with pytest.raises(CommandError) as caught:
+            gripper.load_calibration(given)
+        assert caught.value.message == told
+
+
 def test_the_environment_names_one_file_for_all_channels(
     daemon: Heard, gripper: LiteGrip, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

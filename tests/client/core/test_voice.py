@@ -1,6 +1,8 @@
 """Texts of the daemon in the words of the program's own user, by the constructor's `voice`."""
 
-from typing import Any
+import os
+import pwd
+from typing import Any, NoReturn
 
 import pytest
 
@@ -8,12 +10,13 @@ from litegrip_client import (
     BusyError,
     CommandError,
     LiteGrip,
+    NotPermittedError,
     ParameterError,
     SetpointStream,
     StoppedError,
 )
 from litegripd.model.sentence import method_name, sentence, with_terms
-from tests.client.rig import Heard, Kind, Refuse
+from tests.client.rig import Heard, Kind, Refuse, run_ctl
 
 WORDS = {"stop.clear": "~/clear", "lease.take": "the button TAKE", "motor.enable": "~/enable"}
 
@@ -139,3 +142,49 @@ def test_a_hint_for_the_connection_is_told_in_it_before_the_daemon_is_known(
     daemon.instead["hello"] = Refuse("too_many", -32000, method_name("motor.enable"))
     with pytest.raises(Exception, match="~/enable"):
         kind.gripper(voice=ros).connect()
+
+
+ME = f"{pwd.getpwuid(os.getuid()).pw_name} (uid {os.getuid()})"
+
+
+@pytest.fixture
+def observing(daemon: Heard, monkeypatch: pytest.MonkeyPatch) -> Heard:
+    monkeypatch.setattr(daemon.service, "_role_of", lambda _peer: "observer")
+    return daemon
+
+
+def test_an_observer_is_told_who_may_do_more_and_who_opens_it(observing: Heard, kind: Kind) -> None:
+    with kind.gripper() as gripper, pytest.raises(NotPermittedError) as caught:
+        gripper.enable()
+    assert observing.methods()[-1] == "lease.acquire"  # which the program has not called
+    assert caught.value.message == (
+        f"{ME} is an observer, who may read and stop; this needs an operator"
+    )
+    assert caught.value.hint == (
+        f"an admin adds {ME.partition(' ')[0]} to operators in [access] of the daemon's"
+        " configuration, then restarts the daemon (in a shell: litegripctl restart --hold)"
+    )
+
+
+def test_a_user_without_a_name_is_told_by_number(
+    observing: Heard, kind: Kind, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def nobody(uid: int) -> NoReturn:
+        raise KeyError(uid)
+
+    monkeypatch.setattr(pwd, "getpwuid", nobody)
+    with kind.gripper() as gripper, pytest.raises(NotPermittedError) as caught:
+        gripper.open()
+    assert caught.value.message.startswith(f"uid {os.getuid()} is an observer, who may")
+    assert str(caught.value.hint).startswith(f"an admin adds uid {os.getuid()} to operators in ")
+
+
+def test_a_person_at_a_shell_is_told_the_same(
+    observing: Heard, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, _, told = run_ctl(capsys)("enable")
+    assert code == 9
+    assert f"litegripctl: {ME} is an observer, who may read and stop; this needs" in told
+    assert "to operators in [access] of" in told
+    assert "--help" not in told
+    assert observing.methods()

@@ -19,6 +19,7 @@ CLOSED = (replace(SOCKETS[0], is_accessible=False), SOCKETS[1])
 ALICE = User("alice", 1000, "litegrip")
 OUTSIDE = replace(ALICE, is_member=False, has_group=False)
 NO_GROUP = replace(OUTSIDE, group_exists=False)
+BEHIND_BOB = (Socket("/tmp/bob/x.sock", False, -1, ("/tmp/bob", "bob", None)),)
 FILE = "/etc/litegripd/can0.toml"
 
 
@@ -121,6 +122,22 @@ DAEMON_CASES: Cases = {
             facts(user=OUTSIDE, sockets=(Socket("/run/user/1000/x.sock", True, 1000),)),
             "OK alice needs no group",
         ),
+        Case(
+            facts(
+                user=NO_GROUP,
+                sockets=(Socket("/run/user/1000/x.sock", True, 1000),),
+                interface="litegrip_sim",
+            ),
+            "OK alice needs no group for a simulated gripper of their own",
+        ),
+        Case(
+            facts(
+                user=NO_GROUP,
+                sockets=(Socket("/run/user/1000/x.sock", True, 1000),),
+            ),
+            f"WARNING there is no group litegrip $ {MAKE} && {JOIN} # {AGAIN}",
+        ),
+        Case(facts(user=OUTSIDE, sockets=BEHIND_BOB)),
         Case(facts(user=OUTSIDE), f"WARNING alice is not in group $ {JOIN} # {LOGIN}"),
         Case(
             facts(user=replace(ALICE, has_group=False)),
@@ -262,6 +279,11 @@ DAEMON_CASES: Cases = {
         ),
     ],
     "sockets": [
+        Case(
+            facts(daemon=None, user=OUTSIDE, sockets=BEHIND_BOB),
+            "ERROR alice may not open /tmp/bob/x.sock: /tmp/bob is only for bob"
+            " # ask bob for a socket in a directory that you may enter",
+        ),
         Case(facts(sockets=())),
         Case(
             facts(),

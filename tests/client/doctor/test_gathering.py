@@ -8,6 +8,7 @@ import socket
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any, NoReturn
 
 import pytest
 
@@ -398,3 +399,38 @@ def test_a_file_with_another_name_than_a_daemon_reads_is_found(directory: Path, 
     path = directory / name
     path.mkdir() if name.endswith("/") else path.touch()
     assert (found("can0"), found("can1")) == (str(path), None)
+
+
+def test_a_socket_that_does_not_answer_names_its_group_itself(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "can0.sock"
+    own = grp.struct_group(("robots", "x", os.getgid(), []))
+    monkeypatch.setattr(grp, "getgrgid", {os.getgid(): own}.__getitem__)
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(str(path))
+        os.chown(path, -1, os.getgid())
+        facts = gather.gather("can0", str(path), channel_chosen=False)
+    assert facts.sockets[0].closed_by is None
+    assert facts.user.group == "robots"
+
+
+def test_the_directory_that_closes_a_socket_is_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def shut(path: Path, *_options: Any, **_named: Any) -> NoReturn:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    allowed = os.access
+    closed = tmp_path / "closed"
+    closed.mkdir(mode=0o700)
+    path = f"{closed}/x.sock"
+    monkeypatch.setattr(os, "access", lambda one, how: one != str(closed) and allowed(one, how))
+    monkeypatch.setattr(Path, "stat", shut)
+    owner = pwd.getpwuid(os.getuid()).pw_name
+    found = gather.sockets([path])
+    assert [one.closed_by for one in found] == [(str(closed), owner, None)] * 2
+    closed.chmod(0o750)
+    robots = grp.struct_group(("robots", "x", os.getgid(), []))
+    monkeypatch.setattr(grp, "getgrgid", lambda _gid: robots)
+    assert gather.sockets([path])[0].closed_by == (str(closed), owner, "robots")
