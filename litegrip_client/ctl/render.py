@@ -263,13 +263,23 @@ WHY_NOT = {
 """By outcome, of those that are not ok: the cause and the next step. What measures the travel has a
 message of the daemon for that."""
 
+_WHY_NOT_OPEN = {
+    "blocked": (
+        "something stopped the jaws as they opened: take away what holds them, or is in their way;"
+        " then once more"
+    ),
+    "protected": "something was in the way as the jaws opened: take it away, then once more",
+}
+"""Of motions that open: nothing is let go of, or held, by another command."""
 
-def why_not(data: Data, here: Here) -> str:
+
+def why_not(data: Data, here: Here, *, opens: bool = False) -> str:
     """Return why a motion ended as it should not, and what to do; nothing where that is not known.
 
-    It is a line of its own, below another one.
+    It is a line of its own, below another one. `opens` is True if the jaws were to open.
     """
-    why = None if data.get("ok") else WHY_NOT.get(str(data.get("outcome")))
+    outcomes = {**WHY_NOT, **(_WHY_NOT_OPEN if opens else {})}
+    why = None if data.get("ok") else outcomes.get(str(data.get("outcome")))
     return "" if why is None else f"\n  {here(why)}"
 
 
