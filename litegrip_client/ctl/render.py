@@ -55,7 +55,9 @@ def lease(data: Data) -> str:
     return plain(f"{owner(holder)}, uid {holder.get('uid')}, has it{what}{queue}")
 
 
-CHOOSE_MOUNT = "choose a mount: litegripctl calibration load normal|reverse, then litegripctl zero"
+CHOOSE_MOUNT = (
+    "choose a mount: litegripctl calibration load normal (or reverse), then litegripctl zero"
+)
 """What to do when there is no calibration."""
 
 _HINTS = {

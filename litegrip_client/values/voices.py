@@ -234,6 +234,9 @@ def in_shell(method: str | None, parameter: str | None, asked: str | None) -> st
     call, option = CALLS.get(method, _NONE)[1], _argument(method, parameter)[1] or ""
     if option.startswith("litegripctl "):  # another command does that than the method alone
         return option
+    first, _, other = option.partition("|")
+    if other:  # what is pasted must be no pipe
+        option = f"{first} (or {other})"
     return f"{call} {option}".rstrip() if call else None
 
 
