@@ -6,6 +6,7 @@ must not know single commands' options.
 
 from __future__ import annotations
 
+import re
 from argparse import Namespace
 from collections.abc import Callable
 from time import localtime, strftime, time
@@ -91,12 +92,16 @@ _OTHERWISE = {
     "unreachable": "see: litegripctl doctor",
     "connection_lost": SEE_DOCTOR,
     "cancelled": "what the jaws do now: litegripctl state",
+    "trajectory_unreadable": "which ones can be used: litegripctl trajectories",
 }
 """Used if the error has no hint of its own; only that hint can offer a template."""
 
 
 _OF_CLIENT = ("no_daemon", "no_answer", "older_daemon")
 """Reasons whose hints are this side's own words."""
+
+
+_NAMES_OPTION = re.compile(r"(?:^|[\s(])--[a-z]")
 
 
 def hint_for(error: LiteGripError, options: Namespace) -> str:
@@ -135,7 +140,9 @@ def hint_for(error: LiteGripError, options: Namespace) -> str:
         if "try again" in error.message:
             return ""
         return str(here(SEE_DOCTOR)) if reason == "motor_silent" else "try again"
-    return f"see: {options.help_of} --help"
+    # The help says what is typed, and not what is wrong with a file, or with what the daemon has.
+    is_of_line = reason == "wrong_usage" or _NAMES_OPTION.search(error.message) is not None
+    return f"see: {options.help_of} --help" if is_of_line else ""
 
 
 def names_remedy(error: LiteGripError) -> bool:

@@ -7,6 +7,7 @@ import contextlib
 import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
+from pathlib import Path
 
 from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.core.trajectories import Recording, fetch, fetch_grips, listed, named, send
@@ -32,6 +33,7 @@ from litegrip_client.values.trajectory import (
     read_grips,
     write_file,
 )
+from litegrip_client.values.trajectory_format import ENDING
 
 _PLAIN_BYTES = 64
 _REPLACE = "take another name, or replace it with: --overwrite"
@@ -148,16 +150,13 @@ def get(run: Run) -> int:
 def put(run: Run) -> int:
     """Copy one of this side to the daemon."""
     options = run.options
-    try:
+    with of_this_side(run, options.file, "trajectories put"):
         content = read_file(options.file)
-    except TrajectoryNotFoundError as error:
-        error.data["hint"] = run.here("yours: litegripctl trajectories --local; a path does, too")
-        raise
     name = options.name or path_of(options.file).stem
     if not options.overwrite:
         refuse_kept(run, name)
     grips = grips_beside(options.file, content)
-    with showing(run) as share:
+    with of_this_side(run, options.file, "trajectories put"), showing(run) as share:
         data = complete(send(BlockingWire(run.connection), content, {"name": name}, share, grips))
     return run.done(data, f"kept as {plain(data['name'])}, {data['samples']} samples")
 
@@ -276,6 +275,32 @@ def grips_beside(name: str, content: bytes) -> bytes:
     except CommandError as error:
         say(f"the grips are left out: {error.message}")
         return b""
+
+
+@contextlib.contextmanager
+def of_this_side(run: Run, name: str, command: str) -> Iterator[None]:
+    """Have an error about a file of this side, which a command was given, say what helps."""
+    try:
+        yield
+    except TrajectoryNotFoundError as error:
+        hint = "yours: litegripctl trajectories --local"
+        if "/" not in name:
+            hint += "; a path does, too"
+        if found := _in_this_folder(name):
+            hint = f"the one in this folder: litegripctl {command} {shlex.quote(found)}"
+        error.data["hint"] = run.here(hint)
+        raise
+    except CommandError as error:
+        if error.reason == "trajectory_unreadable" and not error.retryable:
+            hint = "copy the file again, or record the motion again: litegripctl record NAME"
+            error.data["hint"] = run.here(hint)
+        raise
+
+
+def _in_this_folder(name: str) -> str | None:
+    """Return the path of a file in the current folder that a name without one may mean."""
+    files = () if "/" in name else (name, f"{name}{ENDING}")
+    return next((f"./{file}" for file in files if Path(file).is_file()), None)
 
 
 @contextlib.contextmanager
@@ -440,13 +465,21 @@ def play(run: Run) -> int:
     if options.force != "path":
         params["force"] = options.force
     if options.local:
-        wire, content = BlockingWire(run.connection), read_file(options.name)
-        grips = b"" if options.force == "path" else read_grips(options.name)
-        with showing(run) as share:
+        wire = BlockingWire(run.connection)
+        with of_this_side(run, options.name, "play --local"), showing(run) as share:
+            content = read_file(options.name)
+            grips = b"" if options.force == "path" else read_grips(options.name)
             params.update(named(complete(send(wire, content, None, share, grips))))
     else:
         params["name"] = options.name
-    return finish(run, "trajectory.play", params, lambda data: played_text(data, run.here))
+    try:
+        return finish(run, "trajectory.play", params, lambda data: played_text(data, run.here))
+    except CommandError as error:
+        if error.reason == "invalid_params" and not options.local and "/" in options.name:
+            put, play_it = shlex.quote(options.name), shlex.quote(path_of(options.name).stem)
+            hint = f"litegripctl trajectories put {put} && litegripctl play {play_it}"
+            error.data["hint"] = run.here(f"give the daemon that file, and play it: {hint}")
+        raise
 
 
 def played_text(data: Data, here: Here) -> str:
