@@ -19,8 +19,11 @@ from secrets import token_urlsafe
 
 from litegrip_client.socketcan.link import BITRATE, rate_text
 from litegrip_client.values.repeats import RepeatsHandler
+from litegrip_client.values.terms import told
+from litegrip_client.values.voices import in_shell_of
 from litegripd.app.config import Config, ConfigError
 from litegripd.app.machine import Machine
+from litegripd.control.admission import NOT_CALIBRATED
 from litegripd.control.controller import Controller
 from litegripd.control.heat import HeatGuard
 from litegripd.handover.state import OnRestart, RestartMethods, no_restart
@@ -39,6 +42,7 @@ from litegripd.model.errors import Refusal
 from litegripd.model.gripper import MotorType
 from litegripd.model.motion_config import MotionConfig, MotionConfigError
 from litegripd.model.motor import DIRECT_INTERFACES, SIMULATOR, BusCondition, BusSettings
+from litegripd.model.sentence import with_terms
 from litegripd.model.state import HelperTask, TaskResult
 from litegripd.recorder.recorder import Dumps, Recorder, RecorderMethods, memory_bytes, tick_slots
 from litegripd.rpc.jsonrpc import encode
@@ -493,18 +497,30 @@ def named_calibration(config: Config) -> Mapping[str, object] | None:
     }
 
 
+def in_shell_text(text: object, channel: str) -> str:
+    """Return a sentence with the commands of `litegripctl` for what it names: a person reads it."""
+    voice = in_shell_of(lambda name: name.replace("litegripctl", f"litegripctl -c {channel}"))
+    return told(with_terms({"message": text}), "message", voice)
+
+
 def _use_calibration(controller: Controller, result: TaskResult) -> None:
     if result.error is not None or not isinstance(result.value, dict):
         refusal = Refusal("calibration_unreadable", f"no calibration: {result.error}")
         _log.error("%s", refusal.message)
         controller.use_calibration(None, refusal)
         return
+    channel = controller.gripper_id.channel
     for skipped in result.value["skipped"]:
-        _log.warning("calibration passed over: %s", skipped)
+        # A file that bears this channel's name should be for it; others need not be.
+        is_own = f"{channel}_calibration.json: " in skipped
+        _log.log(
+            logging.WARNING if is_own else logging.INFO, "calibration passed over: %s", skipped
+        )
     found = result.value["calibration"]
     if found is None:
-        channel = controller.gripper_id.channel
-        _log.warning("no calibration for channel %s: motions are refused", channel)
+        what_to_do = in_shell_text(NOT_CALIBRATED.data["hint"], channel)
+        text = "no calibration for channel %s: motions are refused; %s"
+        _log.warning(text, channel, what_to_do)
         controller.use_calibration(None)
         return
     calibration = of_stroke(from_plain(found), controller.gripper_id.stroke_mm)

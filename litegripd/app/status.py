@@ -12,10 +12,8 @@ from typing import cast
 
 from litegrip_client.values.repeats import REPEATS, RepeatsHandler
 from litegrip_client.values.severity import is_warning
-from litegrip_client.values.terms import told
 from litegrip_client.values.version import installed_version
-from litegrip_client.values.voices import in_shell_of
-from litegripd.app.build import Parts
+from litegripd.app.build import Parts, in_shell_text
 from litegripd.app.config import Config
 from litegripd.app.machine import Machine
 from litegripd.control.admission import position_refusal
@@ -99,9 +97,7 @@ def log_event(event: Event, channel: str) -> None:
     extra: dict[str, object] = {FIELDS: {"LITEGRIP_EVENT": event.kind, **fields}}
     if event.kind in _REPEATED or event.kind in _ALWAYS:
         extra[REPEATS] = event.kind in _REPEATED
-    voice = in_shell_of(lambda name: name.replace("litegripctl", f"litegripctl -c {channel}"))
-    text = told(with_terms({"message": event.message}), "message", voice)
-    _log.log(level, "%s", text, extra=extra)
+    _log.log(level, "%s", in_shell_text(event.message, channel), extra=extra)
 
 
 def warn_of_untried(motor_type: MotorType) -> None:
