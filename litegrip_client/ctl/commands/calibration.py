@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import json
 import math
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -238,11 +239,17 @@ def zero(run: Run) -> int:
         params |= given_numbers(stroke_mm=_ask_stroke(run))
 
 
+_RAISED = re.compile(r"\braise (\w+)")
+_RAISE = r"raise \1 (litegripctl config set \1=...)"
+"""A field of the configuration that a measurement failed by; the daemon names it alone."""
+
+
 def _measured_text(run: Run, name: str, data: Data) -> str:
     """Return what was measured between the stops, and where it is stored."""
     text = f"{name}: {verdict(data)}"
     if data.get("message"):
-        text += f": {plain(told(data, 'message', run.voice))}"
+        message = plain(told(data, "message", run.voice))
+        text += f": {_RAISED.sub(run.here(_RAISE), message)}"
     if data.get("closed_rad") is not None and data.get("open_rad") is not None:
         text += f"\n{_travel_text(data)}"
     if data.get("ok") and data.get("rad_to_mm") is not None:
