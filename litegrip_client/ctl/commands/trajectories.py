@@ -158,7 +158,7 @@ def put(run: Run) -> int:
     grips = grips_beside(options.file, content)
     with of_this_side(run, options.file, "trajectories put"), showing(run) as share:
         data = complete(send(BlockingWire(run.connection), content, {"name": name}, share, grips))
-    return run.done(data, f"kept as {plain(data['name'])}, {data['samples']} samples")
+    return run.done(data, f"kept as {plain(data['name'])}, {counted(data['samples'])}")
 
 
 def delete(run: Run) -> int:
@@ -384,7 +384,7 @@ def record(run: Run) -> int:
             got = status["samples"] + status["missed"]
             share = "" if samples is None else f"{bar(got / samples)} "
             length = figure(status.get("duration_s"), ".1f", "s")
-            run.output.line(f"{share}{length}, {status['samples']} samples")
+            run.output.line(f"{share}{length}, {counted(status['samples'])}")
 
     recording = Recording(
         BlockingWire(run.connection),
@@ -412,13 +412,18 @@ def record(run: Run) -> int:
     return run.done(data, recorded_text(data, run.here))
 
 
+def counted(samples: object) -> str:
+    """Return a number of samples in words."""
+    return "1 sample" if samples == 1 else f"{samples} samples"
+
+
 def recorded_text(data: Data, here: Here) -> str:
     """Return what was recorded, and its name."""
     missed = f", {data['missed']} missed" if data.get("missed") else ""
     length = figure(data.get("duration_s"), ".2f", "s")
     name = plain(data.get("name"))
     grips = f", {grips_counted(data['grips'])}" if data.get("grips") else ""
-    text = f"record: {data.get('samples')} samples in {length}{missed}{grips}, kept as {name}"
+    text = f"record: {counted(data.get('samples'))} in {length}{missed}{grips}, kept as {name}"
     return f"{text}; {here('replay it with: litegripctl play')} {shlex.quote(name)}"
 
 
