@@ -240,16 +240,24 @@ def zero(run: Run) -> int:
 
 
 _RAISED = re.compile(r"\braise (\w+)")
-_RAISE = r"raise \1 (litegripctl config set \1=...)"
 """A field of the configuration that a measurement failed by; the daemon names it alone."""
+
+
+def _with_setting(run: Run, message: str) -> str:
+    """Put behind such a field the command that sets it."""
+
+    def named(raised: re.Match[str]) -> str:
+        setting = f"{raised[1]}=..."
+        return f"{raised[0]} ({run.here(f'litegripctl config set {setting}')})"
+
+    return _RAISED.sub(named, message)
 
 
 def _measured_text(run: Run, name: str, data: Data) -> str:
     """Return what was measured between the stops, and where it is stored."""
     text = f"{name}: {verdict(data)}"
     if data.get("message"):
-        message = plain(told(data, "message", run.voice))
-        text += f": {_RAISED.sub(run.here(_RAISE), message)}"
+        text += f": {_with_setting(run, plain(told(data, 'message', run.voice)))}"
     if data.get("closed_rad") is not None and data.get("open_rad") is not None:
         text += f"\n{_travel_text(data)}"
     if data.get("ok") and data.get("rad_to_mm") is not None:
