@@ -17,8 +17,8 @@ _TOLERANCE = 1e-3
 _HINTS = {
     "kp": "load a calibration with these gains (load_calibration), or give kp and kd to a motion",
     "kd": "load a calibration with these gains (load_calibration), or give kp and kd to a motion",
-    "motor_type": "leave it out, or have [motor] type of the daemon's configuration changed; then"
-    " litegripd --check says which types it drives, and which figures it lacks of the others",
+    "motor_type": "leave it out, or have [motor] type of the daemon's configuration changed;"
+    " docs/configuration.md says which types it drives, and which figures it lacks of the others",
 }
 _HINT = "leave it out, or have the daemon's configuration or calibration changed"
 
@@ -87,10 +87,15 @@ def check_expected(expected: Mapping[str, Any], hello: Mapping[str, Any], path: 
         if wanted is None or value is None or _is_same(wanted, value):
             continue
         raise CommandError(
-            f"the daemon at {path} has {name} {value}, not {wanted}",
+            f"the daemon at {path} has {name} {_shown(name, value)}, not {_shown(name, wanted)}",
             reason="wrong_gripper",
             data={"parameter": name, "hint": _HINTS.get(name, _HINT)},
         )
+
+
+def _shown(name: str, value: object) -> str:
+    """Return a figure as it is written everywhere: an id in hex."""
+    return f"0x{value:02X}" if name == "mst_id" and isinstance(value, int) else f"{value}"
 
 
 def _is_same(wanted: Any, value: Any) -> bool:

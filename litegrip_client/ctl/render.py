@@ -6,6 +6,7 @@ must not know single commands' options.
 
 from __future__ import annotations
 
+import re
 from argparse import Namespace
 from collections.abc import Callable
 from time import localtime, strftime, time
@@ -55,7 +56,9 @@ def lease(data: Data) -> str:
     return plain(f"{owner(holder)}, uid {holder.get('uid')}, has it{what}{queue}")
 
 
-CHOOSE_MOUNT = "choose a mount: litegripctl calibration load normal|reverse, then litegripctl zero"
+CHOOSE_MOUNT = (
+    "choose a mount: litegripctl calibration load normal (or reverse), then litegripctl zero"
+)
 """What to do when there is no calibration."""
 
 _HINTS = {
@@ -89,12 +92,16 @@ _OTHERWISE = {
     "unreachable": "see: litegripctl doctor",
     "connection_lost": SEE_DOCTOR,
     "cancelled": "what the jaws do now: litegripctl state",
+    "trajectory_unreadable": "which ones can be used: litegripctl trajectories",
 }
 """Used if the error has no hint of its own; only that hint can offer a template."""
 
 
 _OF_CLIENT = ("no_daemon", "no_answer", "older_daemon")
 """Reasons whose hints are this side's own words."""
+
+
+_NAMES_OPTION = re.compile(r"(?:^|[\s(])--[a-z]")
 
 
 def hint_for(error: LiteGripError, options: Namespace) -> str:
@@ -133,7 +140,9 @@ def hint_for(error: LiteGripError, options: Namespace) -> str:
         if "try again" in error.message:
             return ""
         return str(here(SEE_DOCTOR)) if reason == "motor_silent" else "try again"
-    return f"see: {options.help_of} --help"
+    # The help says what is typed, and not what is wrong with a file, or with what the daemon has.
+    is_of_line = reason == "wrong_usage" or _NAMES_OPTION.search(error.message) is not None
+    return f"see: {options.help_of} --help" if is_of_line else ""
 
 
 def names_remedy(error: LiteGripError) -> bool:
@@ -263,13 +272,23 @@ WHY_NOT = {
 """By outcome, of those that are not ok: the cause and the next step. What measures the travel has a
 message of the daemon for that."""
 
+_WHY_NOT_OPEN = {
+    "blocked": (
+        "something stopped the jaws as they opened: take away what holds them, or is in their way;"
+        " then once more"
+    ),
+    "protected": "something was in the way as the jaws opened: take it away, then once more",
+}
+"""Of motions that open: nothing is let go of, or held, by another command."""
 
-def why_not(data: Data, here: Here) -> str:
+
+def why_not(data: Data, here: Here, *, opens: bool = False) -> str:
     """Return why a motion ended as it should not, and what to do; nothing where that is not known.
 
-    It is a line of its own, below another one.
+    It is a line of its own, below another one. `opens` is True if the jaws were to open.
     """
-    why = None if data.get("ok") else WHY_NOT.get(str(data.get("outcome")))
+    outcomes = {**WHY_NOT, **(_WHY_NOT_OPEN if opens else {})}
+    why = None if data.get("ok") else outcomes.get(str(data.get("outcome")))
     return "" if why is None else f"\n  {here(why)}"
 
 

@@ -294,7 +294,7 @@ SEE_DOCTOR = "see what is wrong: litegripctl doctor"
 def no_answer(message: str, timeout_s: float, here: Here) -> ConnectError:
     """Make the error for a daemon that does not do something in time."""
     return ConnectError(
-        f"{message} within {timeout_s:g} s",
+        f"{message.rstrip()} within {timeout_s:g} s",
         reason="no_answer",
         data={"retryable": True, "hint": here(SEE_DOCTOR)},
     )
@@ -542,7 +542,9 @@ class Exchange:
                 take_back(call.result)
 
     def asked_by(self, method: str) -> str:
-        """Name the call that has asked a method, for who gets no answer."""
+        """Name the call that has asked a method, for who gets no answer; "" for the greeting."""
+        if method == "hello":
+            return ""
         from litegrip_client.values.voices import in_python  # noqa: PLC0415 - an error
 
         said = (self.voice or in_python)(method, None, None)

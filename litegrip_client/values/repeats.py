@@ -19,6 +19,10 @@ repeat, False for one of which each is written. Without it warnings and errors a
 
 EACH = {REPEATS: False}
 
+AFTER_COUNTS = {"after_counts": True}
+"""`extra` of the line that begins an end: what was counted is written before it. Below it a count
+of earlier lines would read as if they had come since."""
+
 INTERVALS_S = (10.0, 60.0, 600.0, 3600.0)
 """From one line about a repeat to the next: within a minute it is clear that it continues, and
 after that an hour's line says as much as a minute's."""
@@ -80,6 +84,8 @@ class Repeats:
 
     def take(self, record: logging.LogRecord, now_s: float) -> list[logging.LogRecord]:
         """Return the lines to write now that `record` has come: itself, none, or others before."""
+        if getattr(record, "after_counts", False):
+            return [*self.rest(now_s), record]
         if not getattr(record, REPEATS, record.levelno >= logging.WARNING):
             return [record]
         key = (record.name, record.levelno, _FIGURES.sub("#", record.getMessage()))

@@ -236,6 +236,9 @@ def in_shell(method: str | None, parameter: str | None, asked: str | None) -> st
         option = _ALONE.get(method, "")
     if option.startswith("litegripctl "):  # another command does that than the method alone
         return option
+    first, _, other = option.partition("|")
+    if other:  # what is pasted must be no pipe
+        option = f"{first} (or {other})"
     return f"{call} {option}".rstrip() if call else None
 
 

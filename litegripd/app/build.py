@@ -25,6 +25,7 @@ from litegrip_client.values.terms import told
 from litegrip_client.values.voices import in_shell_of
 from litegripd.app.config import Config, ConfigError
 from litegripd.app.machine import Machine
+from litegripd.control.admission import NOT_CALIBRATED
 from litegripd.control.calibration import REPAIR
 from litegripd.control.controller import Controller
 from litegripd.control.heat import HeatGuard
@@ -468,7 +469,7 @@ def load_at_start(controller: Controller, on_calibration: Callable[[], None]) ->
             unusable = _use_calibration(controller, result)
             if unusable is not None:
                 _log.error("%s", unusable.message)
-                _log.error("what to do: %s", in_shell_words(REPAIR, controller.gripper_id.channel))
+                _log.error("what to do: %s", in_shell_text(REPAIR, controller.gripper_id.channel))
         else:
             _log.info(
                 "a client has loaded a calibration meanwhile; the one at the start is not used"
@@ -519,8 +520,8 @@ def named_calibration(config: Config) -> Mapping[str, object] | None:
     }
 
 
-def in_shell_words(text: str, channel: str) -> str:
-    """Return a text with the commands of `litegripctl` for what it names: a person reads it."""
+def in_shell_text(text: object, channel: str) -> str:
+    """Return a sentence with the commands of `litegripctl` for what it names: a person reads it."""
     voice = in_shell_of(lambda name: name.replace("litegripctl", f"litegripctl -c {channel}"))
     return told(with_terms({"message": text}), "message", voice)
 
@@ -532,12 +533,18 @@ def _use_calibration(controller: Controller, result: TaskResult) -> Refusal | No
         refusal = Refusal("calibration_unreadable", text, {"hint": REPAIR})
         controller.use_calibration(None, refusal)
         return refusal
+    channel = controller.gripper_id.channel
     for skipped in result.value["skipped"]:
-        _log.warning("calibration passed over: %s", skipped)
+        # A file that bears this channel's name should be for it; others need not be.
+        is_own = f"{channel}_calibration.json: " in skipped
+        _log.log(
+            logging.WARNING if is_own else logging.INFO, "calibration passed over: %s", skipped
+        )
     found = result.value["calibration"]
     if found is None:
-        channel = controller.gripper_id.channel
-        _log.warning("no calibration for channel %s: motions are refused", channel)
+        what_to_do = in_shell_text(NOT_CALIBRATED.data["hint"], channel)
+        text = "no calibration for channel %s: motions are refused; %s"
+        _log.warning(text, channel, what_to_do)
         controller.use_calibration(None)
         return None
     calibration = of_stroke(from_plain(found), controller.gripper_id.stroke_mm)

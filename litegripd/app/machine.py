@@ -8,6 +8,7 @@ Controller and motor do not know each other; this file connects them, for real t
 import logging
 from collections.abc import Sequence
 
+from litegrip_client.values.repeats import AFTER_COUNTS
 from litegripd.control.controller import Controller
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import GripperId
@@ -138,7 +139,7 @@ class Ending:
     def begin(self, now_s: float) -> None:
         """Begin the end: the next tick disables the motor."""
         if self._since_s is None:
-            _log.info("ending: the motor is being disabled")
+            _log.info("ending: the motor is being disabled", extra=AFTER_COUNTS)
             self._since_s = now_s
             self._machine.controller.shut_down()
 

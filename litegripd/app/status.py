@@ -15,7 +15,7 @@ from typing import cast
 from litegrip_client.values.repeats import REPEATS, RepeatsHandler
 from litegrip_client.values.severity import is_warning
 from litegrip_client.values.version import installed_version
-from litegripd.app.build import Parts, in_shell_words
+from litegripd.app.build import Parts, in_shell_text
 from litegripd.app.config import Config, RpcConfig
 from litegripd.app.machine import Machine
 from litegripd.control.admission import position_refusal
@@ -99,7 +99,7 @@ def log_event(event: Event, channel: str) -> None:
     extra: dict[str, object] = {FIELDS: {"LITEGRIP_EVENT": event.kind, **fields}}
     if event.kind in _REPEATED or event.kind in _ALWAYS:
         extra[REPEATS] = event.kind in _REPEATED
-    _log.log(level, "%s", in_shell_words(event.message, channel), extra=extra)
+    _log.log(level, "%s", in_shell_text(event.message, channel), extra=extra)
 
 
 def warn_of_untried(motor_type: MotorType) -> None:

@@ -32,7 +32,7 @@ from litegripd.control.authority import (
     StopLatch,
 )
 from litegripd.control.calibration import CalibrationInUse, Terms, content_of, save_task
-from litegripd.control.detectors import PressWatch
+from litegripd.control.detectors import PressWatch, WayGauge
 from litegripd.control.events import (
     NOW,
     RELEASES_WITHIN_S,
@@ -156,6 +156,7 @@ class Controller:
         "has_stepped",
         "register_reads",
         "motor",  # only its phase, beside this
+        "way",  # for two seconds only
         "must_disable",
         "period_s",
         "idle",  # beside this
@@ -188,6 +189,7 @@ class Controller:
         self.idle: Idle = Slack()
         self.output = Output(self.gripper_id.motor_type)
         self.pressing = PressWatch(self.gripper_id.motor_type)
+        self.way = WayGauge()
         self._easing = Easing()
         self.swing = SwingGuard(self.gripper_id.motor_type)
         self.register_reads = RegisterReads()
@@ -791,6 +793,8 @@ class Controller:
             width_mm = grip.geometry.opening_mm(feedback.position_rad)
             self.events.append(events.object_moved(moved_mm, width_mm))
         self.pressing.see(feedback, is_held=is_held)
+        if geometry is not None:
+            self.way.see(feedback, geometry.close_sign)
         if is_held or self._is_pushed or geometry is None:
             return
         if running is not None and running.kind == "zero":
@@ -854,6 +858,7 @@ class Controller:
 
     def _send_nothing(self, now_s: float) -> None:
         self.pressing.reset()
+        self.way.reset()
         change = self.output.unpowered(now_s, self.motor.feedback)
         if change is not None:
             self.events.append(events.heat_changed(change))

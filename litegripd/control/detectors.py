@@ -16,6 +16,8 @@ push, or follow an object that has given way by a millimetre. The squeezing cont
 torque (`is_searching`) until the jaws press on something again, or are too far beyond the last
 contact. Only then is the object lost. Each measurement counts once.
 
+`WayGauge` measures what the jaws took on their way.
+
 `PressWatch` detects jaws that press, whatever commands them: they stand while the motor makes more
 torque than friction explains.
 """
@@ -490,3 +492,56 @@ class PressWatch:
             return None
         self._told[kind] = (now_s, self._most_nm)
         return Pressing(self.torque_nm, self._most_nm)
+
+
+WAY_RAD_S = 0.1
+"""Jaws that close at 5 mm/s or faster travel."""
+WAY_MEAN_S = 0.03
+LATELY_S = 2.0
+"""How long a way counts for the next motion: a motion that something blocks takes up to a second to
+say so, and nobody hangs a weight on the jaws so fast."""
+
+
+class WayGauge:
+    """Measures the torque that the jaws take while they close, whatever motion closes them.
+
+    The smallest mean over `WAY_MEAN_S` counts: what is pressed at the way's end takes more.
+    """
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the way: the jaws are not known to be where it ended."""
+        self._window = SpeedWindow(WAY_MEAN_S)
+        self._seen_s = self._ran_s = -math.inf
+        self._torques_nm: list[float] = []
+        self._began_s = 0.0
+        self._least_nm: float | None = None
+
+    def see(self, feedback: Feedback, close_sign: int) -> None:
+        """Take a measurement, each once."""
+        at_s = feedback.at_s
+        if at_s == self._seen_s:
+            return
+        self._seen_s = at_s
+        speed_rad_s = self._window.add(at_s, feedback.position_rad)
+        if speed_rad_s is None or close_sign * speed_rad_s < WAY_RAD_S:
+            self._torques_nm.clear()
+            return
+        if at_s - self._ran_s > LATELY_S:
+            self._least_nm = None
+        self._ran_s = at_s
+        if not self._torques_nm:
+            self._began_s = at_s
+        self._torques_nm.append(close_sign * feedback.torque_nm)
+        if at_s - self._began_s >= WAY_MEAN_S * 0.999:
+            mean_nm = sum(self._torques_nm) / len(self._torques_nm)
+            self._least_nm = mean_nm if self._least_nm is None else min(self._least_nm, mean_nm)
+            self._torques_nm.clear()
+
+    def lately_nm(self, now_s: float) -> float | None:
+        """Return what the way has taken within `LATELY_S`, friction and load; None if unknown."""
+        if self._least_nm is None or now_s - self._ran_s > LATELY_S:
+            return None
+        return max(self._least_nm, 0.0)

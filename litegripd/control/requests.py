@@ -213,6 +213,7 @@ class MotionRequests:
             period_s=controller.period_s,
             motor_type=motor_type,
             held=held,
+            way_nm=controller.way.lately_nm(controller.now_s),
         )
         return controller.begin("grasp", action, owner, detached, turn, terms=terms)
 

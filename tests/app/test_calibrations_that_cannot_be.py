@@ -145,6 +145,15 @@ def started(mount: str | None) -> World:
     return world.start()
 
 
+def started_on(channel: str) -> World:
+    """Return the same for a channel of this name, whose calibration is searched for."""
+    world = World(calibrated=False)
+    world.disk = FileDisk()
+    world.controller.gripper_id = GripperId(channel=channel)
+    load_at_start(world.controller, lambda: None)
+    return world.start()
+
+
 def figures(content: Mapping[str, Any]) -> list[str]:
     """Return what a refusal must say: both numbers, and what to do."""
     travel_rad = abs(content["zero_position_rad"] - content["max_position_rad"])
@@ -499,3 +508,23 @@ def test_who_loads_one_in_which_no_jaw_can_be_where_it_is_learns_it_at_once() ->
     far = content_of(Geometry(9.0, 9.0 - NORMAL.travel_rad, NORMAL.rad_to_mm))
     (warned,) = world.client().result("calibration.load", content=far)["warnings"]
     assert "the motor says that it is at" in warned
+
+
+@pytest.mark.parametrize("own", [True, False], ids=["its own file", "a shared one"])
+def test_a_file_of_another_channel_is_a_warning_only_where_it_bears_this_ones_name(
+    own: bool, root: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = root / ".litegrip"
+    name = "rup1_calibration.json" if own else "litegrip_calibration.json"
+    content = json.loads((root / "data" / "normal.json").read_text(encoding="utf-8"))
+    (folder / name).write_text(json.dumps({**content, "channel": "can5"}), encoding="utf-8")
+    with caplog.at_level(logging.INFO):
+        started_on("rup1")
+    levels = {record.getMessage(): record.levelno for record in caplog.records}
+    passed_over = next(text for text in levels if f"passed over: {folder / name}" in text)
+    assert levels[passed_over] == (logging.WARNING if own else logging.INFO)
+    (refused,) = [text for text in levels if text.startswith("no calibration for channel rup1")]
+    assert refused.endswith(
+        "motions are refused; choose a mount: litegripctl -c rup1 calibration load normal (or"
+        " reverse), then litegripctl -c rup1 zero"
+    )

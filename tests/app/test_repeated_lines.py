@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import pytest
 
 from litegrip_client.values.repeats import RepeatsHandler
+from litegripd.app.machine import Ending
 from litegripd.app.status import MotorGreeting, log_event
 from litegripd.model.gripper import DM4310
 from litegripd.model.motor import UP, BusCondition
@@ -112,6 +113,21 @@ def test_every_repeat_is_counted(day: Day) -> None:
     counted = [text.partition("(again: ")[2].split()[0] for text in others]
     assert sum(1 if number == "once" else int(number) for number in counted) == 999
     assert others[0] == f"{event.message} (again: once in 10 s, the last 3 s ago)"
+
+
+def test_what_was_counted_stands_before_the_end_and_never_behind_it(day: Day) -> None:
+    """Below "ending", "enabling -> enabled (again: ...)" would read as if it were enabled now."""
+    event = Event("motor", "motor: enabling -> enabled", {})
+    for _ in range(2):
+        day.say(event)
+    world = World().start()
+    Ending(world.machine).begin(world.now_s)
+    day.handler.close()
+    assert [text.partition(" (again")[0] for text in day.texts] == [
+        event.message,
+        event.message,
+        "ending: the motor is being disabled",
+    ]
 
 
 def test_the_first_is_written_at_once_and_in_full_and_so_is_one_after_a_long_time(

@@ -249,7 +249,7 @@ def test_a_daemon_that_hangs_in_its_answer_to_the_other_socket_is_told_as_soon(
         told = json.loads(litegripctl("--socket", str(tmp_path / "x.sock"), "stop", "--json")[1])
     assert (code, err, told["error"]["data"]["reason"]) == (3, "", "no_answer")
     assert told["error"]["message"].startswith(f"STOP not confirmed by {tmp_path}/x.sock. Cut")
-    assert told["error"]["message"].endswith("did not answer hello within 0.01 s")
+    assert told["error"]["message"].endswith("did not answer within 0.01 s")
 
 
 def test_a_stop_that_reaches_no_daemon_says_so_and_names_those_that_run(

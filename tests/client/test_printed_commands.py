@@ -59,6 +59,7 @@ GAPS = {
     "settings": " type can bitrate 1000000",
     "verb": "restart",
     "mount": "normal",
+    "setting": "calib_kp=30",
     "action": "get",
     "log_of": "-u litegripd@can0",
 }

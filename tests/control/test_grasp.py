@@ -51,6 +51,24 @@ def test_an_object_is_held_with_the_set_force(mount: str) -> None:
     assert world.state.mode == "holding"
 
 
+@pytest.mark.parametrize("force_n", [3.0, 10.0, 20.0, 30.0])
+@pytest.mark.parametrize(("mount", "stiffness_nm_rad"), [("normal", 250.0), ("reverse", 30.0)])
+@pytest.mark.parametrize("after_s", [0.0, 0.005, 0.01, 0.05, 0.2, 1.0])
+def test_what_a_motion_has_pressed_is_held_though_it_pushes_the_jaws_back(
+    mount: str, stiffness_nm_rad: float, after_s: float, force_n: float
+) -> None:
+    """It was "timed_out", after 3.4 s, while the jaws held it."""
+    world, client = world_with(40.0, mount, stiffness_nm_rad=stiffness_nm_rad)
+    assert client.result("motion.move", opening_mm=5.0)["outcome"] == "blocked"
+    world.run(after_s)
+    began_s = world.now_s
+    result = grasped(client, force_n=force_n)
+    assert (result["ok"], result["outcome"], result["force_n"]) == (True, "object_held", force_n)
+    assert world.now_s - began_s < 0.6
+    world.run(1.0)
+    assert world.squeeze_nm == pytest.approx(force_n / 10.0, abs=0.3)
+
+
 @pytest.mark.parametrize("margin", [0.0, 0.5, 0.95])
 def test_a_grasp_goes_no_further_than_its_margin(margin: float) -> None:
     world, client = world_with(None)

@@ -53,6 +53,40 @@ def test_a_weight_on_the_jaws_of_the_worst_plants_is_no_object(plant: PlantParam
     assert outcome_of(plant, weight_nm=0.5) == "no_object"
 
 
+def after_a_move(
+    plant: PlantParameters, item: Item | None, weight_nm: float, *, is_taken: bool = False
+) -> str:
+    """Move towards the closed end, grasp with less, and return what is said of it."""
+    world = PlantWorld(plant, opening_mm=60.0)
+    client = world.enabled()
+    world.mechanics.hand_nm = -weight_nm
+    world.mechanics.put(item)
+    client.result("motion.move", opening_mm=5.0)
+    if is_taken:
+        world.mechanics.put(None)
+        world.run(0.1)
+    result = client.result("motion.grasp", force_n=10.0, until="verdict")
+    return str(result["outcome"])
+
+
+@pytest.mark.parametrize("plant", [NOMINAL, *map(random_plant, range(6))], ids=lambda p: p.seed)
+@pytest.mark.parametrize("stiffness_nm_rad", [30.0, 75.0, 250.0])
+def test_what_a_move_has_pressed_is_an_object(
+    plant: PlantParameters, stiffness_nm_rad: float
+) -> None:
+    assert after_a_move(plant, Item(40.0, stiffness_nm_rad), 0.0) == "object_held"
+
+
+@pytest.mark.parametrize("plant", [NOMINAL, *map(random_plant, (4, 92, 189))], ids=lambda p: p.seed)
+@pytest.mark.parametrize("weight_nm", [1.2, 1.5, 1.8])
+@pytest.mark.parametrize("is_taken", [False, True])
+def test_a_weight_that_pushes_the_jaws_back_after_a_move_is_no_object(
+    plant: PlantParameters, weight_nm: float, is_taken: bool
+) -> None:
+    item = Item(40.0, 75.0) if is_taken else None
+    assert after_a_move(plant, item, weight_nm, is_taken=is_taken) != "object_held"
+
+
 @pytest.mark.parametrize("speed_mm_s", [25.0, 50.0, 100.0])
 @pytest.mark.parametrize("shove", [(4.0, 0.06), (4.0, 0.03), (-4.0, 0.06)])
 def test_a_shove_is_no_object(shove: tuple[float, float], speed_mm_s: float) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import json
 import math
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -238,11 +239,25 @@ def zero(run: Run) -> int:
         params |= given_numbers(stroke_mm=_ask_stroke(run))
 
 
+_RAISED = re.compile(r"\braise (\w+)")
+"""A field of the configuration that a measurement failed by; the daemon names it alone."""
+
+
+def _with_setting(run: Run, message: str) -> str:
+    """Put behind such a field the command that sets it."""
+
+    def named(raised: re.Match[str]) -> str:
+        setting = f"{raised[1]}=..."
+        return f"{raised[0]} ({run.here(f'litegripctl config set {setting}')})"
+
+    return _RAISED.sub(named, message)
+
+
 def _measured_text(run: Run, name: str, data: Data) -> str:
     """Return what was measured between the stops, and where it is stored."""
     text = f"{name}: {verdict(data)}"
     if data.get("message"):
-        text += f": {plain(told(data, 'message', run.voice))}"
+        text += f": {_with_setting(run, plain(told(data, 'message', run.voice)))}"
     if data.get("closed_rad") is not None and data.get("open_rad") is not None:
         text += f"\n{_travel_text(data)}"
     if data.get("ok") and data.get("rad_to_mm") is not None:

@@ -169,7 +169,16 @@ def _move(run: Run, method: str, params: Data) -> int:
 def _moved_text(run: Run, data: Data) -> str:
     """Return how a motion ended."""
     text = f"{run.options.command}: {verdict(data)}, at {opening_of(data)}"
-    return f"{text}{why_not(data, run.here)}"
+    return f"{text}{why_not(data, run.here, opens=_opens(run, data))}"
+
+
+def _opens(run: Run, data: Data) -> bool:
+    """Return True if a motion that has not arrived was to open the jaws, as far as is known."""
+    if run.options.command != "move":
+        return run.options.command in ("open", "release")
+    parameter, wanted = run.options.target
+    reached = data.get("state", {}).get(parameter)
+    return parameter != "position_rad" and reached is not None and bool(wanted > reached)
 
 
 _GRASP = """\
@@ -419,7 +428,8 @@ def job(run: Run) -> int:
     if data["error"]:
         error = from_error_object(data["error"], voice=run.voice)
         rows.append(("why", plain(error.message)))
-    if why := why_not(data["result"] or {"ok": True}, run.here):
+    opens = data["kind"] == "open"
+    if why := why_not(data["result"] or {"ok": True}, run.here, opens=opens):
         rows.append(("why", why.strip()))
     rows += [
         (name, plain(f"{value:.4g}" if isinstance(value, float) else value))

@@ -179,11 +179,12 @@ def _start(run: Run, mode: str) -> int:
     data = run.connection.command("teleop.start", params)
     if options.detach:
         return _leave(run, data)
+    seen = dict(data)
     try:
-        return _watch(run)
+        return _watch(run, seen)
     except KeyboardInterrupt:
         run.output.end_line()
-        return _stop(run, holding=True)
+        return _stop(run, holding=True, before=seen)
 
 
 def _leave(run: Run, data: Data) -> int:
@@ -214,20 +215,21 @@ def _is_on_its_way(data: Data) -> bool:
     return data.get("link_state") == "opening" or (is_reaching and not data.get("link_unreached"))
 
 
-def _watch(run: Run) -> int:
-    """Show how it goes until it ends."""
+def _watch(run: Run, seen: dict[str, object]) -> int:
+    """Show how it goes until it ends; `seen` is kept as what was seen last while it ran."""
     while True:
         data = run.connection.call("teleop.status")
         if not data["active"]:
-            return run.done(data, ended_text(data), ok=False)
+            return run.done(data, ended_text(data, before=seen), ok=False)
+        seen.update(data)
         if run.output.live:
             run.output.line(status_line(data))
         time.sleep(_LOOK_EVERY_S)
 
 
-def _stop(run: Run, *, holding: bool = False) -> int:
+def _stop(run: Run, *, holding: bool = False, before: Data | None = None) -> int:
     data = run.connection.call("teleop.stop")
-    return run.done(data, ended_text(data, holding=holding))
+    return run.done(data, ended_text(data, holding=holding, before=before))
 
 
 def status_line(data: Data) -> str:
@@ -245,13 +247,17 @@ def status_line(data: Data) -> str:
     return plain("  ".join(parts + _troubles(data)))
 
 
-def ended_text(data: Data, *, holding: bool = False) -> str:
-    """Return how it ended, in one line. With `holding` a command ended it, and the jaws hold."""
+def ended_text(data: Data, *, holding: bool = False, before: Data | None = None) -> str:
+    """Return how it ended, in one line. With `holding` a command ended it, and the jaws hold.
+
+    What was wrong with its link to the end is in the status `before`: the end closes the link.
+    """
     if data.get("mode") is None:
         return "no teleoperation so far"
     by = f" by {data['fault']}" if data.get("fault") else ""
     parts = [f"{data['mode']} ended{by} after {data.get('frames')} frames", *_counts(data)]
-    return plain(", ".join(parts)) + ("; the jaws hold" if holding and not by else "")
+    why = "".join(f"; {text}" for text in _link_troubles(before or {}))
+    return plain(", ".join(parts) + why) + ("; the jaws hold" if holding and not by else "")
 
 
 def status_text(data: Data) -> str:
@@ -350,8 +356,7 @@ def _troubles(data: Data) -> list[str]:
     found = []
     if data.get("active") and data.get("mode") == "slave" and not data.get("frames"):
         found.append(f"nothing heard from {_leader(data)} yet")
-    if data.get("link_unreached"):
-        found.append(f"not reached: {data['link_unreached']}")
+    found += _link_troubles(data)
     if data.get("stale"):
         found.append(f"STALE {_age(data)}")
     if data.get("over_torque"):
@@ -360,11 +365,19 @@ def _troubles(data: Data) -> list[str]:
         found.append("force limited")
     if data.get("followers") == 0:
         found.append("nobody sends a force")
-    if data.get("link_state") == "failed":
-        found.append(f"link failed: {data.get('link_error')}")
     if data.get("mode") == "master" and data.get("matching") is False:
         found.append("nobody follows")
     return found + _gate(data) + _counts(data)
+
+
+def _link_troubles(data: Data) -> list[str]:
+    """Name what keeps frames from travelling."""
+    found = []
+    if data.get("link_unreached"):
+        found.append(f"not reached: {data['link_unreached']}")
+    if data.get("link_state") == "failed":
+        found.append(f"link failed: {data.get('link_error')}")
+    return found
 
 
 def _gate(data: Data) -> list[str]:

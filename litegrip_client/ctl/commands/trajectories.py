@@ -7,6 +7,7 @@ import contextlib
 import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
+from pathlib import Path
 
 from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.core.trajectories import Recording, fetch, fetch_grips, listed, named, send
@@ -32,7 +33,9 @@ from litegrip_client.values.trajectory import (
     read_grips,
     write_file,
 )
+from litegrip_client.values.trajectory_format import ENDING
 
+_PLAIN_BYTES = 64
 _REPLACE = "take another name, or replace it with: --overwrite"
 
 
@@ -147,18 +150,15 @@ def get(run: Run) -> int:
 def put(run: Run) -> int:
     """Copy one of this side to the daemon."""
     options = run.options
-    try:
+    with of_this_side(run, options.file, "trajectories put"):
         content = read_file(options.file)
-    except TrajectoryNotFoundError as error:
-        error.data["hint"] = run.here("yours: litegripctl trajectories --local; a path does, too")
-        raise
     name = options.name or path_of(options.file).stem
     if not options.overwrite:
         refuse_kept(run, name)
     grips = grips_beside(options.file, content)
-    with showing(run) as share:
+    with of_this_side(run, options.file, "trajectories put"), showing(run) as share:
         data = complete(send(BlockingWire(run.connection), content, {"name": name}, share, grips))
-    return run.done(data, f"kept as {plain(data['name'])}, {data['samples']} samples")
+    return run.done(data, f"kept as {plain(data['name'])}, {counted(data['samples'])}")
 
 
 def delete(run: Run) -> int:
@@ -210,11 +210,12 @@ def refuse_kept(run: Run, name: str) -> None:
 
 def refuse_unkeepable(run: Run, name: str, *, overwrite: bool) -> None:
     """Raise `CommandError`, before anything is recorded, where it could not be kept as `name`."""
-    try:  # whether a trajectory can have this name is the daemon's to say
-        run.connection.call("trajectory.get", {"name": name, "offset": 0, "length": 1})
-    except CommandError as error:
-        if error.reason == "invalid_params" or "/" in name:
-            raise
+    if not _is_plain_name(name):  # whether a trajectory can have it is the daemon's to say
+        try:
+            run.connection.call("trajectory.get", {"name": name, "offset": 0, "length": 1})
+        except CommandError as error:
+            if error.reason == "invalid_params" or "/" in name:
+                raise
     rows, usage = kept_and_usage(run)
     if not overwrite:
         _refuse_name(rows, name)
@@ -228,6 +229,16 @@ def refuse_unkeepable(run: Run, name: str, *, overwrite: bool) -> None:
         )
         hint = run.here("make room: litegripctl trajectories delete NAME")
         raise CommandError(text, reason="trajectories_full", data={"hint": hint, "usage": usage})
+
+
+def _is_plain_name(name: str) -> bool:
+    """Return True for a name that every daemon allows: one that is free need not be asked for.
+
+    The daemon's log would have a refusal of each recording that succeeds.
+    """
+    plain_ones = all(letter.isalnum() or letter in "_-. " for letter in name)
+    ends = name[:1] != "." and name == name.strip()
+    return plain_ones and ends and 1 <= len(name.encode()) <= _PLAIN_BYTES
 
 
 def _refuse_name(rows: Iterable[Data], name: str) -> None:
@@ -264,6 +275,32 @@ def grips_beside(name: str, content: bytes) -> bytes:
     except CommandError as error:
         say(f"the grips are left out: {error.message}")
         return b""
+
+
+@contextlib.contextmanager
+def of_this_side(run: Run, name: str, command: str) -> Iterator[None]:
+    """Have an error about a file of this side, which a command was given, say what helps."""
+    try:
+        yield
+    except TrajectoryNotFoundError as error:
+        hint = "yours: litegripctl trajectories --local"
+        if "/" not in name:
+            hint += "; a path does, too"
+        if found := _in_this_folder(name):
+            hint = f"the one in this folder: litegripctl {command} {shlex.quote(found)}"
+        error.data["hint"] = run.here(hint)
+        raise
+    except CommandError as error:
+        if error.reason == "trajectory_unreadable" and not error.retryable:
+            hint = "copy the file again, or record the motion again: litegripctl record NAME"
+            error.data["hint"] = run.here(hint)
+        raise
+
+
+def _in_this_folder(name: str) -> str | None:
+    """Return the path of a file in the current folder that a name without one may mean."""
+    files = () if "/" in name else (name, f"{name}{ENDING}")
+    return next((f"./{file}" for file in files if Path(file).is_file()), None)
 
 
 @contextlib.contextmanager
@@ -347,7 +384,7 @@ def record(run: Run) -> int:
             got = status["samples"] + status["missed"]
             share = "" if samples is None else f"{bar(got / samples)} "
             length = figure(status.get("duration_s"), ".1f", "s")
-            run.output.line(f"{share}{length}, {status['samples']} samples")
+            run.output.line(f"{share}{length}, {counted(status['samples'])}")
 
     recording = Recording(
         BlockingWire(run.connection),
@@ -375,13 +412,18 @@ def record(run: Run) -> int:
     return run.done(data, recorded_text(data, run.here))
 
 
+def counted(samples: object) -> str:
+    """Return a number of samples in words."""
+    return "1 sample" if samples == 1 else f"{samples} samples"
+
+
 def recorded_text(data: Data, here: Here) -> str:
     """Return what was recorded, and its name."""
     missed = f", {data['missed']} missed" if data.get("missed") else ""
     length = figure(data.get("duration_s"), ".2f", "s")
     name = plain(data.get("name"))
     grips = f", {grips_counted(data['grips'])}" if data.get("grips") else ""
-    text = f"record: {data.get('samples')} samples in {length}{missed}{grips}, kept as {name}"
+    text = f"record: {counted(data.get('samples'))} in {length}{missed}{grips}, kept as {name}"
     return f"{text}; {here('replay it with: litegripctl play')} {shlex.quote(name)}"
 
 
@@ -428,13 +470,21 @@ def play(run: Run) -> int:
     if options.force != "path":
         params["force"] = options.force
     if options.local:
-        wire, content = BlockingWire(run.connection), read_file(options.name)
-        grips = b"" if options.force == "path" else read_grips(options.name)
-        with showing(run) as share:
+        wire = BlockingWire(run.connection)
+        with of_this_side(run, options.name, "play --local"), showing(run) as share:
+            content = read_file(options.name)
+            grips = b"" if options.force == "path" else read_grips(options.name)
             params.update(named(complete(send(wire, content, None, share, grips))))
     else:
         params["name"] = options.name
-    return finish(run, "trajectory.play", params, lambda data: played_text(data, run.here))
+    try:
+        return finish(run, "trajectory.play", params, lambda data: played_text(data, run.here))
+    except CommandError as error:
+        if error.reason == "invalid_params" and not options.local and "/" in options.name:
+            put, play_it = shlex.quote(options.name), shlex.quote(path_of(options.name).stem)
+            hint = f"litegripctl trajectories put {put} && litegripctl play {play_it}"
+            error.data["hint"] = run.here(f"give the daemon that file, and play it: {hint}")
+        raise
 
 
 def played_text(data: Data, here: Here) -> str:

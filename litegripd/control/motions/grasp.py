@@ -101,7 +101,7 @@ class Approach:
 
     The command is a ramp in time, of `speed_mm_s` or as fast as suits the force. When its lead is
     used up, the ramp restarts from there, so that jaws which come free continue at their speed and
-    do not catch up.
+    do not catch up. `way_nm` is what the jaws took while they closed just before.
     """
 
     def __init__(
@@ -113,8 +113,10 @@ class Approach:
         period_s: float,
         *,
         motor_type: MotorType = DM4310,
+        way_nm: float | None = None,
     ) -> None:
         self._sign = geometry.close_sign
+        self._way_nm = way_nm
         self.target_rad = geometry.closed_rad - self._sign * config.margin * geometry.travel_rad
         self._sticks_from_rad = geometry.closed_rad - self._sign * STICK_FROM_RAD
         gentle_rad_s = IMPACT_SHARE * force_nm / math.sqrt(motor_type.inertia_kg_m2 * STIFF_NM_RAD)
@@ -228,7 +230,7 @@ class Approach:
         touches = self._touches(now_s, feedback, held_back)
         # Jaws that just turn round after a thump, or wait for the ramp after a shove, do not stall.
         stalls = self._stall.add(now_s, position_rad) and self._slow.has_lasted(now_s)
-        if (touches or stalls) and self._is_something(position_rad, stalls=stalls):
+        if (touches or stalls) and self._is_something(feedback, stalls=stalls):
             return "contact" if touches else "stalled"
         began_s = now_s if self._began_s is None else self._began_s
         late_s = gives_up_after_s(self.ramp_s)
@@ -271,7 +273,7 @@ class Approach:
         presses = torque_nm >= friction_nm + CONTACT_TORQUE_SHARE * beyond_nm
         return self._contact.step(slow and held_back and presses, now_s)
 
-    def _is_something(self, position_rad: float, *, stalls: bool) -> bool:
+    def _is_something(self, feedback: Feedback, *, stalls: bool) -> bool:
         """Return True if what has stopped the jaws is no load that they have had from the start.
 
         Jaws that have run, or whose friction is known, have met it on their way. Others must stand
@@ -280,7 +282,21 @@ class Approach:
         """
         if self._ran or self._load_nm is not None:
             return True
-        return stalls and self._moved_rad(position_rad) > -SAGS_RAD
+        if not stalls:
+            return False
+        is_steady = self._moved_rad(feedback.position_rad) > -SAGS_RAD
+        return is_steady or self._would_go(feedback)
+
+    def _would_go(self, feedback: Feedback) -> bool:
+        """Return True if the torque would move the jaws along a way as they have come just before.
+
+        An elastic object, which another motion has pressed harder, pushes them back as a weight
+        does. But no load that the way had holds them here. Near the closed stop, they may stick.
+        """
+        if self._way_nm is None or self._sticks(feedback.position_rad):
+            return False
+        torque_nm = min(self._sign * feedback.torque_nm, self._asked_nm)
+        return torque_nm >= BREAKAWAY * self._way_nm + SPARE_NM
 
 
 FELT_S = 0.1
@@ -318,6 +334,7 @@ class Grasp(PlainAction):
         period_s: float,
         motor_type: MotorType,
         held: Grip | None = None,
+        way_nm: float | None = None,
     ) -> None:
         self._request = request
         self._geometry = geometry
@@ -331,6 +348,7 @@ class Grasp(PlainAction):
             geometry.torque_nm(request.force_n),
             period_s,
             motor_type=motor_type,
+            way_nm=way_nm,
         )
         self._grip: Grip | None = None
         self._verdict: Verdict | None = None

@@ -79,8 +79,8 @@ DAEMON_CASES: Cases = {
             " # not before the configuration is corrected",
         ),
         Case(
-            facts(daemon=None, failure="the daemon did not answer hello within 5 s", hung_pid=77),
-            "ERROR pid 77 listens, but the daemon did not answer hello within 5 s"
+            facts(daemon=None, failure="the daemon did not answer within 5 s", hung_pid=77),
+            "ERROR pid 77 listens, but the daemon did not answer within 5 s"
             " $ sudo systemctl restart litegripd@can0"
             " # look first: systemctl status litegripd@can0; without systemd: end it",
         ),

@@ -278,6 +278,10 @@ class Stage:
         path.parent.mkdir(exist_ok=True)
         path.write_bytes(content)
 
+    def here(self, _rest: str) -> None:
+        """The folder is the current one."""
+        self._patch.chdir(self._folder)
+
     def holds(self, rest: str) -> None:
         """A file of the folder is found to have this content."""
         name, _, text = rest.partition(" ")

@@ -1,5 +1,8 @@
 """What the SDK's reading members return, its values, and what a script says of its gripper."""
 
+import re
+from pathlib import Path
+
 import pytest
 
 from litegrip_client import (
@@ -18,6 +21,7 @@ from litegrip_client import (
     resolve_path,
     trajectory_dir,
 )
+from litegripd.model.gripper import MOTOR_TYPES
 from tests.drop_in import Daemon, Site
 from tests.geometry import STROKE_MM
 
@@ -102,7 +106,7 @@ def test_what_is_as_the_script_says_is_connected_to(
 @pytest.mark.parametrize(
     ("wrong", "name"),
     [
-        ({"mst_id": 0x19}, "mst_id 24, not 25"),
+        ({"mst_id": 0x19}, "mst_id 0x18, not 0x19"),
         ({"motor_type": "DM4340"}, "motor_type DM4310, not DM4340"),
         ({"motor_type": "DM1"}, "motor_type DM4310, not DM1"),
         ({"config": GripperConfig(kp=150.0)}, "kp 100.0, not 150.0"),
@@ -118,6 +122,16 @@ def test_what_is_not_as_the_script_says_is_not_connected_to(
         gripper.connect()
     assert caught.value.reason == "wrong_gripper"
     assert not gripper.is_connected
+
+
+def test_who_names_another_type_of_motor_is_told_where_the_types_stand(daemon: Daemon) -> None:
+    make: type = LiteGrip
+    with pytest.raises(CommandError) as caught:
+        make("can0", motor_type="DM1").connect()
+    page = re.search(r"docs/\S+\.md", str(caught.value.hint))
+    assert page is not None
+    text = (Path(__file__).parents[3] / page[0]).read_text(encoding="utf-8")
+    assert all(f"\n| `{name}`" in text for name in MOTOR_TYPES)
 
 
 def test_can_fd_and_what_is_no_config_are_rejected_at_once() -> None:
