@@ -84,7 +84,7 @@ def test_every_argument_can_be_typed(method: str) -> None:
 
 def test_a_method_without_parameters_is_a_whole_command() -> None:
     assert in_shell("calibration.load", None, None) == "litegripctl calibration load --chain"
-    with_template = "litegripctl calibration load normal|reverse"
+    with_template = "litegripctl calibration load normal (or reverse)"
     assert in_shell("calibration.load", "template", None) == with_template
 
 
