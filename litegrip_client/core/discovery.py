@@ -297,8 +297,9 @@ def _others(channel: str, *, left_out: bool) -> str:
     # left1 is no slip for left2: where grippers are numbered, both names are meant.
     stem = channel.rstrip("0123456789")
     others = [c for c in channels_with_socket() if c.rstrip("0123456789") != stem]
-    close = [] if left_out else get_close_matches(channel, others, 1, _CLOSE)
-    meant = f"did you mean {close[0]}? " if close else ""
+    alike = {other.lower(): other for other in others}
+    close = [] if left_out else get_close_matches(channel.lower(), alike, 1, _CLOSE)
+    meant = f"did you mean {alike[close[0]]}? " if close else ""
     if others := [other for other in running_channels() if other != channel]:
         how = f" (choose: LiteGrip({others[0]!r}), or {CHANNEL_VARIABLE}={others[0]})"
         return f"{meant}running: {', '.join(others)}{how if left_out else ''}; "

@@ -589,7 +589,8 @@ def _check(where: str, table: str, key: str, value: Any) -> None:
     if not _has_type(value, known.kind) or (is_number and not known.low <= value <= known.high):
         within = f", {known.low:.9g} to {known.high:.9g}" if is_number else ""
         text = f"{name} is {reprlib.repr(value)}, it must be {_NAMED[known.kind]}{within}"
-        raise ConfigError(text)
+        is_quoted = isinstance(value, str) and known.kind is not str
+        raise ConfigError(f"{text}, without quotes" if is_quoted else text)
     if known.choices and value not in known.choices:
         why = known.why_not(value) or f"it must be one of: {_listed(known.choices)}"
         raise ConfigError(f"{name} is {value!r}, {why}")

@@ -74,6 +74,19 @@ def test_the_installed_file_and_an_empty_one_say_the_defaults(tmp_path: Path) ->
         assert dataclasses.replace(load("can0", path), source=None) == load("can0", None)
 
 
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        ('[motor]\ncan_id = "0x08"', "an integer, 1 to 2046, without quotes"),
+        ('[control]\nrate_hz = "200"', ", without quotes"),
+        ("[rpc]\ngroup = 5", "it must be a string"),
+    ],
+)
+def test_a_number_in_quotes_is_none(tmp_path: Path, content: str, told: str) -> None:
+    with pytest.raises(ConfigError, match=f"{told}$"):
+        load("can0", written(tmp_path, content))
+
+
 def test_every_key_can_be_set(tmp_path: Path) -> None:
     content = """
     [bus]

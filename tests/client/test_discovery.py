@@ -266,8 +266,9 @@ def test_a_name_that_comes_close_is_asked_for_whether_its_daemon_runs_or_not(
     machine: Path,
 ) -> None:
     (machine / "left.sock").touch()
-    with pytest.raises(ConnectError, match=r"\ndid you mean left\? start lef's with"):
-        connect("lef")
+    for typed in ("lef", "LEFT", "Left"):
+        with pytest.raises(ConnectError, match=rf"\ndid you mean left\? start {typed}'s with"):
+            connect(typed)
 
 
 def test_the_other_one_of_numbered_grippers_is_not_asked_for(machine: Path) -> None:

@@ -391,7 +391,7 @@ def position(facts: Facts) -> Finding | None:
     text = f"{position_rad:.3f} rad, calibrated travel {low_rad:.3f} to {high_rad:.3f} rad"
     if max(low_rad - position_rad, position_rad - high_rad) <= IMPLAUSIBLE_OUTSIDE_RAD:
         return ok(text)
-    mount = gripper.get("mount") or "normal|reverse"
+    mount = gripper.get("mount") or "normal (or reverse)"
     return error(
         f"{text}: no jaw can be there, and motions are refused",
         advice="the motor may have lost its count of turns: power-cycle it with the jaws inside"
