@@ -390,7 +390,8 @@ class Successor(Daemon):
         inherited = take_over(bus.interface, bus.channel, path, sockets)
         super().__init__(config, arguments, Legacy(inherited, hello["epoch"]))
         self._link = link
-        self._prepare(hello["state"])
+        self._greeted_with = hello["state"]
+        self._prepare(self._greeted_with)
 
     def await_state(self) -> Packet:
         """Report that this process is ready; return the packet with the state when it comes."""
@@ -415,7 +416,7 @@ class Successor(Daemon):
         Return the time at which the next one is due.
         """
         state, self._history, *adapter = packet.descriptors
-        handover.adopt(self._machine, self._service, read_document(state))
+        handover.adopt(self._machine, self._service, read_document(state), self._greeted_with)
         self._bus.take_over(adapter, packet.body["pump"])
         due_s = float(packet.body["due_s"])
         time.sleep(max(due_s - time.monotonic(), 0.0))
@@ -475,6 +476,7 @@ class Successor(Daemon):
             self._rehearse(state)
         self._reactor.freeze()
         self._begin()
+        handover.adopt(self._machine, self._service, state)
         if self._config.bus.interface in DIRECT_INTERFACES:
             self._check_bus()
 

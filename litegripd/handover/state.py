@@ -80,15 +80,20 @@ def export(machine: Machine, service: RpcService) -> dict[str, Any]:
     }
 
 
-def adopt(machine: Machine, service: RpcService, plain: Any) -> None:
-    """Adopt the predecessor's state. Raises `PlainError` for a state that cannot be used."""
+def adopt(machine: Machine, service: RpcService, plain: Any, known: Any = None) -> None:
+    """Adopt the predecessor's state. Raises `PlainError` for a state that cannot be used.
+
+    `known` is a state that was adopted before, and has not changed since: most of what a daemon
+    knows is the same a moment later, and takes no time then.
+    """
     found = plain.get("format") if isinstance(plain, dict) else None
     if found != FORMAT:
         raise PlainError(f"the state has format {found}, this version takes over format {FORMAT}")
     if plain.keys() != {"format", "motor", "controller", "rest", "phase", "service"}:
         raise PlainError("the state is not of this version")
     motor, controller = machine.motor, machine.controller
-    restore(motor, plain["motor"])
+    before: Any = {} if known is None else known
+    restore(motor, plain["motor"], known=before.get("motor"))
     # A motor that is not settled is rejected; a phase counts as the predecessor has confirmed it.
     view = motor.view()
     if view.phase not in SETTLED or view.zero.state == "pending":
@@ -97,12 +102,13 @@ def adopt(machine: Machine, service: RpcService, plain: Any) -> None:
         raise PlainError("Motor: the motor that is handed over has another id")
     if view.feedback is None:
         raise PlainError("Motor: there is no measurement of the motor that is handed over")
-    restore(controller, plain["controller"])
-    controller.idle = _idle_of(plain["rest"], controller.gripper_id.motor_type)
+    restore(controller, plain["controller"], known=before.get("controller"))
+    if known is None or known["rest"] != plain["rest"]:
+        controller.idle = _idle_of(plain["rest"], controller.gripper_id.motor_type)
     # The phase of the predecessor's last tick: the controller must still notice a later change.
     phase = value_of(plain["phase"], MotorPhase, "phase")
     controller.motor = motor.view()._replace(phase=phase)
-    restore(service, plain["service"])
+    restore(service, plain["service"], known=before.get("service"))
 
 
 def export_history(machine: Machine, service: RpcService) -> dict[str, Any]:

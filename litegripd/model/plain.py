@@ -296,19 +296,24 @@ def _readers_of(owner: type) -> Mapping[str, Reader | None]:
     return {name: None if is_stateful(kind) else _reader(kind) for name, kind in kinds.items()}
 
 
-def restore(target: object, plain: Any, where: str = "") -> None:
+def restore(
+    target: object, plain: Any, where: str = "", known: Mapping[str, Any] | None = None
+) -> None:
     """Fill `target` with what `memory` returned. Raises `PlainError` for anything else.
 
     An object with carried attributes of its own is filled, not replaced. Bounded collections are
-    filled, too, so that they keep their bounds.
+    filled, too, so that they keep their bounds. `known` is what `target` was filled with before,
+    if it has not changed since: what is the same in both is left as it is.
     """
     owner: type = type(target)
     where, readers = where or owner.__name__, _readers_of(owner)
     check_object(plain, owner.__name__, {TYPE_KEY, *readers}, where)
     for name, read in readers.items():
+        if known is not None and known[name] == plain[name]:
+            continue
         present, inner = getattr(target, name), f"{where}.{name}"
         if read is None:
-            restore(present, plain[name], inner)
+            restore(present, plain[name], inner, None if known is None else known[name])
             continue
         value = read(plain[name], inner)
         if isinstance(present, deque):

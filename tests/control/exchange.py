@@ -22,13 +22,18 @@ def through_json(plain: Any) -> Any:
     return json.loads(json.dumps(plain))
 
 
-def exchange(world: World) -> dict[str, Any]:
-    """Exchange the machine between two ticks; return what was handed over."""
+def exchange(world: World, early: Any = None) -> dict[str, Any]:
+    """Exchange the machine between two ticks; return what was handed over.
+
+    `early` is a state that the successor adopts before, as it does while it prepares.
+    """
     assert handover.why_not_restartable(world.machine) is None
     plain = exported(world)
     machine = Machine(world.controller.gripper_id, None, MotionConfig(), PERIOD_S)
     service = build_service(machine.controller, FixedFacts(), PERIOD_S)
-    handover.adopt(machine, service, plain["state"])
+    if early is not None:
+        handover.adopt(machine, service, early)
+    handover.adopt(machine, service, plain["state"], early)
     handover.adopt_history(machine, service, plain["history"])
     world.machine, world.controller, world.service = machine, machine.controller, service
     world.recorder = world.make_recorder()
