@@ -19,7 +19,7 @@ from litegrip_client.core.discovery import (
     is_socket_given,
     socket_paths,
 )
-from litegrip_client.core.sockets import CHANNEL_VARIABLE, STOP_LEVELS
+from litegrip_client.core.sockets import CHANNEL_VARIABLE, SOCKET_VARIABLE, STOP_LEVELS
 from litegrip_client.line.exchange import LEFT_ALONE, SEE_DOCTOR, or_closed
 from litegrip_client.values.checks import (
     check_callback,
@@ -147,6 +147,7 @@ class DaemonSession:
         self._expected = expected or {}
         self.chosen = chosen_channel(channel)
         self.channel_left_out = is_left_out(channel)
+        self._by_variable = channel is None  # or by default
         self.can_id = None if can_id is None else integer("can_id", can_id)
         self.socket_path = None if socket_path is None else path("socket_path", socket_path)
         socket_alone = self._socket_alone
@@ -326,10 +327,12 @@ class DaemonSession:
         except (KeyError, TypeError) as error:
             raise ProtocolError(f"what answers at {path} is no litegripd: {hello!r:.80}") from error
         if channel != self.chosen and self._socket_alone is None:
-            other = different("channel", self.chosen, channel, path)
-            if self.chosen == os.environ.get(CHANNEL_VARIABLE):
-                other.data["hint"] += f", or unset {CHANNEL_VARIABLE}, which names {self.chosen}"
-            raise other
+            ways = [f"ask for channel {channel}", "for the socket of the other daemon"]
+            if self.socket_path is None and is_socket_given():
+                ways.insert(0, f"unset {SOCKET_VARIABLE}, which names that socket")
+            if self._by_variable and os.environ.get(CHANNEL_VARIABLE):
+                ways.append(f"unset {CHANNEL_VARIABLE}, which names {self.chosen}")
+            raise different("channel", self.chosen, channel, path, ", or ".join(ways))
         self.origin.channel = str(channel)
         if self.can_id is not None and can_id != self.can_id:
             raise different("can_id", f"{self.can_id:#04x}", f"{can_id:#04x}", path)

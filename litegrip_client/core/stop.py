@@ -163,7 +163,7 @@ async def _anew(session: DaemonSession, params: dict[str, str]) -> dict[str, Any
     result: dict[str, Any] = {}
     try:
         apart = await session.connect_apart()
-    except ConnectError as error:
+    except LiteGripError as error:  # the daemon of another gripper, too
         error.message = f"the stop is not confirmed, cut the motor's power: {error.message}"
         raise
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import os
 import time
 from collections.abc import Awaitable, Callable, Mapping
 
@@ -120,9 +121,11 @@ class Trajectories:
         given: object = trajectory
         if not isinstance(given, Trajectory):
             text = f"{trajectory!r:.60} is no Trajectory"
-            kept = 'one that the daemon keeps: gripper.fetch_trajectory("pick")'
-            hint = {"hint": f'{kept}; one of your own: Trajectory.load("pick")'}
-            raise ParameterError(text, reason="invalid_params", data=hint)
+            name = f"{given!r:.200}" if isinstance(given, str) else "name"
+            hint = f"one of your own: Trajectory.load({name})"
+            if not (isinstance(given, str) and os.sep in given):  # of the daemon's, none is a path
+                hint = f"one that the daemon keeps: gripper.fetch_trajectory({name}); {hint}"
+            raise ParameterError(text, reason="invalid_params", data={"hint": hint})
         run_blocking = self._session.run_blocking
         return await run_blocking(trajectory.to_bytes), await run_blocking(trajectory.grip_bytes)
 

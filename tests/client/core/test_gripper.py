@@ -115,6 +115,15 @@ def test_a_channel_of_the_environment_is_that_of_the_socket(
     with pytest.raises(CommandError, match="has channel left, not can1") as caught:
         kind.gripper("can1", socket_path="/run/litegripd/left.sock").connect()
     assert "LITEGRIP_CHANNEL" not in caught.value.data["hint"]
+    monkeypatch.setenv("LITEGRIPD_SOCKET", "/run/litegripd/left.sock")
+    gripper = kind.gripper("can0")  # by its argument: the variable of the same name is not to blame
+    for connects in (gripper.connect, gripper.software_stop):
+        with pytest.raises(CommandError, match="has channel left, not can0") as caught:
+            connects()
+        told = "unset LITEGRIPD_SOCKET, which names that socket, or ask for channel left, or for "
+        assert caught.value.data["hint"].startswith(told)
+        assert "LITEGRIP_CHANNEL" not in caught.value.data["hint"]
+    assert caught.value.message.startswith("the stop is not confirmed, cut the motor's power: ")
 
 
 def test_a_second_object_at_a_socket_is_no_second_gripper(site: Bench, kind: Kind) -> None:

@@ -102,11 +102,22 @@ def test_a_daemon_of_0_1_0_calls_it_by_its_number(daemon: Heard, gripper: LiteGr
     assert daemon.asked("trajectory.get") == [{"recording": 1, "offset": 0}]
 
 
-@pytest.mark.parametrize("what", ["pick", CONTENT, None])
-def test_only_a_trajectory_is_played(daemon: Heard, gripper: LiteGrip, what: Any) -> None:
+@pytest.mark.parametrize(
+    ("what", "hint"),
+    [
+        ("wave", "gripper.fetch_trajectory('wave'); one of your own: Trajectory.load('wave')"),
+        ("./wave.lgt", "one of your own: Trajectory.load('./wave.lgt')"),
+        (CONTENT, "gripper.fetch_trajectory(name); one of your own: Trajectory.load(name)"),
+        (None, "gripper.fetch_trajectory(name); one of your own: Trajectory.load(name)"),
+    ],
+)
+def test_only_a_trajectory_is_played(
+    daemon: Heard, gripper: LiteGrip, what: Any, hint: str
+) -> None:
     for play in (gripper.play, gripper.play_start):
-        with pytest.raises(CommandError, match="is no Trajectory"):
+        with pytest.raises(CommandError, match="is no Trajectory") as caught:
             play(what)
+        assert (caught.value.hint or "").removeprefix("one that the daemon keeps: ") == hint
     assert daemon.methods() == ["hello"]
 
 
