@@ -92,7 +92,8 @@ export class Control {
   #job = null;
   #unkept = null; // what the daemon tells of one that has ended
   #isAsking = false;
-  #isBeginning = false; // to teach
+  #isAtRecording = false; // what begins or ends one is under way
+  #names = [];
 
   constructor(panel) {
     this.#panel = panel;
@@ -134,14 +135,16 @@ export class Control {
     on("rescale", () => askZero(this.#panel));
     for (const name of ["force", "pace", "name", "speed"]) this.#keepTyped(name);
     panel.node("force").addEventListener("input", () => this.#showForce());
-    panel.node("name").addEventListener("input", () => {
+    panel.node("name").addEventListener("focus", () => this.#offerNames());
+    panel.node("name").addEventListener("input", ({ detail }) => {
+      if (detail !== "taken") this.#offerNames(panel.node("name").value);
       for (const about of ["name", "replay"]) this.#panel.forgive(about);
     });
     const speed = panel.node("speed");
     [speed.min, speed.max] = REPLAY_SPEEDS;
-    on("teach", () => this.#teach());
-    on("keep", () => this.#keep());
-    on("discard", () => this.#discard());
+    on("teach", () => this.#once(() => this.#teach()));
+    on("keep", () => this.#once(() => this.#keep()));
+    on("discard", () => this.#once(() => this.#discard()));
     on("play", () => this.#play());
     const slider = panel.node("slider");
     slider.oninput = () => {
@@ -514,24 +517,21 @@ export class Control {
     return true;
   }
 
-  /* Begin to teach, once: who presses twice teaches no less. */
-  async #teach() {
-    if (this.#isBeginning) return;
-    this.#isBeginning = true;
+  /* Do what begins or ends a recording, once: who presses twice means no more. */
+  async #once(act) {
+    if (this.#isAtRecording) return;
+    this.#isAtRecording = true;
     try {
-      if (await this.#mayTeach()) await this.#record();
+      await act();
     } finally {
-      this.#isBeginning = false;
+      this.#isAtRecording = false;
     }
   }
 
-  async #mayTeach() {
-    if (!(await this.#isAllKept())) return false;
-    if (!(await this.#mayKeep("a new one", "motion"))) return false;
-    return !this.#isHolding || ask(this.#panel, "Teaching makes the jaws slack, for a hand to lead them.", "Teach", "motion");
-  }
-
-  async #record() {
+  async #teach() {
+    if (!(await this.#isAllKept())) return;
+    if (!(await this.#mayKeep("a new one", "motion"))) return;
+    if (this.#isHolding && !(await ask(this.#panel, "Teaching makes the jaws slack, for a hand to lead them.", "Teach", "motion"))) return;
     const begun = await this.#do("teach", "trajectory.record_start");
     if (begun === null) return this.#showRecording(null);
     this.#job = begun.job;
@@ -681,15 +681,22 @@ export class Control {
     node.onmousedown = node.onpointerdown;
     node.onclick = () => {
       field.value = name;
-      field.dispatchEvent(new Event("input", { bubbles: true }));
+      field.dispatchEvent(new CustomEvent("input", { bubbles: true, detail: "taken" })); // a second click finds the same
     };
     return node;
+  }
+
+  /* Offer the names that there are; of those what fits to the `part` that is typed, and is more than that. */
+  #offerNames(part = "") {
+    const fits = (name) => name !== part && name.toLowerCase().includes(part.toLowerCase());
+    this.#panel.node("names").replaceChildren(...this.#names.filter(fits).map((name) => this.#nameButton(name)));
   }
 
   async #listNames() {
     try {
       const { trajectories } = await this.#panel.wire.call("trajectory.list");
-      this.#panel.node("names").replaceChildren(...trajectories.map(({ name }) => this.#nameButton(name)));
+      this.#names = trajectories.map(({ name }) => name);
+      this.#offerNames();
     } catch (error) {
       if (this.#panel.state !== null) this.#wrong("list the trajectories", error);
     }

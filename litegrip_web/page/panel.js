@@ -85,9 +85,14 @@ function gripIn(moments) {
   return { mm: Math.min(...held.map(({ opening }) => opening)), n: Math.max(...held.map(({ set }) => set)) };
 }
 
-/* Whether an event begins what moves the jaws; a replay only loads at first, and may be refused then. */
+/* Whether a job of this kind moves the jaws from its beginning on; a replay only loads at first, and may be refused then. */
+function moves(kind) {
+  return kind !== "play" && !MOVELESS.has(kind);
+}
+
+/* Whether an event begins what moves the jaws. */
 function isMotion({ kind, data }) {
-  return kind === "job_started" && data.kind !== "play" && !MOVELESS.has(data.kind);
+  return kind === "job_started" && moves(data.kind);
 }
 
 /* Whether a replay moves the jaws. */
@@ -321,6 +326,9 @@ export class Panel extends EventTarget {
         this.#noteWeak(event);
         this.#noteTrouble(event);
       }
+      const { jobs } = await this.wire.call("job.list"); // older than the events that are kept
+      const later = jobs.filter(({ started_s: s }) => this.#lost !== null && s > this.#lost.monotonic_s);
+      if (later.some(({ kind, state }) => moves(kind) || (kind === "play" && state === "done"))) this.#moveOn();
       const states = await this.wire.call("state.subscribe", { hz: HZ });
       this.#hush();
       this.#tellAway("");

@@ -47,6 +47,13 @@ export function askZero(panel) {
     uses.textContent = `${now}${would} (configured: ${configured} mm). All lengths and speeds follow from it.`;
   };
 
+  /* Say what is wrong with the figure, which nothing is done with then; return whether anything is. */
+  const isWrongFigure = () => {
+    const isWrong = numberIn(stroke) === null;
+    if (isWrong) progress.textContent = `How far the jaws open: ${stroke.validationMessage}`;
+    return isWrong;
+  };
+
   /* Do `act` with the answers, and show what it returns. */
   const run = async (wrong, act) => {
     setBusy(true);
@@ -116,7 +123,7 @@ export function askZero(panel) {
   const mountNow = panel.state?.mount ?? null;
   document.getElementById("zero-mount-now").textContent = mountNow === null ? "" : ` (${mountNow})`;
   start.onclick = async () => {
-    if (numberIn(stroke) === null) return;
+    if (isWrongFigure()) return;
     const chosen = mount.querySelector(":checked").value || mountNow;
     const text = `The mount is “${mountNow}” now. As “${chosen}” the jaws close where they open now, and the other way round: all openings are inverse then, if it is not mounted so.`;
     const isMeant = chosen === mountNow || (await ask(panel, text, `It is mounted ${chosen}`, "motion"));
@@ -124,7 +131,7 @@ export function askZero(panel) {
     else settle();
   };
   rescale.onclick = async () => {
-    if (numberIn(stroke) === null) return;
+    if (isWrongFigure()) return;
     const mm = given().stroke_mm ?? configured;
     const text = `The scale will use ${mm} mm, in place of ${inUse ?? "--"} mm, and is saved. All lengths and speeds follow from it.`;
     const isMeant = await ask(panel, text, "Correct and save", "control");

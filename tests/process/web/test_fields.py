@@ -1,5 +1,7 @@
 """A number is what was typed, with a comma as with a point; what is no number acts as none."""
 
+import re
+
 import pytest
 from playwright.sync_api import Page as Tab
 from playwright.sync_api import expect
@@ -73,9 +75,24 @@ def test_the_opening_of_a_caliper_has_a_comma_or_a_point_and_else_nothing_is_cor
     stroke = operated.locator("#zero-stroke")
     assert "is no number" in stroke.evaluate("(node) => node.validationMessage")
     expect(button(operated, "Correct and save")).to_be_hidden()
+    progress = operated.locator("#zero-progress")
+    operated.evaluate(KEEP_WHAT_IS_SENT)
+    move = button(operated, "The jaws are free: move them")
+    for text, why in (
+        ("abc", "is no number"),
+        ("1e9", "is no number"),
+        ("0", "is 0"),
+        ("-5", "-5"),
+    ):
+        type_into(operated, "#zero-stroke", text)
+        for press in (move, correct):
+            press.click()
+            told = f"How far the jaws open: It may be from 1 to 1000 mm, and .*{why}"
+            expect(progress).to_have_text(re.compile(told))
+    methods = operated.evaluate("window.sent.map(({method}) => method)")
+    assert not {"calibration.zero", "calibration.rescale"} & set(methods)
     type_into(operated, "#zero-stroke", "84,2")
     expect(uses).to_contain_text("it would use 84.2 mm")
-    operated.evaluate(KEEP_WHAT_IS_SENT)
     correct.click()
     button(operated, "Correct and save").click()
     expect(operated.locator("#zero-progress")).to_contain_text("It is saved.")

@@ -97,6 +97,22 @@ def test_what_a_fault_lets_go_is_said_until_it_is_read_or_the_next_motion_begins
         expect(part(shown, "lost")).to_be_hidden()
 
 
+def test_a_page_that_is_opened_later_tells_of_no_loss_from_before_the_last_motion(
+    window: BrowserContext, looking: Page, client: Client
+) -> None:
+    """The events that are kept do not reach back to that motion; what was lost is kept longer."""
+    grasp(client)
+    client.result("sim.object")
+    client.until(lambda state: state["is_grasped"] is False)
+    expect(part(opened(window, looking), "lost")).to_be_visible()
+    client.despite_silence("motion.open")
+    for _ in range(40):
+        client.despite_silence("motion.hold")
+    later = opened(window, looking)
+    expect(part(later, "held")).to_have_text("nothing held")
+    expect(part(later, "lost")).to_be_hidden()
+
+
 def test_a_replay_that_is_refused_takes_no_loss_away_and_one_that_moves_does(
     window: BrowserContext, operating: Page, operated: Tab, client: Client
 ) -> None:

@@ -341,6 +341,58 @@ def test_who_presses_teach_twice_teaches_once(operated: Tab, client: Client) -> 
     expect(part(operated, "outcome")).to_contain_text("kept as twice")
 
 
+PRESS_AGAIN = """
+() => {
+  const send = WebSocket.prototype.send;
+  WebSocket.prototype.send = function (text) {
+    send.call(this, text);
+    if (JSON.parse(text).method !== "trajectory.record_stop") return;
+    document.querySelector("[data-do=keep]").click();
+  };
+}
+"""
+"""A second press, which comes before the answer to the first."""
+
+
+def test_who_ends_a_recording_twice_keeps_it_once(
+    operated: Tab, client: Client, recording: int
+) -> None:
+    operated.evaluate(PRESS_AGAIN)
+    button(operated, "End and keep").click()
+    expect(part(operated, "outcome")).to_contain_text("kept as part")
+    expect(operated.get_by_role("dialog")).to_be_hidden()
+    assert client.result("trajectory.status")["job"] == recording
+    assert kept(client) == ["part"]
+
+
+@pytest.mark.parametrize("width", [390, 1400])
+def test_the_names_that_there_are_lie_over_nothing_that_they_are_for(
+    operated: Tab, client: Client, width: int
+) -> None:
+    operated.set_viewport_size({"width": width, "height": 844})
+    enable(operated, client)
+    for name in ("t0", "a1_pick_left_box_from_table"):
+        part(operated, "name").fill(name)
+        button(operated, "Teach").click()
+        client.until(lambda _state: client.result("trajectory.status")["samples"] > SAMPLES)
+        button(operated, "End and keep").click()
+        expect(part(operated, "outcome")).to_contain_text(f"kept as {name}")
+    field, names = part(operated, "name"), part(operated, "names")
+    field.click()
+    expect(names.get_by_role("button")).to_have_count(2)
+    for name in ("Teach", "Replay"):
+        button(operated, name).click(trial=True)  # nothing is over it
+    field.fill("T")
+    expect(names.get_by_role("button")).to_have_count(2)
+    field.fill("t0")
+    expect(names).to_be_hidden()
+    field.fill("LEFT")
+    expect(names.get_by_role("button")).to_have_text(["a1_pick_left_box_from_table"])
+    names.get_by_role("button").click()
+    expect(field).to_have_value("a1_pick_left_box_from_table")
+    button(operated, "Replay").click(trial=True)
+
+
 def test_a_recording_is_discarded_only_after_a_question(
     operated: Tab, client: Client, recording: int
 ) -> None:
