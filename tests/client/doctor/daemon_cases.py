@@ -213,6 +213,12 @@ DAEMON_CASES: Cases = {
             " # where that is refused, since other tables have changed: sudo systemctl restart",
         ),
         Case(
+            replace(facts(edited=(FILE, NOW_S - 5.0)), interface="litegrip_sim"),
+            f"WARNING {FILE} was written after the daemon was started, which continues with"
+            " the one before"
+            " # to use it: sudo systemctl restart",
+        ),
+        Case(
             facts(misnamed="/etc/litegripd/can0.toml.txt"),
             "WARNING /etc/litegripd/can0.toml.txt is no file that a daemon reads, which would"
             f" be {FILE}"
