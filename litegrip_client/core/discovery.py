@@ -61,11 +61,14 @@ def check_channel(channel: str) -> str:
     """
     if not isinstance(channel, str) or _CHANNEL.fullmatch(channel) is None:
         of = f"{CHANNEL_VARIABLE}: " if channel == os.environ.get(CHANNEL_VARIABLE) else ""
+        hint = "name the daemon's channel, can0 for example"
+        if isinstance(channel, str) and channel.startswith("/"):
+            hint += "; a device path is [bus] channel in the daemon's configuration"
         raise ParameterError(
             f"{of}{channel!r:.80} cannot be a channel: a string of 1 to 64 letters, digits, '_',"
             " '-' and '.', and no '.' in front",
             reason="invalid_params",
-            data={"hint": "name the daemon's channel, can0 for example"},
+            data={"hint": hint},
         )
     return channel
 

@@ -55,6 +55,14 @@ def test_what_cannot_be_a_channel(channel: object) -> None:
     assert caught.value.reason == "invalid_params"
 
 
+@pytest.mark.parametrize(("channel", "is_device"), [("/dev/ttyACM0", True), ("can 0", False)])
+def test_the_path_of_a_device_is_told_where_it_belongs(channel: str, is_device: bool) -> None:
+    with pytest.raises(CommandError) as caught:
+        check_channel(channel)
+    told = "; a device path is [bus] channel in the daemon's configuration"
+    assert str(caught.value.hint).endswith(told) is is_device
+
+
 @given(st.text(max_size=70))
 def test_no_channel_leaves_the_directory(channel: str) -> None:
     try:
