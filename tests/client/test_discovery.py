@@ -211,6 +211,31 @@ def test_without_the_right_the_error_names_the_group_of_the_socket(
         assert f"sudo usermod -aG {named} $USER" in str(caught.value)
 
 
+@pytest.mark.parametrize(("first_person", "is_private"), [(0, True), (2**32, False)])
+def test_nobody_is_sent_into_the_group_of_one_person(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, first_person: int, is_private: bool
+) -> None:
+    """A service's group has mostly its name, too: that one is for others to join."""
+
+    def refuse(path: str, timeout_s: float) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    closed = tmp_path / "can0.sock"
+    closed.touch()
+    owner = pwd.struct_passwd(("simon", "x", os.getuid(), os.getgid(), "", "/", "/"))
+    monkeypatch.setattr(pwd, "getpwuid", lambda _uid: owner)
+    own = grp.struct_group(("simon", "x", os.getgid(), []))
+    monkeypatch.setattr(grp, "getgrgid", lambda _gid: own)
+    monkeypatch.setattr(discovery, "FIRST_PERSON_UID", first_person)
+    monkeypatch.setattr(blocking, "Connection", refuse)
+    with pytest.raises(ConnectError) as caught:
+        connect("can0", str(closed))
+    asks = caught.value.hint == "ask simon, whose configuration opens it to others by [rpc] group"
+    assert asks is is_private
+    assert ("usermod -aG simon" in str(caught.value)) is not is_private
+    assert ("denied: only for simon)" in caught.value.message) is is_private
+
+
 def test_a_directory_that_refuses_is_what_the_error_names(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

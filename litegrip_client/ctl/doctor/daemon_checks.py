@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from litegrip_client.core.discovery import asking
+from litegrip_client.core.discovery import asking, asking_for_group
 from litegrip_client.ctl.doctor.facts import SIMULATED, Facts
 from litegrip_client.ctl.findings import Finding, error, ok, warning
 from litegrip_client.values.terms import told_all
@@ -131,7 +131,9 @@ def sockets(facts: Facts) -> Finding | None:
     directory = _closed_directory(facts)
     if directory is not None:
         path, owner, _group = directory
-        return error(f"{text}: {path} is only for {owner}", advice=asking(owner))
+        what = "it" if path in closed else path
+        ask = asking_for_group if path in closed else asking
+        return error(f"{text}: {what} is only for {owner}", advice=ask(owner))
     return error(text, _admit(facts), _then(facts))
 
 
@@ -353,7 +355,7 @@ def _closed(facts: Facts) -> list[str]:
 
 
 def _closed_directory(facts: Facts) -> tuple[str, str, str | None] | None:
-    """Return the directory that is closed to all but its owner, where one is in the way."""
+    """Return the directory, or the socket, that is closed to all but its owner, if one is."""
     found = (socket.closed_by for socket in facts.sockets if socket.closed_by is not None)
     return next((closed for closed in found if closed[2] is None), None)
 
