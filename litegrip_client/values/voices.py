@@ -212,7 +212,7 @@ def enabling_again(voice: Voice | None) -> Voice:
 
 
 _ENDS_OF_OWN = {"stream": "stream.close()", "play": "gripper.play_stop()"}
-"""By kind of job: what ends it in the program that has begun it, and raises nothing in it."""
+"""By kind of job: what ends it in the program that has begun it; the first raises nothing."""
 
 
 def ending_its_own(voice: Voice | None, kind: object) -> Voice:
