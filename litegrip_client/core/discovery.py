@@ -61,11 +61,14 @@ def check_channel(channel: str) -> str:
     """
     if not isinstance(channel, str) or _CHANNEL.fullmatch(channel) is None:
         of = f"{CHANNEL_VARIABLE}: " if channel == os.environ.get(CHANNEL_VARIABLE) else ""
+        hint = "name the daemon's channel, can0 for example"
+        if isinstance(channel, str) and channel.startswith("/"):
+            hint += "; a device path is [bus] channel in the daemon's configuration"
         raise ParameterError(
             f"{of}{channel!r:.80} cannot be a channel: a string of 1 to 64 letters, digits, '_',"
             " '-' and '.', and no '.' in front",
             reason="invalid_params",
-            data={"hint": "name the daemon's channel, can0 for example"},
+            data={"hint": hint},
         )
     return channel
 
@@ -264,16 +267,7 @@ def _no_daemon(
         hint = f"{blocked}; then {hint}"
     denied = [path for path, error in failures if error.errno in (errno.EACCES, errno.EPERM)]
     if denied:
-        closed = closed_directory(denied[0])
-        group = group_of(denied[0]) if closed is None else closed[2]
-        hint = here("'litegripctl doctor' says what opens it to you")
-        if closed is not None and group is None:
-            hint = f"{asking(closed[1])}; {hint}"
-        if group is not None:  # a daemon is there: another for this channel could not be started
-            hint = (
-                f"join the group {group} ('sudo usermod -aG {group} $USER', then log in again);"
-                + here(" 'litegripctl doctor' says what else is missing")
-            )
+        hint = _opening(denied[0], here)
     return ConnectError(
         f"no daemon can be reached{of_channel} ({tried})",
         reason="no_daemon",
@@ -284,6 +278,24 @@ def _no_daemon(
             "blocked": blocked,
         },
     )
+
+
+def _opening(path: str, here: Here) -> str:
+    """Return what opens a socket that is closed to this user.
+
+    A daemon is there: another one for this channel could not be started.
+    """
+    closed = closed_directory(path)
+    if closed is None and (alone := private_owner(path)) is not None:
+        return asking_for_group(alone)
+    group = group_of(path) if closed is None else closed[2]
+    if group is not None:
+        return (
+            f"join the group {group} ('sudo usermod -aG {group} $USER', then log in again);"
+            + here(" 'litegripctl doctor' says what else is missing")
+        )
+    ask = "" if closed is None else f"{asking(closed[1])}; "
+    return ask + here("'litegripctl doctor' says what opens it to you")
 
 
 _CLOSE = 0.7
@@ -321,8 +333,10 @@ def closed_directory(path: str) -> tuple[str, str, str | None] | None:
         except (OSError, ValueError):
             return None
         if stat.S_ISDIR(status.st_mode) and not os.access(directory, os.X_OK):
+            owner = _user_name(status.st_uid)
             group = _group_name(status.st_gid) if status.st_mode & stat.S_IXGRP else None
-            return directory, _user_name(status.st_uid), None if group == "root" else group
+            is_closed = group == "root" or _is_private(group, owner, status.st_uid)
+            return directory, owner, None if is_closed else group
         directory = f"{directory.rstrip('/')}/{part}"
     return None
 
@@ -330,6 +344,30 @@ def closed_directory(path: str) -> tuple[str, str, str | None] | None:
 def asking(owner: str) -> str:
     """Return what to do about a directory that is open to its owner alone."""
     return f"ask {owner} for a socket in a directory that you may enter ([rpc] socket)"
+
+
+def asking_for_group(owner: str) -> str:
+    """Return what to do about a socket that is for its owner alone."""
+    return f"ask {owner}, whose configuration opens it to others by [rpc] group"
+
+
+FIRST_PERSON_UID = 1000
+"""From this number on users are persons, as login.defs has it; a service has a smaller one."""
+
+
+def private_owner(path: str) -> str | None:
+    """Return whom alone a socket is for: a person whose own group it has; None for others."""
+    try:
+        status = os.stat(path)  # noqa: PTH116 - see _names
+    except (OSError, ValueError):
+        return None
+    owner = _user_name(status.st_uid)
+    return owner if _is_private(_group_name(status.st_gid), owner, status.st_uid) else None
+
+
+def _is_private(group: str | None, owner: str, uid: int) -> bool:
+    """Return True for the group that has one person's name: nobody else is to join it."""
+    return group == owner and group != GROUP and uid >= FIRST_PERSON_UID
 
 
 def _user_name(uid: int) -> str:
@@ -369,6 +407,8 @@ def _why(path: str, error: OSError) -> str:
             directory, owner, group = closed
             also = f" and the group {group}" if group else ""
             return f"permission denied: its directory {directory} is only for {owner}{also}"
+        if (alone := private_owner(path)) is not None:
+            return f"permission denied: only for {alone}"
         group = group_of(path)
         return f"permission denied: only for {f'the group {group}' if group else 'who started it'}"
     if error.errno == errno.ECONNREFUSED and not _is_socket(path):

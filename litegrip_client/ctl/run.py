@@ -52,8 +52,15 @@ class Output:
         self.write(f"{shown}\n")
 
     def line(self, text: str) -> None:
-        """Write `text` over the line before, if that was written by this, too."""
-        self.write(f"\r{text}\x1b[K")
+        """Write `text` over the line before, if that was written by this, too.
+
+        What a terminal has no room for is left out: a line that wraps cannot be written over.
+        """
+        from shutil import get_terminal_size  # noqa: PLC0415 - only a live line needs it
+
+        room = max(1, get_terminal_size().columns - 1)  # in the last column some terminals wrap
+        shown = text if len(text) <= room else f"{text[: room - 1]}…"
+        self.write(f"\r{shown}\x1b[K")
         self._open_line = True
 
     def erase_line(self) -> None:

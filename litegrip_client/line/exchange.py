@@ -613,9 +613,11 @@ class Exchange:
 
     def error_of(self, error_object: Any, method: str) -> LiteGripError:
         """Return the exception for an error of `method`; its caller knows of a stop then."""
-        from litegrip_client.values.voices import (  # noqa: PLC0415 - an error
-            closing_the_stream,
+        import re  # noqa: PLC0415 - an error, as the next
+
+        from litegrip_client.values.voices import (  # noqa: PLC0415
             enabling_again,
+            ending_its_own,
             in_python,
             setting_right,
         )
@@ -634,14 +636,15 @@ class Exchange:
         if isinstance(error, BusyError) and self.has_clock:
             owner = error.data.get("owner")
             if isinstance(owner, dict) and owner.get("pid") == os.getpid():
-                if error.data.get("kind") == "stream":
-                    voice = closing_the_stream(self.voice)
+                if (kind := error.data.get("kind")) is not None:
+                    voice = ending_its_own(self.voice, kind)
                     error = from_error_object(error_object, method, voice, self.daemon_version)
-                error.message += "; that is this very program"
+                own = rf"(\(pid {os.getpid()})(?=[,)])"
+                error.message = re.sub(own, r"\1, this very program", error.message, count=1)
                 enable = (self.voice or in_python)("motor.enable", None, None)
                 if error.reason == "lease_held" and enable is not None:
                     rule = "takes it over between motions, unless a block of lease() has it"
-                    error.message += f": {enable} {rule}"
+                    error.message += f"; {enable} {rule}"
         _name_the_user(error)
         if error.reason == "older_daemon" and error.hint is not None:
             error.data["hint"] = self.here(error.hint)

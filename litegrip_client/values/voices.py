@@ -211,18 +211,23 @@ def enabling_again(voice: Voice | None) -> Voice:
     return speak
 
 
-def closing_the_stream(voice: Voice | None) -> Voice:
-    """Return a voice that names the end of the program's own stream in place of `cancel`.
+_ENDS_OF_OWN = {"stream": "stream.close()", "play": "gripper.play_stop()"}
+"""By kind of job: what ends it in the program that has begun it; the first raises nothing."""
 
-    That is the end that raises nothing in it, and it may be another object's than who asks.
+
+def ending_its_own(voice: Voice | None, kind: object) -> Voice:
+    """Return a voice that names the end of the program's own job in place of `cancel`.
+
+    It may be another object's than who asks.
     """
-    said = voice or in_python
+    said, end = voice or in_python, _ENDS_OF_OWN.get(str(kind))
 
     def speak(method: str | None, parameter: str | None, asked: str | None) -> str | None:
         name = said(method, parameter, asked)
-        if method != "job.cancel" or name is None or not name.endswith("gripper.cancel()"):
+        is_python = name is not None and name.endswith("gripper.cancel()")
+        if method != "job.cancel" or end is None or name is None or not is_python:
             return name
-        return "await stream.close()" if "await " in name else "stream.close()"
+        return f"await {end}" if "await " in name else end
 
     return speak
 

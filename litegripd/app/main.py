@@ -9,6 +9,7 @@ import json
 import logging
 import sys
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import NoReturn
 
@@ -48,7 +49,7 @@ _MAX_CHANNEL = 64
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the daemon; return its exit code."""
     given = sys.argv[1:] if argv is None else list(argv)
-    arguments = make_parser().parse_args(_spelt_out(given))
+    arguments = make_parser(given).parse_args(_spelt_out(given))
 
     from litegripd.app.build import named_calibration  # noqa: PLC0415
     from litegripd.app.daemon import Daemon, succeed  # noqa: PLC0415
@@ -109,7 +110,13 @@ def _config(arguments: argparse.Namespace) -> Config:
     return config
 
 
+_MECHANICS = "--simulate takes mujoco, mujoco:SCENE.xml, or nothing behind it"
+_ONE_CHANNEL = "a daemon has one channel: start one for each"
+
+
 class _Parser(argparse.ArgumentParser):
+    given: Sequence[str] = ()
+
     def error(self, message: str) -> NoReturn:
         """End, and say of a word that is not known which one may be meant."""
         from difflib import get_close_matches  # noqa: PLC0415 - seldom needed
@@ -119,18 +126,20 @@ class _Parser(argparse.ArgumentParser):
             if close := get_close_matches(word.partition("=")[0], options, 1):
                 message += f"; did you mean {close[0]}?"
             elif not word.startswith("-"):
-                message += "; --simulate takes mujoco, mujoco:SCENE.xml, or nothing behind it"
+                is_mechanics = ("--simulate", word) in pairwise(self.given)
+                message += f"; {_MECHANICS if is_mechanics else _ONE_CHANNEL}"
         super().error(message)
 
 
-def make_parser() -> argparse.ArgumentParser:
-    """Return the parser of the command line."""
+def make_parser(given: Sequence[str] = ()) -> argparse.ArgumentParser:
+    """Return the parser of the command line; `given` is that as it was typed, for its errors."""
     parser = _Parser(
         prog="litegripd",
         allow_abbrev=False,  # a typo must not start a daemon that was not meant
         description="Own one CAN channel with a LiteGrip gripper and let many processes use it.",
         epilog=f"Exit codes: {', '.join(f'{code} {text}' for code, text in EXIT_CODES)}.",
     )
+    parser.given = given
     parser.add_argument("channel", type=_channel, help="the CAN channel, e.g. can0")
     parser.add_argument("--config", type=Path, metavar="FILE", help="this configuration file only")
     parser.add_argument("--socket", metavar="PATH", help="where clients connect")

@@ -40,6 +40,7 @@ from litegripd.io.stop_socket import StopListener
 from litegripd.model.errors import Refusal
 from litegripd.model.motor import IN_PROCESS_INTERFACES
 from litegripd.model.plain import PlainError, plain_of
+from litegripd.model.sentence import sentence
 from litegripd.model.state import Restarted, Stop
 from litegripd.rpc.service import RpcService
 
@@ -264,7 +265,10 @@ class Succession:
         interface = self._interface
         if interface in IN_PROCESS_INTERFACES:
             text = f"a bus of the interface {interface} lives and ends with this process: nothing"
-            return Refusal("restart_failed", f"{text} on it can be held through a restart")
+            text += " on it can be held through a restart"
+            return Refusal(
+                "restart_failed", text, {"hint": sentence("end the daemon and start it again")}
+            )
         if os.getpid() == 1:
             text = "this daemon is process 1, with which its container ends: no successor is left"
             return Refusal("restart_failed", text)

@@ -78,6 +78,15 @@ def parameter_name(name: str) -> Sentence:
     return Sentence(name, [Term(0, len(name), None, name)])
 
 
+def with_plain_start(text: str) -> Sentence:
+    """Return a text that begins with the method's own name, if it begins with that of a method.
+
+    So it says what was called, to readers of all kinds; names further on say what to do.
+    """
+    terms = text.terms if isinstance(text, Sentence) else ()
+    return Sentence(text, [term for term in terms if term.start or term.method is None])
+
+
 @cache
 def _gaps(template: str) -> tuple[tuple[str, Sentence | None, str | None, str, str | None], ...]:
     """Return the texts of a template, and behind each a term or what is to be filled in."""

@@ -8,7 +8,7 @@ from litegripd.control.controller import Controller
 from litegripd.control.events import Turn
 from litegripd.model.errors import Refusal
 from litegripd.model.plain import Carried
-from litegripd.model.sentence import method_name, sentence, with_terms
+from litegripd.model.sentence import method_name, sentence, with_plain_start, with_terms
 from litegripd.model.state import Event, Job, JobKind, Owner
 from litegripd.rpc.jsonrpc import (
     BadRequest,
@@ -455,7 +455,7 @@ class RpcService:
             name=session.name,
             pid=peer.pid,
             uid=peer.uid,
-            why=refusal.message,
+            why=with_plain_start(refusal.message),  # what was called, whichever client did
         )
         self._collect_events(self._now_s)  # earlier events
         data = {"reason": refusal.reason, "client": session.identity, "pid": peer.pid}

@@ -149,7 +149,7 @@ def not_permitted(session: Session, needs: Role, what: Sentence | str) -> Refusa
         data["uid"] = user.uid
         data["hint"] = sentence(
             "an admin adds {user} to {needs}s in [access] of the daemon's configuration, then"
-            " restarts the daemon ({daemon.restart})",
+            " restarts the daemon",
             user=str(user),
             needs=needs,
         )

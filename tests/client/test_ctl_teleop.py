@@ -1,10 +1,13 @@
 """What litegripctl shows of a teleoperation."""
 
+import re
 from typing import Any
 
 import pytest
 
 from litegrip_client.ctl.commands.teleop import status_line, status_text
+from tests.client.helpers import Ctl
+from tests.client.rig import Heard
 from tests.world import World
 
 STATUS: dict[str, Any] = {
@@ -95,6 +98,50 @@ def test_the_live_line_says_what_matters() -> None:
     assert "nobody follows" in status_line(alone)
     broken = {**STATUS, "link_state": "failed", "link_error": "port\x1b taken"}
     assert "link failed: port? taken" in status_line(broken)
+
+
+def test_the_cause_stands_where_a_narrow_terminal_still_shows_it() -> None:
+    why = "10.0.0.20:17448 does not answer: it is off (for 4 s)"
+    line = status_line({**STATUS, "frames": 0, "phase": "waiting", "link_unreached": why})
+    assert line.startswith(f"slave waiting    not reached: {why}  nothing heard from ")
+
+
+REFUSED = "10.0.0.20:17448 has refused the connection: nobody listens at that port"
+
+
+def test_the_live_line_is_no_wider_than_the_terminal(
+    heard: Heard, on_a_terminal: Ctl, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "60")
+    waiting = {**STATUS, "frames": 0, "phase": "waiting", "link_unreached": f"{REFUSED} (for 4 s)"}
+    answers(heard, waiting, {**STATUS, "active": False})
+    _, shown, _ = on_a_terminal("teleop", "slave", "--host", "10.0.0.20")
+    (line,) = re.findall(r"\r(.+?)\x1b\[K", shown)
+    assert line == f"slave waiting    not reached: {REFUSED}"[:58] + "…"
+
+
+def test_in_a_pipe_each_change_of_the_link_is_a_line(heard: Heard, litegripctl: Ctl) -> None:
+    waiting = {**STATUS, "frames": 0, "phase": "waiting", "link_reach": "connecting"}
+    refused = [{**waiting, "link_unreached": f"{REFUSED} (for {n} s)"} for n in (1, 2, 3)]
+    heard_of = {**STATUS, "link_reach": "frames"}
+    later = {**heard_of, "frames": 1300, "last_frame_age_ms": 4.0}
+    shown = []
+    for as_json in ([], ["--json"]):
+        answers(heard, waiting, *refused, heard_of, later, {**STATUS, "active": False})
+        shown.append(litegripctl(*as_json, "teleop", "slave", "--host", "10.0.0.20")[1])
+    first, second, third, last = shown[0].splitlines()
+    assert first.startswith("slave waiting    nothing heard")
+    assert second.startswith(f"slave waiting    not reached: {REFUSED} (for 1 s)")
+    assert third == status_line(heard_of)
+    assert last.startswith("slave ended")
+    assert shown[1].count("\n") == 1
+
+
+def answers(heard: Heard, *statuses: dict[str, Any]) -> None:
+    """The daemon begins a teleoperation, and tells of it in turn."""
+    left = iter(statuses)
+    heard.instead["teleop.start"] = statuses[0]
+    heard.instead["teleop.status"] = lambda _request: next(left)
 
 
 def test_reflection_and_limits_are_shown_where_there_are_any() -> None:

@@ -55,6 +55,14 @@ def test_what_cannot_be_a_channel(channel: object) -> None:
     assert caught.value.reason == "invalid_params"
 
 
+@pytest.mark.parametrize(("channel", "is_device"), [("/dev/ttyACM0", True), ("can 0", False)])
+def test_the_path_of_a_device_is_told_where_it_belongs(channel: str, is_device: bool) -> None:
+    with pytest.raises(CommandError) as caught:
+        check_channel(channel)
+    told = "; a device path is [bus] channel in the daemon's configuration"
+    assert str(caught.value.hint).endswith(told) is is_device
+
+
 @given(st.text(max_size=70))
 def test_no_channel_leaves_the_directory(channel: str) -> None:
     try:
@@ -201,6 +209,31 @@ def test_without_the_right_the_error_names_the_group_of_the_socket(
             connect("can0", str(closed))
         named = "robots" if group == "robots" else "litegrip"
         assert f"sudo usermod -aG {named} $USER" in str(caught.value)
+
+
+@pytest.mark.parametrize(("first_person", "is_private"), [(0, True), (2**32, False)])
+def test_nobody_is_sent_into_the_group_of_one_person(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, first_person: int, is_private: bool
+) -> None:
+    """A service's group has mostly its name, too: that one is for others to join."""
+
+    def refuse(path: str, timeout_s: float) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    closed = tmp_path / "can0.sock"
+    closed.touch()
+    owner = pwd.struct_passwd(("simon", "x", os.getuid(), os.getgid(), "", "/", "/"))
+    monkeypatch.setattr(pwd, "getpwuid", lambda _uid: owner)
+    own = grp.struct_group(("simon", "x", os.getgid(), []))
+    monkeypatch.setattr(grp, "getgrgid", lambda _gid: own)
+    monkeypatch.setattr(discovery, "FIRST_PERSON_UID", first_person)
+    monkeypatch.setattr(blocking, "Connection", refuse)
+    with pytest.raises(ConnectError) as caught:
+        connect("can0", str(closed))
+    asks = caught.value.hint == "ask simon, whose configuration opens it to others by [rpc] group"
+    assert asks is is_private
+    assert ("usermod -aG simon" in str(caught.value)) is not is_private
+    assert ("denied: only for simon)" in caught.value.message) is is_private
 
 
 def test_a_directory_that_refuses_is_what_the_error_names(

@@ -399,6 +399,7 @@ def test_a_gripper_that_lives_in_this_process_is_not_handed_over(tmp_path: Path)
     rig.close()
     assert refusal is not None
     assert refusal.reason == "restart_failed"
+    assert refusal.data["hint"] == "end the daemon and start it again"
 
 
 def test_a_daemon_that_ends_lets_its_successor_go(rig: Rig) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from litegripd.rpc.sessions import Role
 from tests.rpc.test_lease import MOVING
-from tests.world import Client, World, reason_of
+from tests.world import Client, World, found_world, reason_of
 
 HALF_OPEN_MM = 50.0
 
@@ -474,6 +474,15 @@ def test_what_a_stop_has_broken_off_says_so_and_nothing_follows_it() -> None:
         error = scene.error(scene.first, method)
         assert error["data"]["reason"] == "stopped"
         assert "a hand" in error["message"]
+
+
+@pytest.mark.parametrize("level", ["hold", "relax", "disable"])
+def test_who_clears_is_told_which_stop_was_latched(level: str) -> None:
+    _, client = found_world()
+    assert client.result("stop.clear")["cleared"] is None
+    client.result("stop", level=level)
+    assert client.result("stop.clear")["cleared"] == level
+    assert client.result("stop.clear")["cleared"] is None
 
 
 def test_who_has_stopped_clears_though_another_has_the_lease() -> None:

@@ -192,10 +192,12 @@ def restart(run: Run) -> int:
         remote = hello.get("remote")
         channel = hello["channel"] if remote is None else remote["channel"]
         where = "" if remote is None else "on the gripper's machine: "
+        # A gripper that the daemon itself simulates ends with it: nothing is held then.
+        hold = "" if hello.get("simulated") else "; to hold all the while: --hold"
         return run.refuse(
             "a restart that disables the motor is the service manager's to do",
             f"{where}systemctl restart litegripd@{channel}; one that was started by hand: end it"
-            " and start it again; to hold all the while: --hold",
+            f" and start it again{hold}",
         )
     data = run.connection.call("daemon.restart", {"hold_through_restart": True}, ACTION_TIMEOUT_S)
     text = f"restarted: pid {data['pid']} has taken over, {_kept(run, data['gap_s'])}"

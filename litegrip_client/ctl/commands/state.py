@@ -176,7 +176,8 @@ def clear(run: Run) -> int:
     """Clear a stop."""
     data = run.connection.command("stop.clear", {})
     state = data.get("state") or {}
-    text = "cleared: motions are allowed"
+    had_none = data.get("cleared", "of an older daemon") is None
+    text = f"{'no stop was latched' if had_none else 'cleared'}: motions are allowed"
     if state.get("enabled") is not True:
         motor = {"silent": "does not answer", "fault": "reports a fault"}.get(
             state.get("motor", ""), f"is {plain(state.get('motor'))}"

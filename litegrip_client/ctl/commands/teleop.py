@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 
 from litegrip_client.ctl.parser import LateParser, count, in_unit, not_negative, positive
@@ -216,7 +217,11 @@ def _is_on_its_way(data: Data) -> bool:
 
 
 def _watch(run: Run, seen: dict[str, object]) -> int:
-    """Show how it goes until it ends; `seen` is kept as what was seen last while it ran."""
+    """Show how it goes until it ends; `seen` is kept as what was seen last while it ran.
+
+    Where no line can be written over, each change of the link gets a line.
+    """
+    before = None
     while True:
         data = run.connection.call("teleop.status")
         if not data["active"]:
@@ -224,7 +229,17 @@ def _watch(run: Run, seen: dict[str, object]) -> int:
         seen.update(data)
         if run.output.live:
             run.output.line(status_line(data))
+        elif not run.output.as_json and (now := _link_of(data)) != before:
+            run.output.write(f"{status_line(data)}\n")
+            before = now
         time.sleep(_LOOK_EVERY_S)
+
+
+def _link_of(data: Data) -> tuple[object, ...]:
+    """Return how the link is and why, without for how long."""
+    why = re.sub(r" \(for \d+ s\)$", "", str(data.get("link_unreached")))
+    names = ("phase", "link_state", "link_reach", "link_error", "stale")
+    return (why, *map(data.get, names))
 
 
 def _stop(run: Run, *, holding: bool = False, before: Data | None = None) -> int:
@@ -233,18 +248,20 @@ def _stop(run: Run, *, holding: bool = False, before: Data | None = None) -> int
 
 
 def status_line(data: Data) -> str:
-    """Return the status in one line."""
+    """Return the status in one line; what is wrong stands before the figures."""
     whose, own = _owners(data)
     parts = [
         f"{data.get('mode')!s} {data.get('phase')!s:<9}",
+        *_troubles(data),
         f"{whose}{_percent(data):>6}",
         f"{figure(_of_frame(data, 'position_mm'), '7.2f', 'mm'):>10}",
         f"{own}{figure(data.get('torque_nm'), '+.2f', 'N·m'):>10}",
         *_felt(data),
         f"{figure(data.get('loop_hz'), '.0f', 'Hz'):>6}",
         f"frames {data.get('frames')}",
+        *_counts(data),
     ]
-    return plain("  ".join(parts + _troubles(data)))
+    return plain("  ".join(parts))
 
 
 def ended_text(data: Data, *, holding: bool = False, before: Data | None = None) -> str:
@@ -284,7 +301,7 @@ def status_text(data: Data) -> str:
     rows += [("felt", text) for text in _felt(data)]
     if data.get("active") and data.get("link_protected") is False:
         rows.append(("open to", "everyone who reaches the link"))
-    troubles = _troubles(data)
+    troubles = _troubles(data) + _counts(data)
     if troubles:
         rows.append(("note", ", ".join(troubles)))
     if data.get("fault"):
@@ -353,10 +370,9 @@ def _felt(data: Data) -> list[str]:
 
 def _troubles(data: Data) -> list[str]:
     """Name what is not as it should be."""
-    found = []
+    found = _link_troubles(data)
     if data.get("active") and data.get("mode") == "slave" and not data.get("frames"):
         found.append(f"nothing heard from {_leader(data)} yet")
-    found += _link_troubles(data)
     if data.get("stale"):
         found.append(f"STALE {_age(data)}")
     if data.get("over_torque"):
@@ -367,7 +383,7 @@ def _troubles(data: Data) -> list[str]:
         found.append("nobody sends a force")
     if data.get("mode") == "master" and data.get("matching") is False:
         found.append("nobody follows")
-    return found + _gate(data) + _counts(data)
+    return found + _gate(data)
 
 
 def _link_troubles(data: Data) -> list[str]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from litegrip_client.core.discovery import asking
+from litegrip_client.core.discovery import asking, asking_for_group
 from litegrip_client.ctl.doctor.facts import SIMULATED, Facts
 from litegrip_client.ctl.findings import Finding, error, ok, warning
 from litegrip_client.values.terms import told_all
@@ -71,8 +71,11 @@ def _unread(facts: Facts) -> Finding | None:
     if written_s <= facts.now_s - uptime_s:
         return None
     again = _systemctl("restart", facts) or "end it, and start it again"
+    text = f"{path} was written after the daemon was started, which continues with the one before"
+    if facts.interface in SIMULATED:
+        return warning(text, advice=f"to use it: {again}")
     return warning(
-        f"{path} was written after the daemon was started, which continues with the one before",
+        text,
         f"{facts.ctl} restart --hold",
         f"where that is refused, since other tables have changed: {again}, with empty jaws",
     )
@@ -128,7 +131,9 @@ def sockets(facts: Facts) -> Finding | None:
     directory = _closed_directory(facts)
     if directory is not None:
         path, owner, _group = directory
-        return error(f"{text}: {path} is only for {owner}", advice=asking(owner))
+        what = "it" if path in closed else path
+        ask = asking_for_group if path in closed else asking
+        return error(f"{text}: {what} is only for {owner}", advice=ask(owner))
     return error(text, _admit(facts), _then(facts))
 
 
@@ -350,7 +355,7 @@ def _closed(facts: Facts) -> list[str]:
 
 
 def _closed_directory(facts: Facts) -> tuple[str, str, str | None] | None:
-    """Return the directory that is closed to all but its owner, where one is in the way."""
+    """Return the directory, or the socket, that is closed to all but its owner, if one is."""
     found = (socket.closed_by for socket in facts.sockets if socket.closed_by is not None)
     return next((closed for closed in found if closed[2] is None), None)
 

@@ -70,7 +70,10 @@ class Socket:
     """True if this user may connect."""
     owner_uid: int
     closed_by: tuple[str, str, str | None] | None = None
-    """The directory that keeps this user from it, whose it is, and the group that may enter it."""
+    """The directory that keeps this user from it, whose it is, and the group that may enter it.
+
+    It is the socket itself where that is for its owner alone.
+    """
 
 
 @dataclass(frozen=True, slots=True)

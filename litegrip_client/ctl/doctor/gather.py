@@ -27,6 +27,7 @@ from litegrip_client.core.discovery import (
     is_enabled,
     is_socket_given,
     is_unit_installed,
+    private_owner,
     program_of,
     socket_paths,
 )
@@ -280,7 +281,10 @@ def sockets(paths: list[str]) -> tuple[Socket, ...]:
                 continue
             if not stat.S_ISSOCK(status.st_mode):
                 continue
-            found.append(Socket(one, os.access(one, os.W_OK), status.st_uid))
+            may_write = os.access(one, os.W_OK)
+            alone = None if may_write else private_owner(one)
+            closed_by = None if alone is None else (one, alone, None)
+            found.append(Socket(one, may_write, status.st_uid, closed_by))
     return tuple(found)
 
 

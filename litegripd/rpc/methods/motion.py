@@ -59,14 +59,20 @@ DEFAULT_VALID_S = 0.2
 DEFAULT_CONTACT_NM = 1.0
 
 
-class Cleared(TypedDict):
+class StopCount(TypedDict):
     """The count of stops."""
 
     generation: int
     state: StateView
 
 
-class Stopped(Cleared):
+class Cleared(StopCount):
+    """The level of the stop that was latched, null if none was."""
+
+    cleared: StopLevel | None
+
+
+class Stopped(StopCount):
     """The stop that is latched now."""
 
     level: StopLevel
@@ -453,7 +459,7 @@ class MotionMethods:
         "Allow motions again. While somebody has the lease, that one may, an admin, and anyone who"
         " has stopped (by uid); an observer only what nobody else has stopped, too. Refused where a"
         " stop came after it was sent: look, clear again.",
-        "The generation and the state.",
+        "The level that was latched (null: none was), the generation and the state.",
         Cleared,
         role="operator",
         needs_lease=True,
@@ -461,8 +467,10 @@ class MotionMethods:
         lifts_stop=True,
     )
     def _clear_stop(self, call: Call) -> Cleared:
+        latched = self._controller.stop_latch.latched
         self._controller.clear_stop(call.owner)
         return {
+            "cleared": None if latched is None else latched.level,
             "generation": self._controller.stop_latch.generation,
             "state": self._changed_state(),
         }

@@ -1,5 +1,6 @@
 """A lease without a block, for objects that begin and end in different functions."""
 
+import os
 from typing import Any
 
 import pytest
@@ -110,8 +111,9 @@ def test_an_object_of_the_same_program_is_told_so(
             gripper.lease().acquire()
         said = caught.value.message
         how = "takes it over between motions, unless a block of lease() has it"
-        assert said.endswith(f"; that is this very program: {kind.awaits}gripper.enable() {how}")
-        assert " has the gripper: wait for it" in said  # its purpose is its name
+        assert said.endswith(f"; {kind.awaits}gripper.enable() {how}")
+        who = f"(pid {os.getpid()}, this very program)"
+        assert f"{who} has the gripper: wait for it" in said  # its purpose is its name
     daemon.client(pid=4711).result("lease.acquire", purpose="another")
     with pytest.raises(LeaseError, match="has the gripper for another") as caught:
         gripper.lease().acquire()
@@ -130,7 +132,8 @@ def test_who_had_enabled_is_told_to_enable_again(
             with pytest.raises(LeaseError) as caught:
                 ask()
             assert caught.value.reason == "lease_lost"
-            assert f"asks for the gripper again ({call});" in caught.value.message
+            assert caught.value.message.endswith(f"asks for the gripper again ({call})")
+            assert f"(pid {os.getpid()}, this very program, uid " in caught.value.message
             assert caught.value.hint == call
         assert gripper.enable()
         assert gripper.open()

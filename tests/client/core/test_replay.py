@@ -3,12 +3,14 @@
 import base64
 import hashlib
 import itertools
+import os
 from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from litegrip_client import (
+    BusyError,
     CommandError,
     LiteGrip,
     Trajectory,
@@ -38,6 +40,19 @@ PLAYED: dict[str, Any] = {
 def sent(daemon: Heard) -> bytes:
     """Return the contents that were sent, one after the other."""
     return b"".join(base64.b64decode(one["data"]) for one in daemon.asked("trajectory.put"))
+
+
+def test_a_motion_beside_a_replay_of_the_same_program_is_told_what_ends_that(
+    enabled: LiteGrip, kind: Kind
+) -> None:
+    enabled.play_start(SWING, loop=True)
+    with pytest.raises(BusyError) as caught:
+        enabled.goto(30.0)
+    said = caught.value.message
+    assert f"(pid {os.getpid()}, this very program), is running: wait for it" in said
+    assert said.endswith(f"cancel it ({kind.awaits}gripper.play_stop()) or stop")
+    enabled.play_stop()  # as it is told
+    enabled.goto(30.0)
 
 
 def test_play_sends_the_trajectory_once_and_asks_for_what_is_wanted(

@@ -2,6 +2,7 @@
 
 import asyncio
 import math
+import os
 from itertools import pairwise
 from typing import Any
 
@@ -83,7 +84,8 @@ def test_a_motion_beside_a_stream_of_the_same_program_is_told_so(
         stream.close()  # as it is told
         enabled.goto(30.0)
     how = f"to end it at once, cancel it ({kind.awaits}stream.close())"
-    assert caught.value.message.endswith(f"{how}; that is this very program")
+    assert caught.value.message.endswith(how)
+    assert f"(pid {os.getpid()}, this very program), is running: " in caught.value.message
     assert str(caught.value.hint).endswith(how)
 
 
@@ -95,7 +97,7 @@ def test_that_is_told_in_the_words_of_a_program_that_has_its_own(daemon: Heard, 
         gripper.enable()
         with gripper.stream() as stream:
             stream.set_target(20.0)
-            with pytest.raises(BusyError, match=r"cancel it \(~/cancel\); that is this very"):
+            with pytest.raises(BusyError, match=r"this very program\), .* cancel it \(~/cancel\)$"):
                 gripper.goto(30.0)
 
 

@@ -162,7 +162,7 @@ def test_an_observer_is_told_who_may_do_more_and_who_opens_it(observing: Heard, 
     )
     assert caught.value.hint == (
         f"an admin adds {ME.partition(' ')[0]} to operators in [access] of the daemon's"
-        " configuration, then restarts the daemon (in a shell: litegripctl restart --hold)"
+        " configuration, then restarts the daemon"  # a simulated one, too
     )
 
 

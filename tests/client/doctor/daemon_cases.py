@@ -20,6 +20,7 @@ ALICE = User("alice", 1000, "litegrip")
 OUTSIDE = replace(ALICE, is_member=False, has_group=False)
 NO_GROUP = replace(OUTSIDE, group_exists=False)
 BEHIND_BOB = (Socket("/tmp/bob/x.sock", False, -1, ("/tmp/bob", "bob", None)),)
+OF_BOB = (Socket("/tmp/x.sock", False, 1001, ("/tmp/x.sock", "bob", None)),)
 FILE = "/etc/litegripd/can0.toml"
 
 
@@ -213,6 +214,12 @@ DAEMON_CASES: Cases = {
             " # where that is refused, since other tables have changed: sudo systemctl restart",
         ),
         Case(
+            replace(facts(edited=(FILE, NOW_S - 5.0)), interface="litegrip_sim"),
+            f"WARNING {FILE} was written after the daemon was started, which continues with"
+            " the one before"
+            " # to use it: sudo systemctl restart",
+        ),
+        Case(
             facts(misnamed="/etc/litegripd/can0.toml.txt"),
             "WARNING /etc/litegripd/can0.toml.txt is no file that a daemon reads, which would"
             f" be {FILE}"
@@ -283,6 +290,11 @@ DAEMON_CASES: Cases = {
             facts(daemon=None, user=OUTSIDE, sockets=BEHIND_BOB),
             "ERROR alice may not open /tmp/bob/x.sock: /tmp/bob is only for bob"
             " # ask bob for a socket in a directory that you may enter",
+        ),
+        Case(
+            facts(daemon=None, user=OUTSIDE, sockets=OF_BOB),
+            "ERROR alice may not open /tmp/x.sock: it is only for bob"
+            " # ask bob, whose configuration opens it to others by [rpc] group",
         ),
         Case(facts(sockets=())),
         Case(

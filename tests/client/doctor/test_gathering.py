@@ -12,6 +12,7 @@ from typing import Any, NoReturn
 
 import pytest
 
+from litegrip_client.core import discovery
 from litegrip_client.ctl.doctor import daemon_checks, gather
 from litegrip_client.ctl.doctor.facts import Configuration, Device, Socket, System
 from litegrip_client.socketcan import link as can_link
@@ -434,3 +435,24 @@ def test_the_directory_that_closes_a_socket_is_found(
     robots = grp.struct_group(("robots", "x", os.getgid(), []))
     monkeypatch.setattr(grp, "getgrgid", lambda _gid: robots)
     assert gather.sockets([path])[0].closed_by == (str(closed), owner, "robots")
+
+
+def test_a_socket_or_directory_with_the_group_of_one_person_is_for_that_person_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "can0.sock"
+    person = pwd.struct_passwd(("simon", "x", os.getuid(), os.getgid(), "", "/", "/"))
+    group = grp.struct_group(("simon", "x", os.getgid(), []))
+    monkeypatch.setattr(pwd, "getpwuid", lambda _uid: person)
+    monkeypatch.setattr(grp, "getgrgid", lambda _gid: group)
+    monkeypatch.setattr(discovery, "FIRST_PERSON_UID", 0)
+    allowed, closed = os.access, str(path)
+    monkeypatch.setattr(os, "access", lambda one, how: str(one) != closed and allowed(one, how))
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(str(path))
+        (found,) = gather.sockets([str(path)])
+    assert found.closed_by == (str(path), "simon", None)
+    assert not found.is_accessible
+    tmp_path.chmod(0o750)
+    closed = str(tmp_path)
+    assert discovery.closed_directory(str(path)) == (str(tmp_path), "simon", None)
