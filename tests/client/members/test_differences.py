@@ -62,7 +62,7 @@ def test_one_program_moves_at_a_time_and_the_others_learn_who(
         assert other.get_state().mode == "moving"
         with pytest.raises(BusyError) as caught:
             other.open()
-        assert re.search(r"\(pid \d+\) has the gripper", str(caught.value))
+        assert re.search(r"\(pid \d+, this very program\) has the gripper", str(caught.value))
 
 
 def test_a_field_that_was_not_set_is_the_daemons(
