@@ -107,6 +107,12 @@ def teach(tab: Tab, client: Client, name: str) -> None:
     expect(part(tab, "outcome")).to_contain_text(f"kept as {name}")
 
 
+def kinds_since(client: Client, before: list[dict[str, Any]]) -> list[str]:
+    """Return the kinds of the jobs that are newer than those; the daemon keeps the last ones."""
+    newest = max((job["job"] for job in before), default=0)
+    return [job["kind"] for job in client.result("job.list")["jobs"] if job["job"] > newest]
+
+
 def discard(tab: Tab) -> None:
     """Discard a recording, which is asked about first."""
     button(tab, "Discard").click()

@@ -15,6 +15,7 @@ from tests.process.web.on_page import (
     correct_the_scale,
     enable,
     grasp,
+    kinds_since,
     part,
     sent,
     teach,
@@ -449,8 +450,7 @@ def test_a_second_click_on_what_closes_a_dialog_presses_nothing_behind_it(
         operated.mouse.click(*at)
     operated.mouse.click(at[0] + 100, at[1])
     expect(part(operated, "outcome")).to_contain_text("close: ")
-    jobs = client.result("job.list")["jobs"][len(before) :]
-    assert [job["kind"] for job in jobs] == ["close"]
+    assert kinds_since(client, before) == ["close"]
 
 
 NATIVE = """

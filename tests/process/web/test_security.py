@@ -527,4 +527,4 @@ def test_the_daemons_roles_bound_the_page_a_second_time() -> None:
             assert welcome(browser)["operate"] is True
             answer = ask(browser, request("motor.enable"))
             assert reason(answer) == "not_permitted"
-            assert f"uid {nobody} is observer" in answer["error"]["message"]
+            assert f"uid {nobody} is an observer" in answer["error"]["message"]

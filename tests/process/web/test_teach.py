@@ -188,6 +188,7 @@ def test_a_yes_for_a_whole_motion_is_none_for_a_part_of_it(operated: Tab, client
     teach(operated, client, "wave")
     button(operated, "Teach").click()
     button(operated, "Replace it").click()
+    expect(part(operated, "outcome")).to_contain_text("Recording: ")  # a new one
     client.until(lambda _state: client.result("trajectory.status")["samples"] > SAMPLES)
     operated.keyboard.press("Escape")
     button(operated, "Keep the part").click()
