@@ -201,8 +201,8 @@ async def reach(
     """Connect to the daemon of `channel` by `attempt`, which raises `OSError` where none answers.
 
     Raises `ConnectError` that lists the attempts, `CommandError` for a socket that takes all for a
-    stop. With `left_out` a Python program has named no
-    channel: the error says how to. `here` names the gripper in commands of the error.
+    stop. With `left_out` a Python program has named no channel: the error says how to. `here` names
+    the gripper in commands of the error.
     """
     failures: list[tuple[str, OSError]] = []
     for candidate in socket_paths(channel, socket_path):
@@ -389,11 +389,11 @@ def _group_name(gid: int) -> str | None:
 def group_of(path: str) -> str | None:
     """Return the group that opens a socket, as far as this user can see it; None for no group."""
     try:
-        name = grp.getgrgid(os.stat(path).st_gid).gr_name  # noqa: PTH116 - see _names
-    except (OSError, KeyError):
+        name = _group_name(os.stat(path).st_gid)  # noqa: PTH116 - see _names
+    except OSError:
         return GROUP
     if name != "root":
-        return name
+        return name or GROUP
     try:  # nobody is advised to join that one
         return grp.getgrnam(GROUP).gr_name
     except KeyError:
